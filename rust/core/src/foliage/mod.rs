@@ -1,0 +1,247 @@
+//! What comes in: triangles, the leaves they form, and how they look, in a local frame.
+
+mod leaves;
+mod material;
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+pub use material::{AlphaMode, Image, Material};
+
+use crate::error::{Error, Result};
+use crate::geometry::Frame;
+use crate::groups::{Groups, number_by_appearance};
+
+/// What each triangle's corners carry beside their positions; each array is empty or as long as the triangles.
+#[derive(Clone, Debug, Default)]
+pub struct Attributes {
+    /// Texture coordinates: origin in the lower left corner, v up.
+    pub uvs: Vec<[Vec2; 3]>,
+    /// Corner normals, caller's orientation.
+    pub normals: Vec<[Vec3; 3]>,
+    /// Linear RGBA that multiplies the material's base colour.
+    pub colors: Vec<[Vec4; 3]>,
+    /// Index into the materials; empty means the first.
+    pub material_ids: Vec<u32>,
+    /// Any values, equal within a leaf; empty means connected components.
+    pub leaf_ids: Vec<i64>,
+}
+
+/// Foliage in its local frame (centre of the bounding sphere at the origin, R = 1).
+#[derive(Clone, Debug)]
+pub struct Foliage {
+    frame: Frame,
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    attributes: Attributes,
+    materials: Arc<[Material]>,
+    leaf_ids: Vec<u32>,
+    leaf_count: usize,
+}
+
+impl Foliage {
+    /// Checks everything and moves it into the local frame.
+    ///
+    /// # Errors
+    /// No triangles; an index out of range; a coordinate that is not finite; an attribute of the wrong length; all
+    /// triangles of zero area.
+    pub fn new(
+        positions: &[DVec3],
+        triangles: Vec<[u32; 3]>,
+        attributes: Attributes,
+        materials: Vec<Material>,
+    ) -> Result<Self> {
+        check_indices(&triangles, positions.len())?;
+        check_finite(positions)?;
+        let materials: Arc<[Material]> =
+            if materials.is_empty() { vec![Material::default()].into() } else { materials.into() };
+        check_attributes(&attributes, triangles.len(), materials.len())?;
+        // Only what triangles use counts: a stray vertex must not set the scale.
+        let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
+        let degenerate =
+            || Error::invalid(format!("all {} triangles have zero area; check the scale of the mesh", triangles.len()));
+        let frame = Frame::of(corners).ok_or_else(degenerate)?;
+        let local: Vec<DVec3> = positions.iter().map(|&p| frame.to_local(p)).collect();
+        if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])) == DVec3::ZERO) {
+            return Err(degenerate());
+        }
+        let (leaf_ids, leaf_count) = if attributes.leaf_ids.is_empty() {
+            leaves::components(&local, &triangles)
+        } else {
+            number_by_appearance(attributes.leaf_ids.iter())
+        };
+        Ok(Self { frame, positions: local, triangles, attributes, materials, leaf_ids, leaf_count })
+    }
+
+    /// Where the foliage lies in the caller's coordinates.
+    #[must_use]
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// How many triangles there are; at least one.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The local positions of a triangle's corners.
+    #[must_use]
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// A triangle's vertex indices.
+    #[must_use]
+    pub fn triangle(&self, triangle: usize) -> [u32; 3] {
+        self.triangles[triangle]
+    }
+
+    /// The local area vector of a triangle: unit normal × area, by the winding.
+    #[must_use]
+    pub fn area_vector(&self, triangle: usize) -> DVec3 {
+        area_vector(self.corners(triangle))
+    }
+
+    /// The leaf of each triangle, 0 … [`Self::leaf_count`] − 1 in order of first appearance.
+    #[must_use]
+    pub fn leaf_ids(&self) -> &[u32] {
+        &self.leaf_ids
+    }
+
+    /// How many leaves there are.
+    #[must_use]
+    pub fn leaf_count(&self) -> usize {
+        self.leaf_count
+    }
+
+    /// The triangles of each leaf.
+    #[must_use]
+    pub fn leaves(&self) -> Groups {
+        Groups::by_key(&self.leaf_ids, self.leaf_count)
+    }
+
+    /// What the corners carry.
+    #[must_use]
+    pub fn attributes(&self) -> &Attributes {
+        &self.attributes
+    }
+
+    /// How a triangle looks.
+    #[must_use]
+    pub fn material(&self, triangle: usize) -> &Material {
+        &self.materials[self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)]
+    }
+
+    /// The same foliage with other alpha cutoffs: `change` sees each material.
+    #[must_use]
+    pub fn with_materials(&self, change: impl Fn(&Material) -> Material) -> Self {
+        Self { materials: self.materials.iter().map(change).collect(), ..self.clone() }
+    }
+}
+
+/// Unit normal × area, in the units of the corners.
+#[must_use]
+pub fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a) * 0.5
+}
+
+fn check_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
+    if triangles.is_empty() {
+        return Err(Error::invalid("the foliage has no triangles; select a mesh with faces"));
+    }
+    if u32::try_from(triangles.len()).is_err() || u32::try_from(vertices).is_err() {
+        return Err(Error::invalid(format!(
+            "{} triangles of {vertices} vertices are more than 2³² − 1 of either; split the foliage",
+            triangles.len()
+        )));
+    }
+    match triangles.iter().flatten().find(|&&v| v as usize >= vertices) {
+        Some(v) => Err(Error::invalid(format!("triangle index {v} is out of range: there are {vertices} vertices"))),
+        None => Ok(()),
+    }
+}
+
+fn check_finite(positions: &[DVec3]) -> Result<()> {
+    match positions.iter().position(|p| !p.is_finite()) {
+        Some(i) => Err(Error::invalid(format!(
+            "vertex {i} lies at {}, which is not finite; remove it or repair the mesh",
+            positions[i]
+        ))),
+        None => Ok(()),
+    }
+}
+
+fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize) -> Result<()> {
+    let Attributes { uvs, normals, colors, material_ids, leaf_ids } = attributes;
+    let lengths = [
+        ("uvs", uvs.len()),
+        ("normals", normals.len()),
+        ("colors", colors.len()),
+        ("material_ids", material_ids.len()),
+        ("leaf_ids", leaf_ids.len()),
+    ];
+    if let Some((name, length)) = lengths.iter().find(|(_, length)| *length != 0 && *length != triangles) {
+        return Err(Error::invalid(format!("{name} has {length} rows, but there are {triangles} triangles")));
+    }
+    let not_finite = |name| Err(Error::invalid(format!("{name} has a value that is not finite; repair the mesh")));
+    if !uvs.iter().flatten().all(|uv| uv.is_finite()) {
+        return not_finite("uvs");
+    }
+    if !colors.iter().flatten().all(|c| c.is_finite()) {
+        return not_finite("colors");
+    }
+    match material_ids.iter().find(|&&m| m as usize >= materials) {
+        Some(m) => Err(Error::invalid(format!("material id {m} is out of range: there are {materials} materials"))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn foliage(positions: &[DVec3], triangles: Vec<[u32; 3]>) -> Result<Foliage> {
+        Foliage::new(positions, triangles, Attributes::default(), vec![])
+    }
+
+    const RIGHT: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+    #[test]
+    fn one_triangle() {
+        let f = foliage(&RIGHT, vec![[0, 1, 2]]).unwrap();
+        assert_eq!((f.triangle_count(), f.leaf_count()), (1, 1));
+        assert_eq!(f.frame().radius, 0.5f64.sqrt());
+        let area = f.area_vector(0) * f.frame().radius.powi(2);
+        assert!(area.distance(DVec3::Z * 0.5) < 1e-15);
+    }
+
+    #[test]
+    fn stray_vertices_do_not_set_the_scale() {
+        let mut positions = RIGHT.to_vec();
+        positions.push(DVec3::splat(1e9));
+        assert_eq!(foliage(&positions, vec![[0, 1, 2]]).unwrap().frame().radius, 0.5f64.sqrt());
+    }
+
+    #[test]
+    fn refusals_name_the_value() {
+        let message = |r: Result<Foliage>| r.unwrap_err().to_string();
+        assert!(message(foliage(&RIGHT, vec![])).contains("no triangles"));
+        assert!(message(foliage(&RIGHT, vec![[0, 1, 3]])).contains("index 3"));
+        assert!(message(foliage(&[DVec3::NAN, DVec3::X, DVec3::Y], vec![[0, 1, 2]])).contains("vertex 0"));
+        assert!(message(foliage(&RIGHT, vec![[0, 1, 1]])).contains("zero area"));
+        assert!(message(foliage(&[DVec3::ONE; 3], vec![[0, 1, 2]])).contains("zero area"));
+        let short = Attributes { uvs: vec![[Vec2::ZERO; 3]; 2], ..Attributes::default() };
+        assert!(message(Foliage::new(&RIGHT, vec![[0, 1, 2]], short, vec![])).contains("uvs has 2 rows"));
+        let unknown = Attributes { material_ids: vec![1], ..Attributes::default() };
+        assert!(message(Foliage::new(&RIGHT, vec![[0, 1, 2]], unknown, vec![])).contains("material id 1"));
+    }
+
+    #[test]
+    fn leaves_as_told() {
+        let told = Attributes { leaf_ids: vec![40, -3, 40], ..Attributes::default() };
+        let f = Foliage::new(&RIGHT, vec![[0, 1, 2]; 3], told, vec![]).unwrap();
+        assert_eq!((f.leaf_ids(), f.leaf_count()), (&[0, 1, 0][..], 2));
+    }
+}

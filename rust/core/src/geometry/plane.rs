@@ -1,0 +1,94 @@
+//! Planes as unit normal and signed distance: a point `p` lies at `n·p − d`.
+
+use glam::DVec3;
+
+use super::Frame;
+
+/// A plane, in f64.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit length.
+    pub normal: DVec3,
+    /// From the origin along the normal.
+    pub distance: f64,
+}
+
+impl Plane {
+    /// The plane through a point.
+    #[must_use]
+    pub fn through(point: DVec3, normal: DVec3) -> Self {
+        Self { normal, distance: normal.dot(point) }
+    }
+
+    /// The plane through three points; `None` when they are collinear to f64's precision (their area vector is too
+    /// short to give a direction: below 1e-12 of the square of the longest edge).
+    #[must_use]
+    pub fn through_points([a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let cross = (b - a).cross(c - a);
+        let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        (cross.length() > 1e-12 * longest).then(|| Self::through(a, cross.normalize()))
+    }
+
+    /// The signed distance of a point.
+    #[must_use]
+    pub fn height(&self, point: DVec3) -> f64 {
+        self.normal.dot(point) - self.distance
+    }
+
+    /// The orthogonal projection of a point.
+    #[must_use]
+    pub fn project(&self, point: DVec3) -> DVec3 {
+        point - self.normal * self.height(point)
+    }
+
+    /// The same plane, of a local frame, in the caller's coordinates.
+    #[must_use]
+    pub fn to_caller(&self, frame: &Frame) -> Self {
+        Self { normal: self.normal, distance: self.normal.dot(frame.centre) + self.distance * frame.radius }
+    }
+
+    /// Two unit vectors in the plane, `x × y = normal`, the same for the same normal.
+    #[must_use]
+    pub fn axes(&self) -> (DVec3, DVec3) {
+        axes(self.normal)
+    }
+}
+
+/// Two unit vectors perpendicular to the unit vector `normal`, `x × y = normal`
+/// (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017: branch-free, no pole).
+#[must_use]
+pub fn axes(normal: DVec3) -> (DVec3, DVec3) {
+    normal.any_orthonormal_pair()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn through_three_points() {
+        let plane = Plane::through_points([DVec3::Z, DVec3::Z + DVec3::X, DVec3::Z + DVec3::Y]).unwrap();
+        assert_eq!(plane, Plane { normal: DVec3::Z, distance: 1.0 });
+        assert_eq!(plane.height(DVec3::new(7.0, 8.0, 3.5)), 2.5);
+        assert_eq!(plane.project(DVec3::new(7.0, 8.0, 3.5)), DVec3::new(7.0, 8.0, 1.0));
+    }
+
+    #[test]
+    fn collinear_points_have_none() {
+        assert_eq!(Plane::through_points([DVec3::ZERO, DVec3::ONE, DVec3::ONE * 3.0]), None);
+        assert_eq!(Plane::through_points([DVec3::ONE; 3]), None);
+    }
+
+    proptest! {
+        #[test]
+        fn axes_are_right_handed(x in -1.0..1.0, y in -1.0..1.0, z in -1.0..1.0) {
+            let n: DVec3 = DVec3::new(x, y, z);
+            prop_assume!(n.length() > 1e-3);
+            let n = n.normalize();
+            let (u, v) = axes(n);
+            prop_assert!(u.cross(v).distance(n) < 1e-12);
+            prop_assert!(u.dot(v).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! An orthographic, flat-lit picture: base colours and alpha only, so that what differs is geometry and texture, not light.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::foliage::{Foliage, Image};
+use crate::textures::{Samples, ScreenTriangle, rasterise};
+
+/// Where the picture is taken from.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// From the centre to the eye; any length but 0.
+    pub direction: DVec3,
+    /// What is up in the picture; the view may look along it, then it is replaced.
+    pub up: DVec3,
+    /// What lies in the middle, caller's coordinates.
+    pub centre: DVec3,
+    /// Half the picture's side, caller's units.
+    pub radius: f64,
+    /// Side in pixels.
+    pub size: usize,
+    /// Sub-samples along each side of a pixel.
+    pub samples: Samples,
+}
+
+/// Renders all parts into one picture; pixels that nothing covers are transparent.
+///
+/// # Errors
+/// A direction without length, a radius or a size that is not above 0.
+pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
+    let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
+        Error::invalid(format!("the view's direction is {}; it needs a finite length above 0", view.direction))
+    })?;
+    if !(view.radius > 0.0 && view.radius.is_finite()) || !(1..=16_384).contains(&view.size) {
+        return Err(Error::invalid(format!(
+            "a picture of radius {} and {} pixels a side; the radius must be above 0, the pixels between 1 and 16384",
+            view.radius, view.size
+        )));
+    }
+    let right = view.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
+    let up = eye.cross(right);
+    let half = view.size as f64 / 2.0;
+    let to_screen = |p: DVec3| {
+        let q = (p - view.centre) / view.radius;
+        DVec3::new(half + half * right.dot(q), half - half * up.dot(q), eye.dot(q)).as_vec3()
+    };
+    let mut triangles: Vec<ScreenTriangle> = Vec::new();
+    for &foliage in parts {
+        let place = |triangle: usize| ScreenTriangle {
+            corners: foliage.corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
+            foliage,
+            triangle,
+        };
+        triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
+    }
+    Ok(rasterise(&triangles, view.size, view.size, view.samples).to_image())
+}

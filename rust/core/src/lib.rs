@@ -1,0 +1,33 @@
+//! Leafcloud: levels of detail for foliage that do not pop.
+//!
+//! The crate is a pipeline of values; each stage knows only the stages before it:
+//!
+//! ```text
+//! Foliage ──fit──▶ Cloud ──project──▶ Projection ──pack──▶ Sheet ──bake──▶ Textures
+//!    ▲                                                        │               │
+//!    └──────────────── lod: the billboards as foliage again, coarser ◀────────┘
+//! ```
+//!
+//! Everything is deterministic: the same input, settings and seed give the same bytes on any number of
+//! threads and on any machine. Randomness is counter-based (one stream per candidate), reductions have a fixed
+//! order, and transcendental functions come from `libm`, not from the platform.
+
+pub mod cloud;
+pub mod error;
+pub mod fit;
+pub mod foliage;
+pub mod geometry;
+pub mod gltf;
+pub mod groups;
+pub mod judge;
+pub mod lod;
+pub mod progress;
+pub mod prune;
+pub mod sheet;
+pub mod textures;
+pub mod transition;
+
+pub use cloud::Cloud;
+pub use error::{Error, Result};
+pub use foliage::{AlphaMode, Attributes, Foliage, Image, Material};
+pub use progress::Progress;

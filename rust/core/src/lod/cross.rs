@@ -1,0 +1,100 @@
+//! The last level: two perpendicular billboards that stand along "up" through the centre of the bounding sphere, each showing the whole
+//! tree, wood and all. It promises no ε and is not morphed to.
+
+use std::time::Instant;
+
+use glam::{DVec2, DVec3};
+
+use super::level::{Level, Seconds, billboard_ranks, billboards, page_material};
+use super::{ChainSettings, Judges, tune};
+use crate::error::Result;
+use crate::foliage::Foliage;
+use crate::geometry::{Frame, Outline, Plane};
+use crate::progress::Progress;
+use crate::sheet::{Sheet, SheetSettings, in_plane};
+use crate::textures::{Drawn, bake};
+
+pub(super) fn build(
+    leaves: &Foliage,
+    wood: Option<&Foliage>,
+    page: usize,
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<Level> {
+    let started = Instant::now();
+    progress.tell("pack", 0.0)?;
+    let frame = *leaves.frame();
+    let parts: Vec<&Foliage> = std::iter::once(leaves).chain(wood).collect();
+    let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = parts.iter().flat_map(|part| in_frame(part, frame)).collect();
+    let planes = perpendicular_planes(settings.up);
+    let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, settings.up, &triangles)).collect();
+    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture unless asked for.
+    let two_sided = settings.back_sides == Some(true);
+    let sheet = Sheet::pack(&planes, &outlines, SheetSettings::of_size(page, two_sided))?;
+    let packed = Instant::now();
+
+    progress.tell("bake", 0.2)?;
+    let page = bake(&sheet, settings.samples, |plane| {
+        let plane = planes[plane as usize];
+        let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
+            foliage,
+            triangle,
+            targets: corners.map(|p| plane.project(p)),
+            corners,
+        };
+        triangles.iter().map(project).collect()
+    });
+    progress.tell("bake", 0.8)?;
+    let judges = Judges::new(&parts, &frame)?;
+    let shown = |cutoff| billboards(&sheet, &frame, page_material(&page, cutoff, !two_sided));
+    let alpha_cutoff = tune::cutoff(shown, &judges.tuning)?;
+    let judgement = judges.report.judge(&shown(alpha_cutoff)?)?;
+    let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
+    let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
+    let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
+    Ok(Level {
+        method: "cross",
+        epsilon: None,
+        cloud: None,
+        projection: None,
+        frame,
+        alpha_cutoff,
+        two_sided,
+        ranks: billboard_ranks(&sheet, &frame, settings.fit.seed)?,
+        mean_deviation: sum / count as f64 * frame.radius,
+        in_plane_motion: 0.0,
+        max_deviation_leaves: farthest * frame.radius,
+        judgement,
+        sheet,
+        page,
+        seconds: Seconds { fit: 0.0, pack: (packed - started).as_secs_f64(), bake: packed.elapsed().as_secs_f64() },
+    })
+}
+
+/// The triangles of a part in the leaves' frame.
+fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usize, [DVec3; 3])> {
+    (0..part.triangle_count()).map(move |t| {
+        let corners = part.corners(t).map(|p| frame.to_local(part.frame().to_caller(p)));
+        (part, t, corners)
+    })
+}
+
+/// Two planes through the origin that contain `up`; facing −y and x when up is z, as front and side views do.
+fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
+    let up = up.normalize();
+    let first = [DVec3::NEG_Y, DVec3::NEG_Z]
+        .map(|axis| axis - up * axis.dot(up))
+        .into_iter()
+        .find(|n| n.length() > 0.5)
+        .unwrap_or(DVec3::X)
+        .normalize();
+    [first, up.cross(first)].map(|normal| Plane { normal, distance: 0.0 })
+}
+
+/// The rectangle around all triangles with one side along `up`.
+fn upright(plane: &Plane, up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Outline {
+    let (x, y) = plane.axes();
+    let across = up.cross(plane.normal).normalize();
+    let points = in_plane(plane, triangles.iter().flat_map(|t| t.2));
+    Outline::along(&points, DVec2::new(x.dot(across), y.dot(across)))
+}

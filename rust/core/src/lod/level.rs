@@ -1,0 +1,189 @@
+//! One level: fitted to the one before, packed, baked, and judged against the leaves.
+
+use std::time::Instant;
+
+use glam::{DVec3, Vec2};
+
+use super::{ChainSettings, Judges, sides, tune};
+use crate::cloud::Cloud;
+use crate::error::Result;
+use crate::fit::{FitSettings, fit_within};
+use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
+use crate::geometry::Frame;
+use crate::groups::Groups;
+use crate::judge::Judgement;
+use crate::progress::Progress;
+use crate::prune;
+use crate::sheet::{Sheet, SheetSettings, outlines};
+use crate::textures::{Drawn, Samples, bake};
+use crate::transition::Projection;
+
+/// Where the time went.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seconds {
+    /// Finding planes and parents.
+    pub fit: f64,
+    /// Outlines and atlas.
+    pub pack: f64,
+    /// Textures, and looking at them.
+    pub bake: f64,
+}
+
+/// A cloud or cross with its page. Lengths are in the caller's units unless they are said to be shares of R.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// The fitter's name, or "cross".
+    pub method: &'static str,
+    /// ε as a share of the leaves' R; `None` for the cross.
+    pub epsilon: Option<f64>,
+    /// The planes and parents of the level before; `None` for the cross.
+    pub cloud: Option<Cloud>,
+    /// Where the level before lies at a = 1; `None` for the cross.
+    pub projection: Option<Projection>,
+    /// The local frame of planes, projection and sheet.
+    pub frame: Frame,
+    /// Where each billboard lies on the page.
+    pub sheet: Sheet,
+    /// The page: sRGB base colour and alpha.
+    pub page: Image,
+    /// Texels of at least this alpha are drawn.
+    pub alpha_cutoff: f32,
+    /// Whether the sides have textures of their own, as pairs of single-sided billboards.
+    pub two_sided: bool,
+    /// Each billboard's place in the pruning order; pairs share theirs.
+    pub ranks: Vec<f32>,
+    /// Area-weighted mean deviation from the level before.
+    pub mean_deviation: f64,
+    /// The greatest motion within a plane.
+    pub in_plane_motion: f64,
+    /// Bound of the deviation from the leaves: the deviations of all levels so far, added.
+    pub max_deviation_leaves: f64,
+    /// What it looks like beside the leaves.
+    pub judgement: Judgement,
+    /// Where the time went.
+    pub seconds: Seconds,
+}
+
+/// What a level is built from.
+pub(super) struct Step<'a> {
+    /// The level before.
+    pub finer: &'a Foliage,
+    /// R of the leaves.
+    pub radius: f64,
+    /// Share of `radius`.
+    pub epsilon: f64,
+    /// Of the level before from the leaves.
+    pub deviation: f64,
+    /// Side of the page in texels.
+    pub page: usize,
+    /// Of the leaves.
+    pub judges: &'a Judges,
+}
+
+pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
+    let started = Instant::now();
+    let fit = FitSettings { epsilon: step.epsilon, ..settings.fit };
+    let finer = step.finer;
+    let cloud = fit_within(finer, &fit, step.epsilon * step.radius, progress.part(0.0, 0.6))?;
+    let fitted = Instant::now();
+
+    progress.tell("pack", 0.6)?;
+    let projection = Projection::new(finer, &cloud, tune::STRETCH);
+    let outlines = outlines(&cloud, &projection);
+    let two_sided = match settings.back_sides {
+        Some(wish) => wish,
+        None => sides::differ(finer, &cloud, &projection, &outlines)?,
+    };
+    let sheet = Sheet::pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
+    let packed = Instant::now();
+
+    progress.tell("bake", 0.65)?;
+    let page = bake_cloud(finer, &cloud, &projection, &sheet, settings.samples);
+    progress.tell("bake", 0.9)?;
+    let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
+    let shown = |cutoff| billboards(&sheet, finer.frame(), page_material(&page, cutoff, !two_sided));
+    let alpha_cutoff = tune::cutoff(shown, &step.judges.tuning)?;
+    let judgement = step.judges.report.judge(&shown(alpha_cutoff)?)?;
+    Ok(Level {
+        method: settings.fit.method.name(),
+        epsilon: Some(step.epsilon),
+        frame: *finer.frame(),
+        alpha_cutoff,
+        two_sided,
+        ranks,
+        mean_deviation: cloud.mean_deviation(finer),
+        in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
+        max_deviation_leaves: step.deviation + cloud.max_deviation(),
+        judgement,
+        cloud: Some(cloud),
+        projection: Some(projection),
+        sheet,
+        page,
+        seconds: Seconds {
+            fit: (fitted - started).as_secs_f64(),
+            pack: (packed - fitted).as_secs_f64(),
+            bake: packed.elapsed().as_secs_f64(),
+        },
+    })
+}
+
+/// Renders each plane's own triangles onto its billboards.
+pub(super) fn bake_cloud(
+    foliage: &Foliage,
+    cloud: &Cloud,
+    projection: &Projection,
+    sheet: &Sheet,
+    samples: Samples,
+) -> Image {
+    let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
+    let drawn = |triangle: &u32| {
+        let triangle = *triangle as usize;
+        Drawn { foliage, triangle, targets: projection.targets[triangle], corners: foliage.corners(triangle) }
+    };
+    bake(sheet, samples, |plane| triangles.get(plane as usize).iter().map(drawn).collect())
+}
+
+/// The pruning order of billboards, as of leaves.
+pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result<Vec<f32>> {
+    let shell = billboards(sheet, frame, Material::default())?;
+    let by_leaf = prune::order(&shell, seed);
+    Ok(shell.leaf_ids().iter().step_by(2).map(|&leaf| by_leaf[leaf as usize]).collect())
+}
+
+impl Level {
+    /// The billboards as foliage again: two triangles each, corners (0, 1, 2) and (0, 2, 3); a pair is one leaf.
+    ///
+    /// # Errors
+    /// All billboards are without area.
+    pub fn foliage(&self) -> Result<Foliage> {
+        billboards(&self.sheet, &self.frame, page_material(&self.page, self.alpha_cutoff, !self.two_sided))
+    }
+}
+
+/// How billboards with this page look.
+pub(super) fn page_material(page: &Image, alpha_cutoff: f32, double_sided: bool) -> Material {
+    Material {
+        name: "billboards".to_owned(),
+        image: Some(page.clone()),
+        alpha_mode: AlphaMode::Mask(alpha_cutoff),
+        double_sided,
+        ..Material::default()
+    }
+}
+
+/// Two triangles a billboard; pairs are one leaf.
+pub(super) fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
+    let positions: Vec<DVec3> =
+        sheet.billboards.iter().flat_map(|b| b.corners.map(|corner| frame.to_caller(corner))).collect();
+    let mut triangles = Vec::with_capacity(2 * sheet.billboards.len());
+    let mut attributes = Attributes::default();
+    for (index, billboard) in (0u32..).zip(&sheet.billboards) {
+        let uvs = sheet.uvs(billboard).map(Vec2::from_array);
+        for corners in [[0usize, 1, 2], [0, 2, 3]] {
+            triangles.push(corners.map(|i| 4 * index + i as u32));
+            attributes.uvs.push(corners.map(|i| uvs[i]));
+            attributes.leaf_ids.push(i64::from(billboard.plane));
+        }
+    }
+    Foliage::new(&positions, triangles, attributes, vec![material])
+}

@@ -1,0 +1,150 @@
+//! Levels of detail: a cloud for the leaves, a coarser one for its billboards, and so on, and the cross behind them.
+
+mod cross;
+mod level;
+mod sides;
+mod tune;
+
+pub use level::{Level, Seconds};
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::fit::FitSettings;
+use crate::foliage::Foliage;
+use crate::geometry::Frame;
+use crate::judge::{Judge, Views};
+use crate::progress::Progress;
+use crate::prune;
+use crate::textures::Samples;
+
+/// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
+pub const EPSILON_STEP: f64 = 2.5;
+
+/// What the judge of the report looks at.
+fn report_views() -> Views {
+    Views { count: 8, size: 128, samples: Samples::default(), turn: 0.5 }
+}
+
+/// What a chain may be asked.
+#[derive(Clone, Debug)]
+pub struct ChainSettings {
+    /// The fit of level 1; ε grows by [`EPSILON_STEP`] from level to level.
+    pub fit: FitSettings,
+    /// How many clouds, in [0, 16].
+    pub levels: usize,
+    /// Whether the cross of two stands behind them.
+    pub cross: bool,
+    /// What is up; the cross stands along it.
+    pub up: DVec3,
+    /// Side of level 1's page in texels; halved from level to level.
+    pub texture_size: usize,
+    /// Of the textures.
+    pub samples: Samples,
+    /// Textures of their own for the two sides; `None` lets each level decide by looking whether they differ.
+    pub back_sides: Option<bool>,
+}
+
+impl Default for ChainSettings {
+    fn default() -> Self {
+        Self {
+            fit: FitSettings::default(),
+            levels: 2,
+            cross: true,
+            up: DVec3::Z,
+            texture_size: 2048,
+            samples: Samples::default(),
+            back_sides: None,
+        }
+    }
+}
+
+impl ChainSettings {
+    /// # Errors
+    /// The first setting that is outside its range.
+    pub fn check(&self) -> Result<()> {
+        self.fit.check()?;
+        if self.levels > 16 {
+            return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
+        }
+        if !self.up.is_finite() || self.up.try_normalize().is_none() {
+            return Err(Error::invalid(format!("up is {}; it needs a finite length above 0", self.up)));
+        }
+        if !(64..=16_384).contains(&self.texture_size) {
+            return Err(Error::invalid(format!(
+                "the texture size is {}; it must lie between 64 and 16384 texels",
+                self.texture_size
+            )));
+        }
+        Ok(())
+    }
+
+    /// Side of the page of the level with this index, from 0.
+    fn page(&self, index: usize) -> usize {
+        (self.texture_size >> index).max(64)
+    }
+}
+
+/// All levels behind the leaves, finest first.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    /// The clouds, then the cross.
+    pub levels: Vec<Level>,
+    /// Each leaf's place in the pruning order, in [0, 1).
+    pub ranks: Vec<f32>,
+}
+
+/// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
+///
+/// # Errors
+/// A setting outside its range; more billboards than the page holds; [`Error::Cancelled`].
+pub fn build_chain(
+    foliage: &Foliage,
+    wood: Option<&Foliage>,
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<Chain> {
+    settings.check()?;
+    let frame = *foliage.frame();
+    let judges = Judges::new(&[foliage], &frame)?;
+    let count = settings.levels + usize::from(settings.cross);
+    let share = |index: usize| {
+        // The first level sees all leaves and takes most of the time.
+        let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
+        progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
+    };
+    let mut levels: Vec<Level> = Vec::with_capacity(count);
+    for index in 0..settings.levels {
+        let finer = levels.last().map(Level::foliage).transpose()?;
+        let step = level::Step {
+            finer: finer.as_ref().unwrap_or(foliage),
+            radius: frame.radius,
+            epsilon: (settings.fit.epsilon * EPSILON_STEP.powi(index as i32)).min(1.0),
+            deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
+            page: settings.page(index),
+            judges: &judges,
+        };
+        levels.push(level::build(&step, settings, share(index))?);
+    }
+    if settings.cross {
+        let page = settings.page(settings.levels);
+        levels.push(cross::build(foliage, wood, page, settings, share(settings.levels))?);
+    }
+    progress.tell("bake", 1.0)?;
+    Ok(Chain { levels, ranks: prune::order(foliage, settings.fit.seed) })
+}
+
+/// The two judges of a chain: what the one sees decides settings, what the other sees is reported.
+struct Judges {
+    tuning: Judge,
+    report: Judge,
+}
+
+impl Judges {
+    fn new(base: &[&Foliage], frame: &Frame) -> Result<Self> {
+        Ok(Self { tuning: Judge::new(base, frame, tune::views()?)?, report: Judge::new(base, frame, report_views())? })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,53 @@
+//! Whether the two sides of a cloud need textures of their own.
+//!
+//! They do when leaves show one side only, or when what hides what from the back changes the picture: both sides are baked
+//! small, laid over each other, and compared.
+
+use crate::cloud::Cloud;
+use crate::error::Result;
+use crate::foliage::{Foliage, Image};
+use crate::geometry::Outline;
+use crate::sheet::{Billboard, Region, Sheet, SheetSettings};
+use crate::textures::Samples;
+use crate::transition::Projection;
+
+use super::level::bake_cloud;
+
+/// Side of the pages that are compared.
+const PAGE: usize = 512;
+
+/// The mean difference of covered texels, as a share of full scale, from which the sides count as different.
+const DIFFERENCE: f64 = 0.1;
+
+/// Whether front and back differ in more than [`DIFFERENCE`].
+pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outlines: &[Outline]) -> Result<bool> {
+    if (0..foliage.triangle_count()).any(|t| !foliage.material(t).double_sided) {
+        return Ok(true);
+    }
+    let Ok(front) = Sheet::pack(&cloud.planes, outlines, SheetSettings { size: PAGE, gutter: 1, back_sides: false })
+    else {
+        return Ok(false); // too many billboards for a look
+    };
+    let turned = |b: &Billboard| Billboard { corners: [b.corners[1], b.corners[0], b.corners[3], b.corners[2]], ..*b };
+    let back = Sheet { size: front.size, billboards: front.billboards.iter().map(turned).collect() };
+    let look = |sheet: &Sheet| -> Result<Image> { Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?)) };
+    Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
+}
+
+/// Mean over the covered texels of the greatest difference in a channel; the back's regions are mirrored.
+fn mean_difference(sheet: &Sheet, front: &Image, back: &Image) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for Region { x, y, width, height } in sheet.billboards.iter().map(|b| b.region) {
+        for row in y..y + height {
+            for column in 0..width {
+                let a = front.pixels()[row * sheet.size + x + column];
+                let b = back.pixels()[row * sheet.size + x + width - 1 - column];
+                if a[3].max(b[3]) > 127 {
+                    sum += f64::from((0..4).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0));
+                    count += 1;
+                }
+            }
+        }
+    }
+    sum / (255 * count.max(1)) as f64
+}

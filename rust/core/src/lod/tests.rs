@@ -1,0 +1,126 @@
+use glam::{DVec3, Vec4};
+
+use super::*;
+use crate::foliage::{AlphaMode, Attributes, Material};
+
+/// Green square leaves on a ball of radius 3, facing outward.
+fn ball(count: u32) -> Foliage {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..count {
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
+        let (radius, angle) = ((1.0 - z * z).sqrt(), f64::from(i) * golden);
+        let normal = DVec3::new(radius * angle.cos(), radius * angle.sin(), z);
+        let (x, y) = normal.any_orthonormal_pair();
+        let corner = |a: f64, b: f64| normal * 3.0 + x * (0.2 * a) + y * (0.2 * b) + DVec3::new(5.0, 0.0, 1.0);
+        let first = 4 * i;
+        positions.extend([corner(-1., -1.), corner(1., -1.), corner(1., 1.), corner(-1., 1.)]);
+        triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    let green = Material { base_color: Vec4::new(0.1, 0.5, 0.05, 1.0), ..Material::default() };
+    Foliage::new(&positions, triangles, Attributes::default(), vec![green]).unwrap()
+}
+
+fn settings() -> ChainSettings {
+    let fit = FitSettings { epsilon: 0.06, candidates: 100, ..FitSettings::default() };
+    ChainSettings { fit, texture_size: 256, samples: Samples::new(2).unwrap(), ..ChainSettings::default() }
+}
+
+#[test]
+fn a_chain_gets_coarser_and_keeps_its_promises() {
+    let foliage = ball(300);
+    let radius = foliage.frame().radius;
+    let chain = build_chain(&foliage, None, &settings(), Progress::silent()).unwrap();
+    let [first, second, cross] = &chain.levels[..] else { panic!("two clouds and the cross") };
+    assert_eq!((first.method, cross.method), ("stochastic", "cross"));
+    assert!(first.sheet.billboards.len() > second.sheet.billboards.len());
+    assert_eq!((first.sheet.size, second.sheet.size, cross.sheet.size), (256, 128, 64));
+    let mut finer = foliage;
+    for (level, epsilon) in [(first, 0.06), (second, 0.15)] {
+        let cloud = level.cloud.as_ref().unwrap();
+        assert!((cloud.bound / radius / epsilon - 1.0).abs() < 1e-12);
+        assert!(cloud.max_deviation() <= cloud.bound);
+        assert_eq!(cloud.parents.len(), finer.triangle_count());
+        // Every target lies on its plane.
+        for (targets, &parent) in level.projection.as_ref().unwrap().targets.iter().zip(&cloud.parents) {
+            assert!(targets.iter().all(|&p| cloud.planes[parent as usize].height(p).abs() < 1e-12));
+        }
+        assert!((level.judgement.coverage - 1.0).abs() < 0.1, "{:?}", level.judgement);
+        finer = level.foliage().unwrap();
+    }
+    assert!(second.max_deviation_leaves >= first.max_deviation_leaves);
+    assert_eq!(chain.ranks.len(), 300);
+}
+
+#[test]
+fn the_cross_stands_upright_through_the_centre() {
+    let foliage = ball(100);
+    let chain = build_chain(&foliage, None, &ChainSettings { levels: 0, ..settings() }, Progress::silent()).unwrap();
+    let cross = &chain.levels[0];
+    let boards = &cross.sheet.billboards;
+    assert_eq!(boards.len(), 2);
+    let normal = |i: usize| {
+        (boards[i].corners[1] - boards[i].corners[0]).cross(boards[i].corners[3] - boards[i].corners[0]).normalize()
+    };
+    assert!(normal(0).dot(normal(1)).abs() < 1e-12 && normal(0).z.abs() < 1e-12 && normal(1).z.abs() < 1e-12);
+    for board in boards {
+        let normal = (board.corners[1] - board.corners[0]).cross(board.corners[3] - board.corners[0]).normalize();
+        assert!(normal.dot(board.corners[0]).abs() < 1e-9, "through the centre of the sphere");
+    }
+    // A ball shows a disc of leaves from the front: the cross has it from there.
+    assert!(cross.judgement.coverage > 0.5);
+}
+
+#[test]
+fn single_sided_leaves_call_for_two_textures() {
+    let foliage = ball(100).with_materials(|m| Material { double_sided: false, ..m.clone() });
+    let chain = build_chain(&foliage, None, &ChainSettings { levels: 1, ..settings() }, Progress::silent()).unwrap();
+    let level = &chain.levels[0];
+    assert!(level.two_sided);
+    let backs = level.sheet.billboards.iter().filter(|b| b.back).count();
+    assert_eq!(level.sheet.billboards.len(), 2 * backs);
+    assert_eq!(level.ranks[0], level.ranks[1], "a pair is pruned as one");
+    let back_faces = build_chain(
+        &foliage,
+        None,
+        &ChainSettings { levels: 1, back_sides: Some(false), ..settings() },
+        Progress::silent(),
+    );
+    assert!(!back_faces.unwrap().levels[0].two_sided, "a wish is granted");
+}
+
+#[test]
+fn opaque_double_sided_leaves_share_one_texture() {
+    let chain = build_chain(&ball(100), None, &ChainSettings { levels: 1, ..settings() }, Progress::silent()).unwrap();
+    assert!(!chain.levels[0].two_sided);
+    assert!(matches!(chain.levels[0].foliage().unwrap().material(0).alpha_mode, AlphaMode::Mask(_)));
+}
+
+#[test]
+fn the_same_bytes_on_any_number_of_threads() {
+    let foliage = ball(200);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| build_chain(&foliage, None, &settings(), Progress::silent()).unwrap())
+    };
+    let (one, seven) = (on(1), on(7));
+    assert_eq!(one.ranks, seven.ranks);
+    for (a, b) in one.levels.iter().zip(&seven.levels) {
+        assert!(
+            a.page == b.page && a.alpha_cutoff == b.alpha_cutoff && a.judgement == b.judgement && a.ranks == b.ranks
+        );
+    }
+}
+
+#[test]
+fn settings_are_checked() {
+    let wrong = [
+        ChainSettings { levels: 17, ..settings() },
+        ChainSettings { up: DVec3::ZERO, ..settings() },
+        ChainSettings { texture_size: 8, ..settings() },
+    ];
+    for s in wrong {
+        assert!(build_chain(&ball(10), None, &s, Progress::silent()).is_err());
+    }
+}

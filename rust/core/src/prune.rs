@@ -1,0 +1,135 @@
+//! Stochastic pruning: the laws of λ, the ramp and the scale, and the order in which leaves go.
+//!
+//! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: of
+//! the leaves in one random order the first λN are drawn, grown so that the covered area stays. Area, not length, grows by 1/λ.
+
+use glam::DVec3;
+
+use crate::fit::Stream;
+use crate::foliage::Foliage;
+
+/// The greatest share of the drawn leaves that is on its way in or out.
+pub const RAMP: f64 = 0.05;
+
+/// λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at `distance`, with `start` d₀ > 0 and `half` h in (0, ½]; λ(d₀/h) = ½.
+/// h → 0 prunes slowly. A distance that is NaN (no camera) keeps all.
+#[must_use]
+pub fn keep(distance: f64, start: f64, half: f64) -> f64 {
+    if distance.is_nan() || distance <= start {
+        return 1.0;
+    }
+    libm::pow(start / distance, libm::log(0.5) / libm::log(half)).min(1.0)
+}
+
+/// The ramp r in [0, 1]: 1 for the first of the drawn leaves, over the last ρ = min(0.05, 1 − λ) of them linear to 0 at rank = λ.
+#[must_use]
+pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
+    let width = RAMP.min(1.0 - keep) * keep;
+    if rank >= keep {
+        0.0
+    } else if width > 0.0 {
+        ((keep - rank) / width).min(1.0)
+    } else {
+        1.0
+    }
+}
+
+/// s = √(ΣA / Σ A·r²): the linear factor for all drawn leaves that keeps the covered area. 1 when nothing is pruned or nothing
+/// is left to grow. O(n).
+#[must_use]
+pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)>, keep: f64) -> f64 {
+    let (all, drawn) = leaves.fold((0.0, 0.0), |(all, drawn), (rank, area)| {
+        let r = leaf_scale(rank, keep);
+        (all + area, drawn + area * r * r)
+    });
+    if drawn > 0.0 { (all / drawn).sqrt() } else { 1.0 }
+}
+
+/// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
+/// first). A leaf at the rim of the crown (w = 1.5) is likelier to stay than one at its centre (w = 0.5), where others hide it.
+#[must_use]
+pub fn order(foliage: &Foliage, seed: u64) -> Vec<f32> {
+    let leaves = foliage.leaves();
+    let key = |leaf: usize| {
+        let triangles = leaves.get(leaf);
+        let sum: DVec3 = triangles.iter().flat_map(|&t| foliage.corners(t as usize)).sum();
+        let from_centre = (sum / (3.0 * triangles.len() as f64)).length();
+        let uniform = Stream::new(seed, 0, leaf).signed() * 0.5 + 0.5;
+        libm::log(uniform.max(f64::MIN_POSITIVE)) / (0.5 + from_centre)
+    };
+    let mut keyed: Vec<(f64, usize)> = (0..leaves.len()).map(|leaf| (key(leaf), leaf)).collect();
+    keyed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut ranks = vec![0.0; leaves.len()];
+    for (place, (_, leaf)) in keyed.iter().enumerate() {
+        ranks[*leaf] = rank(place, leaves.len());
+    }
+    ranks
+}
+
+/// place / count as f32, kept below 1 where rounding would reach it.
+fn rank(place: usize, count: usize) -> f32 {
+    const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+    ((place as f64 / count as f64) as f32).min(BELOW_ONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::foliage::Attributes;
+
+    #[test]
+    fn half_the_leaves_at_start_over_half() {
+        for h in [0.5, 0.25, 0.1] {
+            assert!((keep(10.0 / h, 10.0, h) - 0.5).abs() < 1e-12);
+        }
+        assert_eq!([keep(0.0, 10.0, 0.5), keep(10.0, 10.0, 0.5), keep(f64::NAN, 1.0, 0.5)], [1.0; 3]);
+        assert_eq!(keep(f64::INFINITY, 10.0, 0.5), 0.0);
+        assert!((keep(40.0, 10.0, 0.5) - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_ramp_is_the_last_twentieth() {
+        assert_eq!(leaf_scale(0.0, 0.4), 1.0);
+        assert_eq!(leaf_scale(0.37, 0.4), 1.0);
+        assert!((leaf_scale(0.39, 0.4) - 0.5).abs() < 1e-12);
+        assert_eq!(leaf_scale(0.4, 0.4), 0.0);
+        assert_eq!(leaf_scale(0.999, 1.0), 1.0);
+        assert_eq!(leaf_scale(0.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn area_stays() {
+        let leaves: Vec<(f64, f64)> = (0..1000).map(|i| (f64::from(i) / 1000.0, 1.0 + f64::from(i % 7))).collect();
+        let total: f64 = leaves.iter().map(|l| l.1).sum();
+        for lambda in [1.0, 0.97, 0.5, 0.1, 0.01] {
+            let s = area_scale(leaves.iter().copied(), lambda);
+            let drawn: f64 = leaves.iter().map(|&(rank, area)| area * (s * leaf_scale(rank, lambda)).powi(2)).sum();
+            assert!((drawn / total - 1.0).abs() < 1e-12);
+        }
+        assert_eq!(area_scale(leaves.iter().copied(), 1.0), 1.0);
+        assert_eq!(area_scale(leaves.iter().copied(), 0.0), 1.0);
+    }
+
+    #[test]
+    fn the_order_is_a_permutation_that_keeps_the_rim() {
+        let place = |i: u32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400));
+        let positions: Vec<DVec3> =
+            (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1].map(|o| place(i) + o)).collect();
+        let triangles = (0..4000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
+        let ranks = order(&foliage, 7);
+        let mut sorted = ranks.clone();
+        sorted.sort_by(f32::total_cmp);
+        assert!(sorted.iter().enumerate().all(|(i, &r)| r == (i as f64 / 4000.0) as f32));
+        let mean = |inner: bool| {
+            let chosen: Vec<f64> = (0..4000)
+                .filter(|&t| (foliage.corners(t)[0].length() < 0.5) == inner)
+                .map(|t| f64::from(ranks[t]))
+                .collect();
+            chosen.iter().sum::<f64>() / chosen.len() as f64
+        };
+        assert!(mean(false) < mean(true) - 0.02);
+        assert_eq!(rank(9_999_999, 10_000_000).max(0.99), rank(9_999_999, 10_000_000));
+        assert!(rank(199_999_999, 200_000_000) < 1.0);
+    }
+}

@@ -1,0 +1,281 @@
+//! Where each billboard's outline lies on the atlas page.
+//!
+//! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of 2 %) at which all
+//! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles). Known limit: packing is quadratic in the
+//! number of billboards; past some ten thousand it dominates.
+
+use crunch::{Item, Rect, Rotation};
+use glam::{DVec2, DVec3};
+
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::geometry::{Outline, Plane, minimum_rectangle};
+use crate::groups::Groups;
+use crate::transition::Projection;
+
+/// How a sheet is laid out.
+#[derive(Clone, Copy, Debug)]
+pub struct SheetSettings {
+    /// Side of the square page in texels, in [16, 16384].
+    pub size: usize,
+    /// Texels around each outline that belong to nobody, so that filtering does not bleed.
+    pub gutter: usize,
+    /// Each billboard twice, one for either side.
+    pub back_sides: bool,
+}
+
+impl SheetSettings {
+    /// The default gutter for a page of this size: 4 texels at 2048, never less than 2.
+    #[must_use]
+    pub fn of_size(size: usize, back_sides: bool) -> Self {
+        Self { size, gutter: (size / 512).max(2), back_sides }
+    }
+
+    fn check(self) -> Result<()> {
+        if (16..=16_384).contains(&self.size) {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("a texture of {} texels a side; it must lie between 16 and 16384", self.size)))
+    }
+}
+
+/// Texels of the page; row 0 on top.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// Leftmost column.
+    pub x: usize,
+    /// Topmost row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// A plane's outline and its place on the page.
+#[derive(Clone, Copy, Debug)]
+pub struct Billboard {
+    /// The plane of the cloud.
+    pub plane: u32,
+    /// Whether it shows the side that the plane's normal points away from.
+    pub back: bool,
+    /// Local frame; lower left, lower right, upper right, upper left, counter-clockwise seen from the side that it shows.
+    pub corners: [DVec3; 4],
+    /// Where its texture lies.
+    pub region: Region,
+}
+
+/// All billboards of a level on one page.
+#[derive(Clone, Debug)]
+pub struct Sheet {
+    /// Side of the square page in texels.
+    pub size: usize,
+    /// Plane by plane, front before back.
+    pub billboards: Vec<Billboard>,
+}
+
+impl Sheet {
+    /// Places the outlines, one for each plane.
+    ///
+    /// # Errors
+    /// A page size outside its range; more outlines than fit at one texel each.
+    pub fn pack(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
+        settings.check()?;
+        let area: f64 = outlines.iter().map(|o| o.size().x * o.size().y).sum();
+        let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
+        let sides = if settings.back_sides { 2.0 } else { 1.0 };
+        let size = settings.size as f64;
+        let mut density = (size / (area * sides).sqrt()).min(size / longest.max(f64::MIN_POSITIVE));
+        loop {
+            if let Some(packed) = place(outlines, density, settings) {
+                return Ok(Self::build(planes, outlines, &packed, density, settings));
+            }
+            density *= 0.98;
+            if density * longest < 1.0 {
+                return Err(Error::invalid(format!(
+                    "{} billboards do not fit on a texture of {} texels a side; raise the texture size or epsilon",
+                    outlines.len(),
+                    settings.size
+                )));
+            }
+        }
+    }
+
+    fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: SheetSettings) -> Self {
+        let billboards = packed.iter().map(|p| {
+            let plane = planes[p.plane as usize];
+            let outline = if p.turned { outlines[p.plane as usize].turned() } else { outlines[p.plane as usize] };
+            let front = corners(&plane, &outline, p.region, density);
+            let corners = if p.back { [front[1], front[0], front[3], front[2]] } else { front };
+            Billboard { plane: p.plane, back: p.back, corners, region: p.region }
+        });
+        Self { size: settings.size, billboards: billboards.collect() }
+    }
+
+    /// Texels that lie in billboards.
+    #[must_use]
+    pub fn texels(&self) -> usize {
+        self.billboards.iter().map(|b| b.region.width * b.region.height).sum()
+    }
+
+    /// [`Self::texels`] over the texels of the page.
+    #[must_use]
+    pub fn occupancy(&self) -> f64 {
+        self.texels() as f64 / (self.size * self.size) as f64
+    }
+
+    /// Texture coordinates of a billboard's corners: origin in the page's lower left corner, v up.
+    #[must_use]
+    pub fn uvs(&self, billboard: &Billboard) -> [[f32; 2]; 4] {
+        let Region { x, y, width, height } = billboard.region;
+        let size = self.size as f64;
+        let at = |column: usize, row: usize| [(column as f64 / size) as f32, (1.0 - row as f64 / size) as f32];
+        [at(x, y + height), at(x + width, y + height), at(x + width, y), at(x, y)]
+    }
+}
+
+/// The rectangle of least area around what each plane of the cloud shows.
+#[must_use]
+pub fn outlines(cloud: &Cloud, projection: &Projection) -> Vec<Outline> {
+    let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
+    let outline = |(plane, triangles): (&Plane, &[u32])| {
+        let corners = triangles.iter().flat_map(|&t| projection.targets[t as usize]);
+        minimum_rectangle(&in_plane(plane, corners))
+    };
+    cloud.planes.iter().zip(triangles.iter()).map(outline).collect()
+}
+
+/// Coordinates along the plane's axes.
+pub fn in_plane(plane: &Plane, points: impl Iterator<Item = DVec3>) -> Vec<DVec2> {
+    let (x, y) = plane.axes();
+    points.map(|p| DVec2::new(x.dot(p), y.dot(p))).collect()
+}
+
+/// An outline as the packer placed it.
+struct Placed {
+    plane: u32,
+    back: bool,
+    turned: bool,
+    region: Region,
+}
+
+/// Whole texels that cover a length; at least one.
+fn texels(length: f64, density: f64) -> usize {
+    // The hair less keeps 100.0000001 texels, which rounding made of 100, at 100.
+    ((length * density - 1e-6).ceil() as usize).max(1)
+}
+
+fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<Vec<Placed>> {
+    let border = 2 * settings.gutter;
+    let dimensions = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
+    let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
+    let items = outlines.iter().enumerate().flat_map(|(plane, outline)| {
+        let (width, height) = dimensions(outline);
+        sides.iter().map(move |&back| Item::new((plane, back), width, height, Rotation::Allowed))
+    });
+    let mut packed = crunch::pack(Rect::of_size(settings.size, settings.size), items).ok()?;
+    packed.sort_by_key(|p| p.data);
+    let placed = packed.iter().map(|p| Placed {
+        plane: p.data.0 as u32,
+        back: p.data.1,
+        turned: (p.rect.w, p.rect.h) != dimensions(&outlines[p.data.0]),
+        region: Region {
+            x: p.rect.x + settings.gutter,
+            y: p.rect.y + settings.gutter,
+            width: p.rect.w - border,
+            height: p.rect.h - border,
+        },
+    });
+    Some(placed.collect())
+}
+
+/// The corners of a region of whole texels, centred on the outline, as seen from the front.
+fn corners(plane: &Plane, outline: &Outline, region: Region, density: f64) -> [DVec3; 4] {
+    let (x, y) = plane.axes();
+    let lift = |p: DVec2| plane.normal * plane.distance + x * p.x + y * p.y;
+    let middle = (outline.low + outline.high) / 2.0;
+    let centre = outline.x * middle.x + outline.x.perp() * middle.y;
+    let across = outline.x * (region.width as f64 / density / 2.0);
+    let up = outline.x.perp() * (region.height as f64 / density / 2.0);
+    [centre - across - up, centre + across - up, centre + across + up, centre - across + up].map(lift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn rectangle(width: f64, height: f64) -> Outline {
+        Outline { x: DVec2::X, low: DVec2::ZERO, high: DVec2::new(width, height) }
+    }
+
+    const FRONT: Plane = Plane { normal: DVec3::Z, distance: 0.0 };
+
+    fn pack(outlines: &[Outline], back_sides: bool) -> Sheet {
+        let settings = SheetSettings { size: 256, gutter: 2, back_sides };
+        Sheet::pack(&vec![FRONT; outlines.len()], outlines, settings).unwrap()
+    }
+
+    #[test]
+    fn one_square_fills_the_page_but_for_the_gutter() {
+        let sheet = pack(&[rectangle(1.0, 1.0)], false);
+        let Region { width, height, .. } = sheet.billboards[0].region;
+        assert!(width == height && width <= 252 && width >= 247);
+        let [a, b, c, d] = sheet.billboards[0].corners;
+        assert!((b - a).cross(d - a).z > 0.0, "counter-clockwise from the front");
+        assert!((a + c).distance(DVec3::new(1.0, 1.0, 0.0)) < 1e-12, "centred on the outline");
+    }
+
+    #[test]
+    fn backs_mirror_fronts() {
+        let sheet = pack(&[rectangle(2.0, 1.0)], true);
+        let [front, back] = &sheet.billboards[..] else { panic!("a pair") };
+        assert!(!front.back && back.back);
+        let normal = |b: &Billboard| (b.corners[1] - b.corners[0]).cross(b.corners[3] - b.corners[0]).z.signum();
+        assert_eq!((normal(front), normal(back)), (1.0, -1.0));
+    }
+
+    #[test]
+    fn too_many_are_refused() {
+        let settings = SheetSettings { size: 16, gutter: 2, back_sides: false };
+        let outlines = vec![rectangle(1.0, 1.0); 100];
+        let error = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap_err().to_string();
+        assert!(error.contains("100 billboards") && error.contains("16 texels"));
+        assert!(Sheet::pack(&[FRONT], &outlines[..1], SheetSettings { size: 0, ..settings }).is_err());
+    }
+
+    #[test]
+    fn a_page_of_many_is_well_filled() {
+        let outlines: Vec<_> = (0..100u32).map(|i| rectangle(1.0 + f64::from(i % 7), 1.0 + f64::from(i % 5))).collect();
+        let settings = SheetSettings { size: 2048, gutter: 4, back_sides: false };
+        let sheet = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap();
+        assert!(sheet.occupancy() > 0.8, "{}", sheet.occupancy());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        #[test]
+        fn regions_keep_apart_and_densities_agree(sizes in prop::collection::vec((0.0..3.0, 0.0..3.0), 1..40), back in any::<bool>()) {
+            let outlines: Vec<_> = sizes.iter().map(|&(w, h): &(f64, f64)| rectangle(w, h)).collect();
+            prop_assume!(outlines.iter().any(|o| o.size().max_element() > 0.1));
+            let sheet = pack(&outlines, back);
+            prop_assert_eq!(sheet.billboards.len(), outlines.len() * if back { 2 } else { 1 });
+            let mut owners = vec![0u8; 256 * 256];
+            let mut density = None;
+            for b in &sheet.billboards {
+                let Region { x, y, width, height } = b.region;
+                for row in y - 1..=y + height {
+                    for column in x - 1..=x + width {
+                        owners[row * 256 + column] += 1;
+                    }
+                }
+                let length = b.corners[0].distance(b.corners[1]);
+                let here = width as f64 / length;
+                let first = *density.get_or_insert(here);
+                prop_assert!((here / first - 1.0).abs() < 1e-9);
+            }
+            prop_assert!(owners.iter().all(|&o| o <= 1));
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The baked page of a level: what each billboard shows of the leaves behind it.
+
+mod color;
+mod dilate;
+pub mod image;
+mod raster;
+mod surface;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+pub use raster::{Canvas, ScreenTriangle, rasterise};
+
+use crate::error::{Error, Result};
+use crate::foliage::{Foliage, Image};
+use crate::sheet::{Billboard, Sheet};
+
+/// Sub-samples along each side of a texel, in [1, 16].
+#[derive(Clone, Copy, Debug)]
+pub struct Samples(usize);
+
+impl Samples {
+    /// # Errors
+    /// A number outside [1, 16].
+    pub fn new(samples: usize) -> Result<Self> {
+        if (1..=16).contains(&samples) {
+            return Ok(Self(samples));
+        }
+        Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
+    }
+}
+
+impl Default for Samples {
+    /// 4 × 4.
+    fn default() -> Self {
+        Self(4)
+    }
+}
+
+/// A triangle as it is drawn on billboards: where it lies at a = 1, in the frame of the sheet.
+pub struct Drawn<'a> {
+    /// What it belongs to.
+    pub foliage: &'a Foliage,
+    /// Which one it is.
+    pub triangle: usize,
+    /// Its corners in the plane.
+    pub targets: [DVec3; 3],
+    /// Its corners where they really are: what lies higher along the normal hides what lies lower.
+    pub corners: [DVec3; 3],
+}
+
+/// Renders every billboard's triangles into its region of the page.
+///
+/// `drawn` gives the triangles that a plane shows. Colour is filled in under transparent texels, so that no filter finds another.
+pub fn bake<'a>(sheet: &Sheet, samples: Samples, drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync) -> Image {
+    let place = |billboard: &Billboard| {
+        let to_page = ToPage::new(billboard);
+        drawn(billboard.plane).into_iter().map(|d| to_page.place(&d)).collect::<Vec<_>>()
+    };
+    let triangles: Vec<ScreenTriangle> = sheet.billboards.par_iter().flat_map_iter(place).collect();
+    let mut canvas = rasterise(&triangles, sheet.size, sheet.size, samples);
+    dilate::fill_transparent(&mut canvas);
+    canvas.to_image()
+}
+
+/// The map from a billboard's plane to texels of the page.
+struct ToPage {
+    origin: DVec3,
+    /// Texels per unit, along the columns and up the rows.
+    across: DVec3,
+    up: DVec3,
+    normal: DVec3,
+    left: f64,
+    bottom: f64,
+}
+
+impl ToPage {
+    fn new(billboard: &Billboard) -> Self {
+        let [a, b, _, d] = billboard.corners;
+        let (x, y, region) = (b - a, d - a, billboard.region);
+        Self {
+            origin: a,
+            across: x * (region.width as f64 / x.length_squared()),
+            up: y * (region.height as f64 / y.length_squared()),
+            normal: x.cross(y).normalize(),
+            left: region.x as f64,
+            bottom: (region.y + region.height) as f64,
+        }
+    }
+
+    fn place<'a>(&self, drawn: &Drawn<'a>) -> ScreenTriangle<'a> {
+        let position = |i: usize| {
+            let q = drawn.targets[i] - self.origin;
+            let height = self.normal.dot(drawn.corners[i] - self.origin);
+            DVec3::new(self.left + self.across.dot(q), self.bottom - self.up.dot(q), height).as_vec3()
+        };
+        ScreenTriangle { corners: std::array::from_fn(position), foliage: drawn.foliage, triangle: drawn.triangle }
+    }
+}
+
+#[cfg(test)]
+mod tests;

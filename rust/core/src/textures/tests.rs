@@ -1,0 +1,145 @@
+use glam::{DVec2, Vec2, Vec3, Vec4};
+
+use super::*;
+use crate::foliage::{AlphaMode, Attributes, Material};
+use crate::geometry::{Outline, Plane};
+use crate::sheet::SheetSettings;
+
+/// Two triangles, the square [0, 1]² at height `z`.
+fn square(z: f64, material: Material) -> Foliage {
+    let positions = [[0., 0.], [1., 0.], [1., 1.], [0., 1.]].map(|[x, y]| DVec3::new(x, y, z));
+    let corners = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let attributes = Attributes {
+        uvs: vec![[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]],
+        ..Attributes::default()
+    };
+    Foliage::new(&positions, vec![[0, 1, 2], [0, 2, 3]], attributes, vec![material]).unwrap()
+}
+
+fn coloured(color: Vec4) -> Material {
+    Material { base_color: color, ..Material::default() }
+}
+
+/// The square drawn over `size` pixels of a canvas, from above.
+fn screen(foliage: &Foliage, size: f32, z: f32) -> Vec<ScreenTriangle<'_>> {
+    let corner = |x: f32, y: f32| Vec3::new(x * size, (1.0 - y) * size, z);
+    let [a, b, c, d] = [corner(0., 0.), corner(1., 0.), corner(1., 1.), corner(0., 1.)];
+    [[a, b, c], [a, c, d]]
+        .into_iter()
+        .enumerate()
+        .map(|(triangle, corners)| ScreenTriangle { corners, foliage, triangle })
+        .collect()
+}
+
+fn samples(count: usize) -> Samples {
+    Samples::new(count).unwrap()
+}
+
+#[test]
+fn coverage_is_exact_on_the_sample_grid() {
+    let white = square(0.0, Material::default());
+    // 2.5 pixels wide: two full, one half, with 4 samples a side.
+    let canvas = rasterise(&screen(&white, 2.5, 0.0), 4, 4, samples(4));
+    let alpha: Vec<f32> = canvas.pixels[4 * 3..].iter().map(|p| p.w).collect();
+    assert_eq!(alpha, [0.0; 4], "the square hangs from the top: row 3 is empty");
+    let top: Vec<f32> = canvas.pixels[..4].iter().map(|p| p.w).collect();
+    assert_eq!(top, [1.0, 1.0, 0.5, 0.0]);
+}
+
+#[test]
+fn a_canvas_of_many_tiles_has_no_seams() {
+    let white = square(0.0, Material::default());
+    let canvas = rasterise(&screen(&white, 100.0, 0.0), 100, 100, samples(2));
+    assert!(canvas.pixels.iter().all(|p| *p == Vec4::ONE));
+}
+
+#[test]
+fn the_nearer_hides_the_farther_in_any_order() {
+    let red = square(0.0, coloured(Vec4::new(1.0, 0.0, 0.0, 1.0)));
+    let blue = square(0.0, coloured(Vec4::new(0.0, 0.0, 1.0, 1.0)));
+    let (near, far) = (screen(&red, 4.0, 1.0), screen(&blue, 4.0, 0.0));
+    for order in [[near.clone(), far.clone()].concat(), [far, near].concat()] {
+        let canvas = rasterise(&order, 4, 4, samples(1));
+        assert!(canvas.pixels.iter().all(|p| *p == Vec4::new(1.0, 0.0, 0.0, 1.0)));
+    }
+}
+
+#[test]
+fn single_sided_backs_are_not_drawn() {
+    let material = Material { double_sided: false, ..Material::default() };
+    let foliage = square(0.0, material);
+    let mut triangles = screen(&foliage, 4.0, 0.0);
+    assert_eq!(rasterise(&triangles, 4, 4, samples(1)).pixels[5].w, 1.0);
+    for t in &mut triangles {
+        t.corners.swap(1, 2);
+    }
+    assert_eq!(rasterise(&triangles, 4, 4, samples(1)).pixels[5].w, 0.0);
+}
+
+/// A picture whose left half is transparent green, its right half opaque half-grey.
+fn half_image() -> Image {
+    let pixel = |i: usize| if i % 8 < 4 { [0, 255, 0, 0] } else { [128, 128, 128, 255] };
+    Image::new(8, 8, (0..64).map(pixel).collect::<Vec<_>>()).unwrap()
+}
+
+#[test]
+fn masked_texels_let_through_and_do_not_tint() {
+    let material = Material { image: Some(half_image()), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
+    let foliage = square(0.0, material);
+    let image = rasterise(&screen(&foliage, 8.0, 0.0), 8, 8, samples(4)).to_image();
+    for y in 0..8 {
+        // The test passes from the middle between two texels on; the repeating image blends at its rim, too.
+        assert_eq!(image.pixels()[y * 8 + 1][3], 0);
+        for x in 4..7 {
+            assert_eq!(image.pixels()[y * 8 + x], [128, 128, 128, 255]);
+        }
+    }
+}
+
+#[test]
+fn blended_alpha_is_coverage() {
+    for (count, alpha) in [(4, 0.25), (4, 0.5), (5, 0.4), (1, 1.0)] {
+        let material = Material { alpha_mode: AlphaMode::Blend, ..coloured(Vec4::new(1.0, 1.0, 1.0, alpha)) };
+        let foliage = square(0.0, material);
+        let canvas = rasterise(&screen(&foliage, 4.0, 0.0), 4, 4, samples(count));
+        // Exact within a triangle; the pixels of the diagonal hold samples of two.
+        let within = (0..16).filter(|i| i % 4 + i / 4 != 3);
+        assert!(within.map(|i| canvas.pixels[i].w).all(|w| (w - alpha).abs() < 1e-6), "{count} {alpha}");
+    }
+}
+
+#[test]
+fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
+    // Red at the lower left of the leaf, transparent elsewhere.
+    let quarter = |i: usize| if i % 8 < 4 && i / 8 >= 4 { [255, 0, 0, 255] } else { [0, 0, 0, 0] };
+    let image = Image::new(8, 8, (0..64).map(quarter).collect::<Vec<_>>()).unwrap();
+    let foliage = square(0.0, Material { image: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() });
+    let corner = |x: f64, y: f64| foliage.frame().to_local(DVec3::new(x, y, 0.0));
+    let plane = Plane::through(corner(0., 0.), DVec3::Z);
+    // A wide outline cannot be turned unseen.
+    let (low, high) = (corner(-1.0, 0.0), corner(2.0, 1.0));
+    let (x, y) = plane.axes();
+    let along = |p: DVec3| DVec2::new(x.dot(p), y.dot(p));
+    let outline = Outline { x: DVec2::X, low: along(low).min(along(high)), high: along(low).max(along(high)) };
+    let settings = SheetSettings { size: 64, gutter: 2, back_sides: true };
+    let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
+    let drawn = |_: u32| {
+        let drawn =
+            |t| Drawn { foliage: &foliage, triangle: t, targets: foliage.corners(t), corners: foliage.corners(t) };
+        (0..2).map(drawn).collect()
+    };
+    let page = bake(&sheet, samples(4), drawn);
+    for billboard in &sheet.billboards {
+        let to_page = ToPage::new(billboard);
+        let look = |x: f64, y: f64| {
+            let p = corner(x, y);
+            let placed = to_page.place(&Drawn { foliage: &foliage, triangle: 0, targets: [p; 3], corners: [p; 3] });
+            let [column, row] = placed.corners[0].truncate().to_array().map(|c| c.floor() as usize);
+            page.pixels()[row * 64 + column]
+        };
+        assert_eq!(look(0.25, 0.25), [255, 0, 0, 255]);
+        for empty in [look(0.75, 0.25), look(0.25, 0.75), look(-0.5, 0.25)] {
+            assert_eq!(empty, [255, 0, 0, 0], "colour is filled in under what is transparent");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The transition of a level onto the next: where every vertex lies at a = 1, and the law of a.
+//!
+//! A leaf tilted to its plane by cos = |n·n_t| keeps only that share of its area under orthogonal projection: 0.70 over a whole
+//! maple. So the leaf is *laid* into the plane instead, as if turned about its projected pivot: its projection is
+//! stretched along the direction of steepest tilt by up to a limit, so that it keeps its area. The distance along the normal,
+//! which ε bounds, does not change; the motion within the plane is reported beside it.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::cloud::Cloud;
+use crate::foliage::{Foliage, area_vector};
+use crate::geometry::Plane;
+use crate::groups::{Groups, number_by_appearance};
+
+/// Where a level lies at a = 1, in the foliage's local frame; one entry a triangle.
+#[derive(Clone, Debug)]
+pub struct Projection {
+    /// Where each corner lies.
+    pub targets: Vec<[DVec3; 3]>,
+    /// The pivot of each triangle's leaf at a = 0: the centroid of the leaf's area.
+    pub pivots: Vec<DVec3>,
+    /// Where that pivot lies at a = 1.
+    pub pivot_targets: Vec<DVec3>,
+}
+
+impl Projection {
+    /// Lays every leaf into its plane; `stretch` ≥ 1 limits the stretch (1: orthogonal projection).
+    ///
+    /// The triangles of a leaf that share a plane move by one map; a leaf on several planes has one map for each.
+    #[must_use]
+    pub fn new(foliage: &Foliage, cloud: &Cloud, stretch: f64) -> Self {
+        let leaf_pivots: Vec<DVec3> = foliage.leaves().iter().map(|triangles| centroid(foliage, triangles)).collect();
+        let pivots: Vec<DVec3> = foliage.leaf_ids().iter().map(|&leaf| leaf_pivots[leaf as usize]).collect();
+        let parts = foliage.leaf_ids().iter().zip(&cloud.parents);
+        let (part_of, part_count) = number_by_appearance(parts);
+        let parts = Groups::by_key(&part_of, part_count);
+        let lay = |part: usize| {
+            let triangles = parts.get(part);
+            let first = triangles[0] as usize;
+            Lay::new(foliage, triangles, cloud.planes[cloud.parents[first] as usize], pivots[first], stretch)
+        };
+        let lays: Vec<Lay> = (0..part_count).into_par_iter().map(lay).collect();
+        let of = |triangle: usize| &lays[part_of[triangle] as usize];
+        let count = foliage.triangle_count();
+        Self {
+            targets: (0..count).into_par_iter().map(|t| foliage.corners(t).map(|p| of(t).target(p))).collect(),
+            pivot_targets: (0..count).into_par_iter().map(|t| of(t).pivot).collect(),
+            pivots,
+        }
+    }
+
+    /// The greatest distance that a corner moves within its plane, local units.
+    #[must_use]
+    pub fn in_plane_motion(&self, foliage: &Foliage, cloud: &Cloud) -> f64 {
+        let motion = |t: usize| {
+            let plane = cloud.planes[cloud.parents[t] as usize];
+            let moved = foliage.corners(t).into_iter().zip(self.targets[t]).map(|(p, q)| plane.project(p).distance(q));
+            moved.fold(0.0, f64::max)
+        };
+        (0..foliage.triangle_count()).map(motion).fold(0.0, f64::max)
+    }
+}
+
+/// The centroid of the triangles' area; the mean of their corners when there is no area.
+fn centroid(foliage: &Foliage, triangles: &[u32]) -> DVec3 {
+    let mut weighted = (DVec3::ZERO, 0.0);
+    let mut plain = DVec3::ZERO;
+    for &t in triangles {
+        let corners = foliage.corners(t as usize);
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let area = area_vector(corners).length();
+        weighted = (weighted.0 + middle * area, weighted.1 + area);
+        plain += middle;
+    }
+    if weighted.1 > 0.0 { weighted.0 / weighted.1 } else { plain / triangles.len() as f64 }
+}
+
+/// The affine map that lays one leaf into its plane.
+struct Lay {
+    plane: Plane,
+    /// The projected pivot, which stays.
+    pivot: DVec3,
+    /// In the plane, where the leaf is steepest; zero when nothing is stretched.
+    steepest: DVec3,
+    /// How much is added along it: stretch − 1.
+    excess: f64,
+}
+
+impl Lay {
+    fn new(foliage: &Foliage, triangles: &[u32], plane: Plane, pivot: DVec3, limit: f64) -> Self {
+        let (mut sum, mut area, mut projected) = (DVec3::ZERO, 0.0, 0.0);
+        for &t in triangles {
+            let vector = foliage.area_vector(t as usize);
+            sum += if vector.dot(sum) < 0.0 { -vector } else { vector };
+            area += vector.length();
+            projected += vector.dot(plane.normal).abs();
+        }
+        let steepest = (sum - plane.normal * sum.dot(plane.normal)).try_normalize();
+        let stretch = if projected > 0.0 { (area / projected).clamp(1.0, limit) } else { limit };
+        Self {
+            plane,
+            pivot: plane.project(pivot),
+            excess: if steepest.is_some() { stretch - 1.0 } else { 0.0 },
+            steepest: steepest.unwrap_or(DVec3::ZERO),
+        }
+    }
+
+    fn target(&self, point: DVec3) -> DVec3 {
+        let projected = self.plane.project(point);
+        projected + self.steepest * (self.excess * self.steepest.dot(projected - self.pivot))
+    }
+}
+
+/// The law of a: 0 up to `start`, 1 from `end`, linear between; a step at `end` when `end ≤ start`. A distance that is NaN
+/// (no camera) gives 0.
+#[must_use]
+pub fn transition(distance: f64, start: f64, end: f64) -> f64 {
+    if end <= start || distance.is_nan() {
+        return f64::from(distance >= end);
+    }
+    ((distance - start) / (end - start)).clamp(0.0, 1.0)
+}
+
+/// The distance from which a length of `deviation` is seen smaller than `pixels` by a perspective camera of `resolution` pixels
+/// over the angle `field_of_view` (radians): d = δ · res / (2 · px · tan(fov/2)).
+#[must_use]
+pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_view: f64) -> f64 {
+    deviation * resolution / (2.0 * pixels * libm::tan(field_of_view / 2.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::foliage::Attributes;
+
+    /// A unit square leaf tilted about the x axis so that its normal is at `cosine` to z, centred on the z axis at `height`.
+    fn tilted(cosine: f64, height: f64) -> (Foliage, Cloud) {
+        let sine = (1.0 - cosine * cosine).sqrt();
+        let along = DVec3::new(0.0, cosine, sine) * 0.5;
+        let x = DVec3::X * 0.5;
+        let centre = DVec3::Z * height;
+        let corners = [centre - x - along, centre + x - along, centre + x + along, centre - x + along];
+        let foliage = Foliage::new(&corners, vec![[0, 1, 2], [0, 2, 3]], Attributes::default(), vec![]).unwrap();
+        let local = foliage.frame().to_local(DVec3::ZERO);
+        let plane = Plane::through(local, DVec3::Z);
+        let cloud = Cloud::new(&foliage, vec![plane], vec![0, 0], 10.0);
+        (foliage, cloud)
+    }
+
+    fn area(targets: &[[DVec3; 3]], foliage: &Foliage) -> f64 {
+        targets.iter().map(|&t| area_vector(t).length()).sum::<f64>() * foliage.frame().radius.powi(2)
+    }
+
+    #[test]
+    fn orthogonal_projection_keeps_the_cosine() {
+        let (foliage, cloud) = tilted(0.8, 0.3);
+        let projection = Projection::new(&foliage, &cloud, 1.0);
+        assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-12);
+        assert!(projection.in_plane_motion(&foliage, &cloud) < 1e-12);
+    }
+
+    #[test]
+    fn laying_keeps_the_area_up_to_the_limit() {
+        for (cosine, limit, expected) in [(0.8, 2.0, 1.0), (0.5, 2.0, 1.0), (0.4, 1.5, 0.6)] {
+            let (foliage, cloud) = tilted(cosine, 0.3);
+            let projection = Projection::new(&foliage, &cloud, limit);
+            assert!((area(&projection.targets, &foliage) - expected).abs() < 1e-12, "cos {cosine}");
+            for target in projection.targets.iter().flatten().chain(&projection.pivot_targets) {
+                assert!(cloud.planes[0].height(*target).abs() < 1e-12);
+            }
+            // The square keeps its side along x and its centre.
+            let caller = |p: DVec3| foliage.frame().to_caller(p);
+            let [a, b, _] = projection.targets[0].map(caller);
+            assert!((a.distance(b) - 1.0).abs() < 1e-12);
+            assert!(caller(projection.pivot_targets[0]).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_law_of_a() {
+        let at = |d: f64| transition(d, 2.0, 4.0);
+        assert_eq!([at(0.0), at(2.0), at(3.0), at(4.0), at(9.0)], [0.0, 0.0, 0.5, 1.0, 1.0]);
+        assert_eq!([at(f64::NAN), at(f64::INFINITY)], [0.0, 1.0]);
+        assert_eq!([transition(1.0, 2.0, 2.0), transition(2.0, 2.0, 2.0)], [0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_unit_at_the_switch_distance_covers_the_pixels() {
+        // 90°: at distance d the picture is 2d high.
+        let d = switch_distance(1.0, 8.0, 1000.0, std::f64::consts::FRAC_PI_2);
+        assert!((1000.0 / (2.0 * d) - 8.0).abs() < 1e-12);
+    }
+}

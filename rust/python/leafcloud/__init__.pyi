@@ -1,0 +1,314 @@
+"""Leafcloud: levels of detail for foliage that do not pop.
+
+Conventions, the same in every function:
+
+* positions and distances are in the caller's units and coordinates, angles do not occur;
+* shares (deviations, ``epsilon``) are fractions of the radius ``R`` of the foliage's bounding sphere
+  (centre of the axis-aligned box, farthest vertex);
+* texture coordinates have their origin in the lower left corner, v up (Blender's convention);
+  images are ``(height, width, 4)`` uint8 arrays, row 0 on top, sRGB with straight alpha;
+* ``t`` is the number of triangles of the foliage that was fitted, ``k`` of planes, ``b`` of billboards.
+
+Everything is deterministic: the same input, settings and seed give the same bytes on any number of
+threads and on any machine. Every refusal is a :class:`LeafcloudError` whose message names the value, its
+limit and the remedy.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Generic, Literal, TypedDict, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+
+AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
+Method = Literal["stochastic"]
+Progress = Callable[[str, float], bool | None]
+"""Called with the stage and the fraction done in [0, 1]; returning ``False`` cancels."""
+
+_T = TypeVar("_T", covariant=True)
+
+class LeafcloudError(Exception):
+    """The base of everything that Leafcloud refuses."""
+
+class CancelledError(LeafcloudError):
+    """The work was cancelled by its caller."""
+
+class Material:
+    """What a triangle's surface looks like.
+
+    ``base_color`` is a linear RGBA factor; ``image`` an sRGB RGBA image ``(h, w, 4)`` uint8 that repeats outside
+    [0, 1]. ``alpha_cutoff`` counts for ``MASK`` only. A material that is not ``double_sided`` shows the
+    side from which its triangles wind counter-clockwise.
+    """
+    def __init__(
+        self,
+        name: str = "leaf",
+        *,
+        base_color: Sequence[float] = (1.0, 1.0, 1.0, 1.0),
+        image: NDArray[np.uint8] | None = None,
+        alpha_mode: AlphaMode = "OPAQUE",
+        alpha_cutoff: float = 0.5,
+        double_sided: bool = True,
+    ) -> None: ...
+    @property
+    def name(self) -> str: ...
+
+class Foliage:
+    """Triangles, their leaves and how they look, in a local frame.
+
+    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or
+    per corner (t, 3, 2); ``colors`` linear RGBA that multiply the base colour, per vertex (v, 4) or per corner
+    (t, 3, 4); ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a
+    leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or
+    an edge whose two ends coincide exactly.
+
+    Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays
+    of the wrong shape, and when all triangles have zero area.
+    """
+    def __init__(
+        self,
+        positions: ArrayLike,
+        triangles: ArrayLike,
+        *,
+        uvs: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+        material_ids: ArrayLike | None = None,
+        materials: Sequence[Material] | None = None,
+        leaf_ids: ArrayLike | None = None,
+    ) -> None: ...
+    @property
+    def centre(self) -> NDArray[np.float64]: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def triangle_count(self) -> int: ...
+    @property
+    def leaf_count(self) -> int: ...
+    @property
+    def leaf_ids(self) -> NDArray[np.uint32]:
+        """(t,) the leaf of each triangle, 0 … leaf_count − 1 in order of first appearance."""
+
+class Cloud:
+    """What a fit decides: planes, and the parent of every triangle."""
+    @property
+    def planes(self) -> NDArray[np.float64]:
+        """(k, 4) unit normal n and distance d: a point p lies at n·p − d, in the caller's coordinates."""
+    @property
+    def parents(self) -> NDArray[np.uint32]:
+        """(t,) the plane of each triangle."""
+    @property
+    def deviations(self) -> NDArray[np.float64]:
+        """(t,) the greatest distance of the triangle's vertices to its plane, caller's units; never above ``epsilon`` × R."""
+    @property
+    def epsilon(self) -> float:
+        """The bound, as a share of R."""
+    @property
+    def max_deviation(self) -> float:
+        """Share of R."""
+    @property
+    def mean_deviation(self) -> float:
+        """Area-weighted mean of ``deviations``, share of R."""
+
+class BakeSeconds(TypedDict):
+    fit: float
+    pack: float
+    bake: float
+
+class Level:
+    """A cloud with its outlines, its atlas page and the transition of the level before onto it.
+
+    The level before is the leaves for level 1, the billboards of the level before for the others, as two triangles a
+    billboard: corners (0, 1, 2) and (0, 2, 3).
+    """
+    @property
+    def cloud(self) -> Cloud | None:
+        """``None`` for the cross, which has no parents."""
+    @property
+    def method(self) -> str:
+        """The fitter's name, or "cross"."""
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """(b, 4, 3) counter-clockwise seen from the side that shows the texture; lower left, lower right, upper right, upper left."""
+    @property
+    def uvs(self) -> NDArray[np.float32]:
+        """(b, 4, 2)"""
+    @property
+    def plane_ids(self) -> NDArray[np.uint32]:
+        """(b,) the plane of each billboard."""
+    @property
+    def two_sided(self) -> bool:
+        """Whether the two sides show different textures: then billboards come as pairs of single-sided quads, else each is double-sided."""
+    @property
+    def ranks(self) -> NDArray[np.float32]:
+        """(b,) the billboards' own places in the pruning order, in [0, 1)."""
+    @property
+    def base_color(self) -> NDArray[np.uint8]:
+        """(h, w, 4) the atlas page: sRGB, straight alpha, colours dilated under transparent texels."""
+    @property
+    def alpha_cutoff(self) -> float: ...
+    @property
+    def texels(self) -> int:
+        """Texels of the page that lie in billboards."""
+    @property
+    def occupancy(self) -> float:
+        """``texels`` over the page's texels."""
+    @property
+    def targets(self) -> NDArray[np.float64]:
+        """(t, 3, 3) where each corner of the level before lies at a = 1. Empty (0, 3, 3) for the cross."""
+    @property
+    def pivots(self) -> NDArray[np.float64]:
+        """(t, 3) the pivot of each triangle's leaf."""
+    @property
+    def pivot_targets(self) -> NDArray[np.float64]:
+        """(t, 3) where that pivot lies at a = 1."""
+    @property
+    def in_plane_motion(self) -> float:
+        """The greatest distance that a vertex moves within its plane, share of R."""
+    @property
+    def mean_deviation(self) -> float:
+        """Area-weighted mean deviation from the level before (the cross: of the vertices, from the nearer plane), share of R."""
+    @property
+    def max_deviation_leaves(self) -> float:
+        """Upper bound of the distance between a leaf's point and its place on this level along the normals passed, share of R."""
+    @property
+    def coverage(self) -> float:
+        """Rendered coverage over that of the leaves, mean of the judge's views."""
+    @property
+    def image_error(self) -> float:
+        """The judge's image error against the leaves."""
+    @property
+    def seconds(self) -> BakeSeconds: ...
+    def foliage(self) -> Foliage:
+        """The billboards as foliage again."""
+
+class Chain:
+    """All levels behind the leaves, finest first."""
+    @property
+    def levels(self) -> list[Level]: ...
+    @property
+    def ranks(self) -> NDArray[np.float32]:
+        """(leaf_count,) each leaf's place in the pruning order, in [0, 1)."""
+
+class Job(Generic[_T]):
+    """Work on a Rust thread. Never touches Python objects while it runs."""
+    @property
+    def stage(self) -> str: ...
+    @property
+    def fraction(self) -> float:
+        """In [0, 1], never falling."""
+    @property
+    def done(self) -> bool: ...
+    @property
+    def best(self) -> _T | None:
+        """The best complete result so far; ``None`` until there is one."""
+    def cancel(self) -> None: ...
+    def result(self, timeout: float | None = None) -> _T:
+        """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds, ``TimeoutError``."""
+
+def fit(
+    foliage: Foliage,
+    *,
+    method: Method = "stochastic",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = True,
+    facing: float = 0.5,
+    progress: Progress | None = None,
+) -> Cloud:
+    """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
+
+    ``epsilon`` in (0, 1]; ``candidates`` ≥ 1, planes tried per billboard; ``whole_leaves`` keeps the triangles of a
+    leaf on one plane whenever one plane holds them all; ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared relative
+    deviation when a leaf chooses among the planes that hold it (0: the nearest plane).
+    """
+
+def start_fit(
+    foliage: Foliage,
+    *,
+    method: Method = "stochastic",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = True,
+    facing: float = 0.5,
+) -> Job[Cloud]: ...
+def build_chain(
+    foliage: Foliage,
+    *,
+    wood: Foliage | None = None,
+    levels: int = 2,
+    cross: bool = True,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    texture_size: int = 2048,
+    samples: int = 4,
+    back_sides: bool | None = None,
+    method: Method = "stochastic",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = True,
+    facing: float = 0.5,
+    progress: Progress | None = None,
+) -> Chain:
+    """Fits, packs and bakes every level.
+
+    Level i has ``epsilon`` · 2.5^(i−1) (of the leaves' R) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the cross only.
+    ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
+    """
+
+def start_chain(
+    foliage: Foliage,
+    *,
+    wood: Foliage | None = None,
+    levels: int = 2,
+    cross: bool = True,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    texture_size: int = 2048,
+    samples: int = 4,
+    back_sides: bool | None = None,
+    method: Method = "stochastic",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = True,
+    facing: float = 0.5,
+) -> Job[Chain]: ...
+def render(
+    parts: Sequence[Foliage],
+    direction: Sequence[float],
+    size: int,
+    *,
+    centre: Sequence[float],
+    radius: float,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    samples: int = 4,
+) -> NDArray[np.uint8]:
+    """An orthographic, flat-lit picture (size, size, 4): base colours seen against ``direction`` (from the centre to the eye)."""
+
+def write_png(path: str, image: NDArray[np.uint8]) -> None:
+    """Writes an (h, w, 4) sRGB image; the same bytes for the same pixels."""
+
+def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:
+    """The foliage of a .glb or .gltf file, without Blender: meshes and materials whose node, mesh or material name
+    contains one of ``names`` (default: leaf, leaves, foliage, needle, frond). Z up."""
+
+def keep(distance: float, start: float, half: float = 0.5) -> float:
+    """λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at ``distance``; ``start`` d₀ > 0, ``half`` h in (0, ½]."""
+
+def leaf_scale(rank: float, keep: float) -> float:
+    """The ramp r in [0, 1]: 1 for the first 95 % of the drawn leaves, linear to 0 at rank = λ."""
+
+def area_scale(ranks: ArrayLike, areas: ArrayLike, keep: float) -> float:
+    """s = √(ΣA / Σ A·r²): the linear factor that keeps the covered area when the leaves with ``ranks`` and ``areas`` are pruned to λ."""
+
+def transition(distance: float, start: float, end: float) -> float:
+    """a: 0 up to ``start``, 1 from ``end``, linear between."""
+
+def switch_distance(deviation: float, pixels: float, resolution: float, field_of_view: float) -> float:
+    """The distance from which ``deviation`` (caller's units) is seen smaller than ``pixels``; vertical resolution in pixels and
+    field of view in radians of a perspective camera."""
+

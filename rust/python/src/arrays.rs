@@ -1,0 +1,156 @@
+//! NumPy arrays to the core's vectors and back.
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use leafcloud::Image;
+use numpy::ndarray::ArrayView2;
+use numpy::{
+    AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayDescrMethods, PyArrayLike2, PyArrayLikeDyn,
+    PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::errors::refuse;
+
+/// A (rows, 3) array of floats.
+pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
+    let array = value
+        .extract::<PyArrayLike2<f64, AllowTypeChange>>()
+        .map_err(|_| refuse(format!("{name} must be an array of floats of shape (rows, 3)")))?;
+    let view = array.as_array();
+    expect_columns(&view, 3, name)?;
+    Ok(view.outer_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+}
+
+/// A (rows, 3) array of indices.
+pub fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
+    let array = integers(value, "triangles")?;
+    let view = array.as_array();
+    let shape = view.shape().to_vec();
+    if shape.len() != 2 || (shape[1] != 3 && shape[0] != 0) {
+        return Err(refuse(format!("triangles has the shape {shape:?}; it must be (rows, 3)")));
+    }
+    let index = |&i: &i64| u32::try_from(i).map_err(|_| refuse(format!("triangle index {i} is out of range")));
+    let flat = view.iter().map(index).collect::<PyResult<Vec<u32>>>()?;
+    Ok(flat.as_chunks::<3>().0.to_vec())
+}
+
+/// A (rows,) array of integers.
+pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
+    let array = integers(value, name)?;
+    let view = array.as_array();
+    if view.ndim() != 1 {
+        return Err(refuse(format!("{name} has the shape {:?}; it must be (rows,)", view.shape())));
+    }
+    Ok(view.iter().copied().collect())
+}
+
+fn integers<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyArrayLikeDyn<'py, i64, AllowTypeChange>> {
+    if let Ok(array) = value.cast::<PyUntypedArray>()
+        && !array.is_empty()
+        && !matches!(array.dtype().kind(), b'i' | b'u')
+    {
+        return Err(refuse(format!("{name} must be integers, not {}", array.dtype())));
+    }
+    value.extract().map_err(|_| refuse(format!("{name} must be an array of integers")))
+}
+
+/// Floats per vertex (v, N) or per corner (t, 3, N), as rows of N per corner.
+pub fn corner_values<const N: usize>(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    triangles: &[[u32; 3]],
+) -> PyResult<Vec<[[f32; N]; 3]>> {
+    let array = value
+        .extract::<PyArrayLikeDyn<f32, AllowTypeChange>>()
+        .map_err(|_| refuse(format!("{name} must be an array of floats")))?;
+    let view = array.as_array();
+    let shape = view.shape().to_vec();
+    let flat: Vec<f32> = view.iter().copied().collect();
+    let rows = flat.as_chunks::<N>().0;
+    match shape[..] {
+        [count, 3, n] if n == N && count == triangles.len() => Ok(rows.as_chunks::<3>().0.to_vec()),
+        [count, n] if n == N => {
+            let corner = |&v: &u32| {
+                rows.get(v as usize)
+                    .copied()
+                    .ok_or_else(|| refuse(format!("{name} has {count} rows, but a triangle uses vertex {v}")))
+            };
+            triangles.iter().map(|t| Ok([corner(&t[0])?, corner(&t[1])?, corner(&t[2])?])).collect()
+        }
+        _ => Err(refuse(format!(
+            "{name} has the shape {shape:?}; it must be (vertices, {N}) or ({}, 3, {N})",
+            triangles.len()
+        ))),
+    }
+}
+
+/// An (h, w, 4) array of bytes.
+pub fn image(value: &Bound<'_, PyAny>) -> PyResult<Image> {
+    let array =
+        value.cast::<PyArray3<u8>>().map_err(|_| refuse("an image must be a uint8 array of shape (h, w, 4)"))?;
+    let array = array.try_readonly().map_err(|_| refuse("the image is being written to"))?;
+    let view = array.as_array();
+    let &[height, width, channels] = view.shape() else { return Err(refuse("an image has three axes")) };
+    if channels != 4 {
+        return Err(refuse(format!("an image has {channels} channels; it must have 4 (RGBA)")));
+    }
+    let flat: Vec<u8> = view.iter().copied().collect();
+    Image::new(width, height, flat.as_chunks::<4>().0.to_vec()).map_err(|e| refuse(e.to_string()))
+}
+
+/// An image as an (h, w, 4) array.
+pub fn image_array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let flat: Bound<'py, PyArray1<u8>> = image.pixels().as_flattened().to_vec().into_pyarray(py);
+    flat.reshape([image.height(), image.width(), 4])
+}
+
+/// Rows of three floats.
+pub fn vector_rows<'py>(
+    py: Python<'py>,
+    points: impl Iterator<Item = DVec3>,
+) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+    let flat: Vec<f64> = points.flat_map(|p| p.to_array()).collect();
+    let rows = flat.len() / 3;
+    flat.into_pyarray(py).reshape([rows, 3])
+}
+
+/// Rows of `M` points each.
+pub fn point_groups<'py, const M: usize>(
+    py: Python<'py>,
+    groups: impl Iterator<Item = [DVec3; M]>,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let flat: Vec<f64> = groups.flatten().flat_map(|p| p.to_array()).collect();
+    let rows = flat.len() / (3 * M);
+    flat.into_pyarray(py).reshape([rows, M, 3])
+}
+
+/// Three floats.
+pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+    let values: Vec<f64> = value.extract().map_err(|_| refuse(format!("{name} must be three floats")))?;
+    match values[..] {
+        [x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => Err(refuse(format!("{name} has {} values; it must have three", values.len()))),
+    }
+}
+
+fn expect_columns(view: &ArrayView2<'_, f64>, columns: usize, name: &str) -> PyResult<()> {
+    if view.ncols() == columns {
+        return Ok(());
+    }
+    Err(refuse(format!("{name} has the shape {:?}; it must be (rows, {columns})", view.shape())))
+}
+
+/// Arrays of N floats as vectors.
+pub fn to_vec2(corners: Vec<[[f32; 2]; 3]>) -> Vec<[Vec2; 3]> {
+    corners.into_iter().map(|c| c.map(Vec2::from_array)).collect()
+}
+
+/// Arrays of three floats as vectors.
+pub fn to_vec3(corners: Vec<[[f32; 3]; 3]>) -> Vec<[Vec3; 3]> {
+    corners.into_iter().map(|c| c.map(Vec3::from_array)).collect()
+}
+
+/// Arrays of four floats as vectors.
+pub fn to_vec4(corners: Vec<[[f32; 4]; 3]>) -> Vec<[Vec4; 3]> {
+    corners.into_iter().map(|c| c.map(Vec4::from_array)).collect()
+}

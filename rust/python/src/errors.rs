@@ -1,0 +1,60 @@
+//! The core's errors as Python's, and the wall that no panic passes.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use leafcloud::Error;
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+
+create_exception!(leafcloud, LeafcloudError, PyException);
+create_exception!(leafcloud, CancelledError, LeafcloudError);
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("LeafcloudError", module.py().get_type::<LeafcloudError>())?;
+    module.add("CancelledError", module.py().get_type::<CancelledError>())
+}
+
+/// A failure that can be kept and told more than once.
+#[derive(Clone, Debug)]
+pub enum Failure {
+    Cancelled,
+    Refused(String),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Cancelled => Self::Cancelled,
+            other => Self::Refused(other.to_string()),
+        }
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Cancelled => CancelledError::new_err("cancelled"),
+            Failure::Refused(message) => LeafcloudError::new_err(message),
+        }
+    }
+}
+
+/// A [`LeafcloudError`] with this message.
+pub fn refuse(message: impl Into<String>) -> PyErr {
+    LeafcloudError::new_err(message.into())
+}
+
+/// Runs work of the core; a panic in it becomes an error like any other, so that it can never take its host down.
+pub fn guard<T>(work: impl FnOnce() -> leafcloud::Result<T>) -> Result<T, Failure> {
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(result) => result.map_err(Failure::from),
+        Err(panic) => Err(Failure::Refused(format!("internal error, please report it: {}", panic_message(&*panic)))),
+    }
+}
+
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    let owned = panic.downcast_ref::<String>().map(String::as_str);
+    owned.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}

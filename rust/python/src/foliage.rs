@@ -1,0 +1,117 @@
+//! `Material` and `Foliage`.
+
+use std::sync::Arc;
+
+use glam::Vec4;
+use leafcloud::{AlphaMode, Attributes, Foliage, Material};
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::errors::{guard, refuse};
+
+#[pyclass(name = "Material", module = "leafcloud", frozen)]
+#[derive(Clone)]
+pub struct PyMaterial(pub Material);
+
+#[pymethods]
+impl PyMaterial {
+    #[new]
+    #[pyo3(signature = (name = "leaf", *, base_color = [1.0; 4], image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true))]
+    fn new(
+        name: &str,
+        base_color: [f32; 4],
+        image: Option<&Bound<'_, PyAny>>,
+        alpha_mode: &str,
+        alpha_cutoff: f32,
+        double_sided: bool,
+    ) -> PyResult<Self> {
+        let alpha_mode = match alpha_mode {
+            "OPAQUE" => AlphaMode::Opaque,
+            "MASK" => AlphaMode::Mask(alpha_cutoff),
+            "BLEND" => AlphaMode::Blend,
+            other => return Err(refuse(format!("alpha_mode is {other:?}; it must be OPAQUE, MASK or BLEND"))),
+        };
+        let image = image.map(arrays::image).transpose()?;
+        let material = Material {
+            name: name.to_owned(),
+            base_color: Vec4::from_array(base_color),
+            image,
+            alpha_mode,
+            double_sided,
+        };
+        material.check().map_err(|e| refuse(e.to_string()))?;
+        Ok(Self(material))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+}
+
+#[pyclass(name = "Foliage", module = "leafcloud", frozen)]
+pub struct PyFoliage(pub Arc<Foliage>);
+
+#[pymethods]
+impl PyFoliage {
+    #[new]
+    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, material_ids = None, materials = None, leaf_ids = None))]
+    #[allow(clippy::too_many_arguments)] // the Python signature
+    fn new(
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        uvs: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'_, PyAny>>,
+        colors: Option<&Bound<'_, PyAny>>,
+        material_ids: Option<&Bound<'_, PyAny>>,
+        materials: Option<Vec<Bound<'_, PyMaterial>>>,
+        leaf_ids: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let positions = arrays::points(positions, "positions")?;
+        let triangles = arrays::triangles(triangles)?;
+        let attributes = Attributes {
+            uvs: uvs.map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "uvs", &triangles).map(arrays::to_vec2))?,
+            normals: normals
+                .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "normals", &triangles).map(arrays::to_vec3))?,
+            colors: colors
+                .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "colors", &triangles).map(arrays::to_vec4))?,
+            material_ids: material_ids.map_or(Ok(Vec::new()), material_indices)?,
+            leaf_ids: leaf_ids.map_or(Ok(Vec::new()), |v| arrays::identifiers(v, "leaf_ids"))?,
+        };
+        let materials = materials.unwrap_or_default().iter().map(|m| m.get().0.clone()).collect();
+        let foliage = py.detach(|| guard(|| Foliage::new(&positions, triangles, attributes, materials)))?;
+        Ok(Self(Arc::new(foliage)))
+    }
+
+    #[getter]
+    fn centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.frame().centre.to_array().to_vec().into_pyarray(py)
+    }
+
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.0.frame().radius
+    }
+
+    #[getter]
+    fn triangle_count(&self) -> usize {
+        self.0.triangle_count()
+    }
+
+    #[getter]
+    fn leaf_count(&self) -> usize {
+        self.0.leaf_count()
+    }
+
+    #[getter]
+    fn leaf_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.leaf_ids().to_vec().into_pyarray(py)
+    }
+}
+
+fn material_indices(value: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
+    let index = |i: i64| u32::try_from(i).map_err(|_| refuse(format!("material id {i} is out of range")));
+    arrays::identifiers(value, "material_ids")?.into_iter().map(index).collect()
+}

@@ -1,0 +1,229 @@
+//! `Cloud`, `Level` and `Chain`: what comes out, in the caller's coordinates.
+
+use std::sync::Arc;
+
+use leafcloud::Cloud;
+use leafcloud::geometry::{Frame, Plane};
+use leafcloud::lod::{Chain, Level};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{image_array, point_groups, vector_rows};
+use crate::errors::Failure;
+use crate::foliage::PyFoliage;
+
+/// A cloud with what is needed to speak of it to the caller.
+#[derive(Clone)]
+pub struct CloudInFrame {
+    pub cloud: Arc<Cloud>,
+    pub frame: Frame,
+    /// R, of which ε and deviations are shares.
+    pub radius: f64,
+    /// Area-weighted, caller's units.
+    pub mean_deviation: f64,
+}
+
+#[pyclass(name = "Cloud", module = "leafcloud", frozen)]
+pub struct PyCloud(pub CloudInFrame);
+
+#[pymethods]
+impl PyCloud {
+    #[getter]
+    fn planes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let row = |plane: &Plane| {
+            let Plane { normal, distance } = plane.to_caller(&self.0.frame);
+            [normal.x, normal.y, normal.z, distance]
+        };
+        let flat: Vec<f64> = self.0.cloud.planes.iter().flat_map(row).collect();
+        flat.into_pyarray(py).reshape([self.0.cloud.planes.len(), 4])
+    }
+
+    #[getter]
+    fn parents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.0.cloud.parents.clone().into_pyarray(py)
+    }
+
+    #[getter]
+    fn deviations<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.cloud.deviations.clone().into_pyarray(py)
+    }
+
+    #[getter]
+    fn epsilon(&self) -> f64 {
+        self.0.cloud.bound / self.0.radius
+    }
+
+    #[getter]
+    fn max_deviation(&self) -> f64 {
+        self.0.cloud.max_deviation() / self.0.radius
+    }
+
+    #[getter]
+    fn mean_deviation(&self) -> f64 {
+        self.0.mean_deviation / self.0.radius
+    }
+}
+
+#[pyclass(name = "Chain", module = "leafcloud", frozen)]
+pub struct PyChain {
+    pub chain: Arc<Chain>,
+    /// R of the leaves.
+    pub radius: f64,
+}
+
+#[pymethods]
+impl PyChain {
+    #[getter]
+    fn levels(&self) -> Vec<PyLevel> {
+        let level = |index| PyLevel { chain: Arc::clone(&self.chain), index, radius: self.radius };
+        (0..self.chain.levels.len()).map(level).collect()
+    }
+
+    #[getter]
+    fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.chain.ranks.clone().into_pyarray(py)
+    }
+}
+
+#[pyclass(name = "Level", module = "leafcloud", frozen)]
+pub struct PyLevel {
+    chain: Arc<Chain>,
+    index: usize,
+    radius: f64,
+}
+
+impl PyLevel {
+    fn level(&self) -> &Level {
+        &self.chain.levels[self.index]
+    }
+}
+
+#[pymethods]
+impl PyLevel {
+    #[getter]
+    fn cloud(&self) -> Option<PyCloud> {
+        let level = self.level();
+        level.cloud.as_ref().map(|cloud| {
+            PyCloud(CloudInFrame {
+                cloud: Arc::new(cloud.clone()),
+                frame: level.frame,
+                radius: self.radius,
+                mean_deviation: level.mean_deviation,
+            })
+        })
+    }
+
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.level().method
+    }
+
+    #[getter]
+    fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let frame = self.level().frame;
+        point_groups(py, self.level().sheet.billboards.iter().map(|b| b.corners.map(|p| frame.to_caller(p))))
+    }
+
+    #[getter]
+    fn uvs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let sheet = &self.level().sheet;
+        let flat: Vec<f32> = sheet.billboards.iter().flat_map(|b| sheet.uvs(b)).flatten().collect();
+        flat.into_pyarray(py).reshape([sheet.billboards.len(), 4, 2])
+    }
+
+    #[getter]
+    fn plane_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let ids: Vec<u32> = self.level().sheet.billboards.iter().map(|b| b.plane).collect();
+        ids.into_pyarray(py)
+    }
+
+    #[getter]
+    fn two_sided(&self) -> bool {
+        self.level().two_sided
+    }
+
+    #[getter]
+    fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.level().ranks.clone().into_pyarray(py)
+    }
+
+    #[getter]
+    fn base_color<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        image_array(py, &self.level().page)
+    }
+
+    #[getter]
+    fn alpha_cutoff(&self) -> f32 {
+        self.level().alpha_cutoff
+    }
+
+    #[getter]
+    fn texels(&self) -> usize {
+        self.level().sheet.texels()
+    }
+
+    #[getter]
+    fn occupancy(&self) -> f64 {
+        self.level().sheet.occupancy()
+    }
+
+    #[getter]
+    fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let frame = self.level().frame;
+        let targets = self.level().projection.iter().flat_map(|p| &p.targets);
+        point_groups(py, targets.map(|corners| corners.map(|p| frame.to_caller(p))))
+    }
+
+    #[getter]
+    fn pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let frame = self.level().frame;
+        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivots).map(|&p| frame.to_caller(p)))
+    }
+
+    #[getter]
+    fn pivot_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let frame = self.level().frame;
+        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivot_targets).map(|&p| frame.to_caller(p)))
+    }
+
+    #[getter]
+    fn in_plane_motion(&self) -> f64 {
+        self.level().in_plane_motion / self.radius
+    }
+
+    #[getter]
+    fn mean_deviation(&self) -> f64 {
+        self.level().mean_deviation / self.radius
+    }
+
+    #[getter]
+    fn max_deviation_leaves(&self) -> f64 {
+        self.level().max_deviation_leaves / self.radius
+    }
+
+    #[getter]
+    fn coverage(&self) -> f64 {
+        self.level().judgement.coverage
+    }
+
+    #[getter]
+    fn image_error(&self) -> f64 {
+        self.level().judgement.error
+    }
+
+    #[getter]
+    fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let seconds = self.level().seconds;
+        let dict = PyDict::new(py);
+        dict.set_item("fit", seconds.fit)?;
+        dict.set_item("pack", seconds.pack)?;
+        dict.set_item("bake", seconds.bake)?;
+        Ok(dict)
+    }
+
+    fn foliage(&self) -> PyResult<PyFoliage> {
+        let foliage = self.level().foliage().map_err(Failure::from)?;
+        Ok(PyFoliage(Arc::new(foliage)))
+    }
+}

@@ -1,0 +1,38 @@
+//! The wheel `leafcloud`: arrays in, arrays out, nothing decided here. The Python stubs beside it are its documentation.
+
+// PyO3 hands arguments over by value.
+#![allow(clippy::needless_pass_by_value)]
+
+mod arrays;
+mod errors;
+mod foliage;
+mod job;
+mod levels;
+mod options;
+mod tools;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    errors::register(module)?;
+    module.add_class::<foliage::PyMaterial>()?;
+    module.add_class::<foliage::PyFoliage>()?;
+    module.add_class::<levels::PyCloud>()?;
+    module.add_class::<levels::PyLevel>()?;
+    module.add_class::<levels::PyChain>()?;
+    module.add_class::<job::PyJob>()?;
+    module.add_function(wrap_pyfunction!(job::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
+    module.add_function(wrap_pyfunction!(job::build_chain, module)?)?;
+    module.add_function(wrap_pyfunction!(job::start_chain, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::render, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::keep, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::leaf_scale, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::transition, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::switch_distance, module)?)
+}
