@@ -46,6 +46,7 @@ impl Groups {
     }
 
     /// All groups in order.
+    #[must_use]
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &[u32]> + '_ {
         (0..self.len()).map(|group| self.get(group))
     }

@@ -220,7 +220,7 @@ mod tests {
     fn one_square_fills_the_page_but_for_the_gutter() {
         let sheet = pack(&[rectangle(1.0, 1.0)], false);
         let Region { width, height, .. } = sheet.billboards[0].region;
-        assert!(width == height && width <= 252 && width >= 247);
+        assert!(width == height && (247..=252).contains(&width));
         let [a, b, c, d] = sheet.billboards[0].corners;
         assert!((b - a).cross(d - a).z > 0.0, "counter-clockwise from the front");
         assert!((a + c).distance(DVec3::new(1.0, 1.0, 0.0)) < 1e-12, "centred on the outline");

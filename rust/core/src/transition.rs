@@ -1,6 +1,6 @@
 //! The transition of a level onto the next: where every vertex lies at a = 1, and the law of a.
 //!
-//! A leaf tilted to its plane by cos = |n·n_t| keeps only that share of its area under orthogonal projection: 0.70 over a whole
+//! A leaf tilted to its plane by cos = `|n·n_t|` keeps only that share of its area under orthogonal projection: 0.70 over a whole
 //! maple. So the leaf is *laid* into the plane instead, as if turned about its projected pivot: its projection is
 //! stretched along the direction of steepest tilt by up to a limit, so that it keeps its area. The distance along the normal,
 //! which ε bounds, does not change; the motion within the plane is reported beside it.

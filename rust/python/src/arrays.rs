@@ -1,4 +1,4 @@
-//! NumPy arrays to the core's vectors and back.
+//! Arrays of `numpy` to the core's vectors and back.
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;
@@ -105,20 +105,17 @@ pub fn image_array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, P
 }
 
 /// Rows of three floats.
-pub fn vector_rows<'py>(
-    py: Python<'py>,
-    points: impl Iterator<Item = DVec3>,
-) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+pub fn vector_rows(py: Python<'_>, points: impl Iterator<Item = DVec3>) -> PyResult<Bound<'_, numpy::PyArray2<f64>>> {
     let flat: Vec<f64> = points.flat_map(|p| p.to_array()).collect();
     let rows = flat.len() / 3;
     flat.into_pyarray(py).reshape([rows, 3])
 }
 
 /// Rows of `M` points each.
-pub fn point_groups<'py, const M: usize>(
-    py: Python<'py>,
+pub fn point_groups<const M: usize>(
+    py: Python<'_>,
     groups: impl Iterator<Item = [DVec3; M]>,
-) -> PyResult<Bound<'py, PyArray3<f64>>> {
+) -> PyResult<Bound<'_, PyArray3<f64>>> {
     let flat: Vec<f64> = groups.flatten().flat_map(|p| p.to_array()).collect();
     let rows = flat.len() / (3 * M);
     flat.into_pyarray(py).reshape([rows, M, 3])

@@ -72,7 +72,7 @@ impl<'py> Options<'py> {
 
     /// Refuses what nobody took.
     pub fn finish(self) -> PyResult<()> {
-        let left: Vec<String> = self.0.iter().flat_map(|d| d.keys()).map(|key| key.to_string()).collect();
+        let left: Vec<String> = self.0.iter().flat_map(PyDictMethods::keys).map(|key| key.to_string()).collect();
         if left.is_empty() { Ok(()) } else { Err(refuse(format!("unknown option {}", left.join(", ")))) }
     }
 }

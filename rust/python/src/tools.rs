@@ -60,7 +60,8 @@ pub fn read_gltf(py: Python<'_>, path: PathBuf, names: Option<Vec<String>>) -> P
 #[pyfunction]
 #[pyo3(signature = (distance, start, half = 0.5))]
 pub fn keep(distance: f64, start: f64, half: f64) -> PyResult<f64> {
-    if !(start > 0.0) || !(half > 0.0 && half <= 0.5) {
+    let allowed = start > 0.0 && half > 0.0 && half <= 0.5;
+    if !allowed {
         return Err(refuse(format!("start is {start} and half {half}; start must be above 0, half in (0, 0.5]")));
     }
     Ok(prune::keep(distance, start, half))

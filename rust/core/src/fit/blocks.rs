@@ -51,7 +51,7 @@ struct Block {
 
 /// Pieces in blocks, ready to be scored.
 pub struct Blocks {
-    blocks: Vec<Block>,
+    list: Vec<Block>,
     vertices: Vec<Lanes3>,
     areas: Vec<Lanes3>,
 }
@@ -61,7 +61,7 @@ impl Blocks {
     pub fn of<'a>(pieces: impl Iterator<Item = &'a Piece>) -> Self {
         let mut sorted: Vec<&Piece> = pieces.collect();
         sorted.sort_by_key(|p| (p.vertices.len(), p.areas.len()));
-        let mut built = Self { blocks: Vec::new(), vertices: Vec::new(), areas: Vec::new() };
+        let mut built = Self { list: Vec::new(), vertices: Vec::new(), areas: Vec::new() };
         for lanes in sorted.chunks(LANES) {
             let longest = |length: fn(&Piece) -> usize| lanes.iter().map(|p| length(p)).max().unwrap_or(0);
             let (first_vertex, first_area) = (built.vertices.len(), built.areas.len());
@@ -76,7 +76,7 @@ impl Blocks {
                 built.areas.push(Lanes3::gather(|lane| area(lane).unwrap_or(DVec3::ZERO).as_vec3()));
             }
             built
-                .blocks
+                .list
                 .push(Block { vertices: first_vertex..built.vertices.len(), areas: first_area..built.areas.len() });
         }
         built
@@ -88,7 +88,7 @@ impl Blocks {
         let distance = f32x8::splat(plane.distance as f32);
         let bound = f32x8::splat(bound as f32);
         let mut total = 0.0;
-        for blocks in self.blocks.chunks(FLUSH) {
+        for blocks in self.list.chunks(FLUSH) {
             let mut sum = f32x8::ZERO;
             for block in blocks {
                 let mut farthest = f32x8::ZERO;

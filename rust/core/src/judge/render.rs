@@ -32,7 +32,8 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
     let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
         Error::invalid(format!("the view's direction is {}; it needs a finite length above 0", view.direction))
     })?;
-    if !(view.radius > 0.0 && view.radius.is_finite()) || !(1..=16_384).contains(&view.size) {
+    let radius_counts = view.radius > 0.0 && view.radius.is_finite();
+    if !radius_counts || !(1..=16_384).contains(&view.size) {
         return Err(Error::invalid(format!(
             "a picture of radius {} and {} pixels a side; the radius must be above 0, the pixels between 1 and 16384",
             view.radius, view.size

@@ -91,7 +91,7 @@ impl Texels {
 fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
     let wrapped = (coordinate - coordinate.floor()) * size as f32 - 0.5;
     let first = wrapped.floor();
-    let last = size as i64 - 1;
-    let index = |i: f32| (i as i64).rem_euclid(last + 1) as usize;
+    // `wrapped` lies in [−½, size − ½], so one period either way is enough.
+    let index = |i: f32| (i + size as f32) as usize % size;
     (index(first), index(first + 1.0), wrapped - first)
 }
