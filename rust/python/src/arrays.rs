@@ -45,13 +45,14 @@ pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
 }
 
 fn integers<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyArrayLikeDyn<'py, i64, AllowTypeChange>> {
-    if let Ok(array) = value.cast::<PyUntypedArray>()
-        && !array.is_empty()
-        && !matches!(array.dtype().kind(), b'i' | b'u')
-    {
+    let wrong = || refuse(format!("{name} must be an array of integers"));
+    // NumPy would cut floats down to integers without a word.
+    let array = value.py().import("numpy")?.call_method1("asarray", (value,)).map_err(|_| wrong())?;
+    let array = array.cast::<PyUntypedArray>().map_err(|_| wrong())?;
+    if !array.is_empty() && !matches!(array.dtype().kind(), b'i' | b'u') {
         return Err(refuse(format!("{name} must be integers, not {}", array.dtype())));
     }
-    value.extract().map_err(|_| refuse(format!("{name} must be an array of integers")))
+    array.extract().map_err(|_| wrong())
 }
 
 /// Floats per vertex (v, N) or per corner (t, 3, N), as rows of N per corner.

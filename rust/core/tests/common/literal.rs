@@ -1,0 +1,55 @@
+//! Algorithm 1 of Lacewell et al. as it is printed (with its one slip mended: the best of N is kept), written for clarity: the yardstick
+//! that the fitter is measured against. One thread, f64, no leaf is kept whole, no plane is refined.
+
+use glam::DVec3;
+use leafcloud::Foliage;
+use leafcloud::foliage::area_vector;
+use leafcloud::geometry::Plane;
+
+/// xorshift64*: all that random search needs.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        (self.next() % count as u64) as usize
+    }
+
+    fn signed(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// The planes, local, that the search finds; `epsilon` is a share of R, triangles without area are left out.
+pub fn search(foliage: &Foliage, epsilon: f64, candidates: usize, seed: u64) -> Vec<Plane> {
+    let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    let all = (0..foliage.triangle_count()).map(|t| foliage.corners(t));
+    let mut remaining: Vec<[DVec3; 3]> = all.filter(|&t| area_vector(t) != DVec3::ZERO).collect();
+    let holds = |plane: &Plane, t: &[DVec3; 3]| t.iter().all(|&v| plane.height(v).abs() < epsilon);
+    let mut planes = Vec::new();
+    while !remaining.is_empty() {
+        let mut best: Option<(f64, Plane)> = None;
+        for _ in 0..candidates {
+            let seed = remaining[random.below(remaining.len())];
+            let normal = area_vector(seed).normalize();
+            let Some(plane) = Plane::through_points(seed.map(|v| v + normal * (random.signed() * epsilon))) else {
+                continue;
+            };
+            let held = remaining.iter().filter(|t| holds(&plane, t));
+            let area = held.map(|&t| area_vector(t).dot(plane.normal).abs()).sum();
+            if best.is_none_or(|(most, _)| area > most) {
+                best = Some((area, plane));
+            }
+        }
+        let Some((_, plane)) = best else { continue };
+        remaining.retain(|t| !holds(&plane, t));
+        planes.push(plane);
+    }
+    planes
+}

@@ -1,0 +1,36 @@
+//! Whole stages on the shrub that ships with the repository, and on the measured trees where they are there.
+
+mod common;
+
+use std::path::PathBuf;
+
+use leafcloud::fit::{FitSettings, fit};
+use leafcloud::{Foliage, Progress, gltf};
+
+fn shrub() -> Foliage {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
+    gltf::read(&path, &gltf::DEFAULT_NAMES).unwrap()
+}
+
+#[test]
+fn the_search_needs_no_more_planes_than_the_literal_one() {
+    let trees = common::trees().into_iter().filter(|(name, _)| ["maple_13k", "oak_cards_11k"].contains(&name.as_str()));
+    let measured = trees.map(|(_, path)| gltf::read(&path, &gltf::DEFAULT_NAMES).unwrap());
+    for foliage in measured.chain([shrub()]) {
+        let candidates = 200;
+        let settings = FitSettings { candidates, whole_leaves: false, ..FitSettings::default() };
+        let ours = fit(&foliage, &settings, Progress::silent()).unwrap().planes.len();
+        let literal = common::literal::search(&foliage, settings.epsilon, candidates, 1).len();
+        assert!(ours <= literal, "{ours} planes against {literal}");
+    }
+}
+
+#[test]
+fn names_choose_what_is_read() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
+    let wood = gltf::read(&path, &["branch"]).unwrap();
+    assert!(wood.triangle_count() != shrub().triangle_count());
+    let error = gltf::read(&path, &["no such part"]).unwrap_err().to_string();
+    assert!(error.contains("shrub.glb") && error.contains("no such part"));
+    assert!(gltf::read(&path.with_file_name("missing.glb"), &gltf::DEFAULT_NAMES).is_err());
+}

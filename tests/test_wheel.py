@@ -1,0 +1,256 @@
+"""The wheel: arrays in, arrays out, and nothing that takes its host down."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import leafcloud
+from leafcloud import Foliage, LeafcloudError, Material
+
+
+def squares(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Leaves of side 0.2 in the unit cube, placed and turned at random: positions (4n, 3), triangles (2n, 3)."""
+    random = np.random.default_rng(seed)
+    places = random.random((count, 3))
+    frames = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.1
+    positions = places[:, None] + np.einsum("ck,nkd->ncd", corners, frames[:, :2])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(count)[:, None, None]
+    return positions.reshape(-1, 3), triangles.reshape(-1, 3)
+
+
+@pytest.fixture
+def foliage() -> Foliage:
+    return Foliage(*squares(200))
+
+
+def test_frame_and_leaves(foliage: Foliage) -> None:
+    positions, _ = squares(200)
+    centre = (positions.min(0) + positions.max(0)) / 2
+    np.testing.assert_allclose(foliage.centre, centre, atol=1e-15)
+    assert foliage.radius == pytest.approx(np.linalg.norm(positions - centre, axis=1).max(), rel=1e-12)
+    assert (foliage.triangle_count, foliage.leaf_count) == (400, 200)
+    np.testing.assert_array_equal(foliage.leaf_ids, np.repeat(np.arange(200), 2))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("index", [np.int32, np.uint32, np.int64])
+def test_array_types(dtype: Any, index: Any) -> None:
+    positions, triangles = squares(5)
+    assert Foliage(positions.astype(dtype), triangles.astype(index)).leaf_count == 5
+    assert Foliage(np.asfortranarray(positions.astype(dtype)), triangles.astype(index)[::-1]).leaf_count == 5
+
+
+@pytest.mark.parametrize("epsilon", [0.02, 0.04, 0.3])
+def test_epsilon_holds_for_every_vertex(foliage: Foliage, epsilon: float) -> None:
+    cloud = leafcloud.fit(foliage, epsilon=epsilon)
+    positions, triangles = squares(200)
+    planes = cloud.planes[cloud.parents]
+    heights = np.einsum("tcd,td->tc", positions[triangles], planes[:, :3]) - planes[:, 3:]
+    assert np.abs(heights).max() <= epsilon * foliage.radius
+    np.testing.assert_allclose(np.abs(heights).max(axis=1), cloud.deviations, atol=1e-12)
+    assert cloud.max_deviation <= cloud.epsilon == pytest.approx(epsilon)
+    np.testing.assert_allclose(np.linalg.norm(cloud.planes[:, :3], axis=1), 1.0, atol=1e-12)
+
+
+def test_whole_leaves_and_parted_ones(foliage: Foliage) -> None:
+    parents = leafcloud.fit(foliage).parents.reshape(-1, 2)
+    assert (parents[:, 0] == parents[:, 1]).all()
+    parted = leafcloud.fit(foliage, whole_leaves=False)
+    assert len(parted.planes) <= len(leafcloud.fit(foliage).planes)
+
+
+def test_seeds_repeat(foliage: Foliage) -> None:
+    first, again, other = (leafcloud.fit(foliage, seed=seed) for seed in (1, 1, 2))
+    assert first.planes.tobytes() == again.planes.tobytes()
+    assert first.planes.tobytes() != other.planes.tobytes()
+
+
+def test_chain(foliage: Foliage) -> None:
+    chain = leafcloud.build_chain(foliage, texture_size=256, levels=2)
+    first, second, cross = chain.levels
+    assert [level.method for level in chain.levels] == ["stochastic", "stochastic", "cross"]
+    assert sorted(chain.ranks) == pytest.approx(np.arange(200) / 200)
+    assert first.cloud is not None
+    assert second.cloud is not None
+    assert cross.cloud is None
+    assert first.targets.shape == (400, 3, 3)
+    assert second.targets.shape == (2 * len(first.corners), 3, 3)
+    assert cross.targets.shape == (0, 3, 3)
+    planes = first.cloud.planes[first.cloud.parents]
+    on_plane = np.einsum("tcd,td->tc", first.targets, planes[:, :3]) - planes[:, 3:]
+    np.testing.assert_allclose(on_plane, 0.0, atol=1e-12)
+    np.testing.assert_allclose(first.pivots, positions_of_leaves(), atol=1e-12)
+    assert first.base_color.shape == (256, 256, 4)
+    assert second.base_color.shape == (128, 128, 4)
+    assert first.uvs.min() >= 0
+    assert first.uvs.max() <= 1
+    # Billboards lie on their planes and wind around their normals.
+    normals = np.cross(first.corners[:, 1] - first.corners[:, 0], first.corners[:, 3] - first.corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, first.cloud.planes[first.plane_ids, :3], atol=1e-9)
+    assert first.foliage().triangle_count == 2 * len(first.corners)
+
+
+def positions_of_leaves() -> np.ndarray:
+    positions, _ = squares(200)
+    return np.repeat(positions.reshape(-1, 4, 3).mean(axis=1), 2, axis=0)
+
+
+def test_progress_is_told_and_cancels(foliage: Foliage) -> None:
+    told: list[tuple[str, float]] = []
+    leafcloud.fit(foliage, progress=lambda stage, fraction: told.append((stage, fraction)))
+    fractions = [fraction for _, fraction in told]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    with pytest.raises(leafcloud.CancelledError):
+        leafcloud.fit(foliage, progress=lambda stage, fraction: False)
+    with pytest.raises(ZeroDivisionError):
+        leafcloud.fit(foliage, progress=lambda stage, fraction: bool(1 / 0))
+
+
+def test_other_threads_run_while_the_core_works(foliage: Foliage) -> None:
+    ticks = 0
+    stop = threading.Event()
+
+    def tick() -> None:
+        nonlocal ticks
+        while not stop.wait(0.001):
+            ticks += 1
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    leafcloud.fit(foliage, candidates=20_000)
+    stop.set()
+    thread.join()
+    assert ticks > 5
+
+
+def test_job(foliage: Foliage) -> None:
+    job = leafcloud.start_chain(foliage, texture_size=128)
+    chain = job.result(timeout=60)
+    assert job.done
+    assert job.fraction == 1.0
+    assert job.best is not None
+    assert len(chain.levels) == 3
+    expected = leafcloud.build_chain(foliage, texture_size=128)
+    assert chain.levels[0].base_color.tobytes() == expected.levels[0].base_color.tobytes()
+
+
+def test_job_cancels_soon_and_times_out(foliage: Foliage) -> None:
+    job = leafcloud.start_fit(foliage, candidates=10_000_000)
+    with pytest.raises(TimeoutError, match=r"0\.05"):
+        job.result(timeout=0.05)
+    assert not job.done
+    job.cancel()
+    job = leafcloud.start_chain(foliage, texture_size=128)
+    job.cancel()
+    started = time.monotonic()
+    with pytest.raises(leafcloud.CancelledError):
+        job.result()
+    assert time.monotonic() - started < 10
+
+
+def test_job_keeps_its_error(foliage: Foliage) -> None:
+    job = leafcloud.start_fit(foliage, epsilon=-1)
+    for _ in range(2):
+        with pytest.raises(LeafcloudError, match="epsilon is -1"):
+            job.result(timeout=10)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"epsilon": 0}, "epsilon is 0"),
+        ({"epsilon": float("nan")}, "epsilon is NaN"),
+        ({"epsilon": "wide"}, "epsilon is wide"),
+        ({"candidates": 0}, "candidates is 0"),
+        ({"candidates": -1}, "candidates is -1"),
+        ({"facing": -1}, "facing is -1"),
+        ({"method": "guess"}, "stochastic"),
+        ({"quality": 3}, "unknown option quality"),
+    ],
+)
+def test_wrong_options(foliage: Foliage, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(LeafcloudError, match=message):
+        leafcloud.fit(foliage, **options)
+
+
+@pytest.mark.parametrize(
+    ("positions", "triangles", "message"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), int), "no triangles"),
+        (np.eye(3), [[0, 1, 3]], "index 3"),
+        (np.eye(3), [[0, 1, -1]], "index -1"),
+        (np.eye(3), [[0.0, 1.0, 2.0]], "integers"),
+        (np.eye(3), [[0, 1]], "shape"),
+        (np.eye(4), [[0, 1, 2]], "shape"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], "vertex 0"),
+        (np.full((3, 3), np.inf), [[0, 1, 2]], "not finite"),
+        (np.ones((3, 3)), [[0, 1, 2]], "zero area"),
+        ("leaves", [[0, 1, 2]], "positions"),
+    ],
+)
+def test_wrong_geometry(positions: Any, triangles: Any, message: str) -> None:
+    with pytest.raises(LeafcloudError, match=message):
+        Foliage(positions, triangles)
+
+
+def test_wrong_attributes_and_materials() -> None:
+    positions, triangles = np.eye(3), [[0, 1, 2]]
+    with pytest.raises(LeafcloudError, match="uvs has the shape"):
+        Foliage(positions, triangles, uvs=np.zeros((1, 3)))
+    with pytest.raises(LeafcloudError, match="uvs has 2 rows"):
+        Foliage(positions, triangles, uvs=np.zeros((2, 2)))
+    with pytest.raises(LeafcloudError, match="material id 1"):
+        Foliage(positions, triangles, material_ids=[1])
+    with pytest.raises(LeafcloudError, match="alpha_mode"):
+        Material(alpha_mode="CLIP")  # type: ignore[arg-type]
+    with pytest.raises(LeafcloudError, match="3 channels"):
+        Material(image=np.zeros((2, 2, 3), np.uint8))
+    with pytest.raises(LeafcloudError, match="base colour"):
+        Material(base_color=(2, 0, 0, 1))
+
+
+def test_a_picture_of_a_square() -> None:
+    square = Foliage(
+        [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]],
+        [[0, 1, 2], [0, 2, 3]],
+        materials=[Material(base_color=(1, 0, 0, 1))],
+    )
+    picture = leafcloud.render([square], (0, -1, 0), 8, centre=(0, 0, 0), radius=2)
+    expected = np.zeros((8, 8, 4), np.uint8)
+    expected[2:6, 2:6] = (255, 0, 0, 255)
+    np.testing.assert_array_equal(picture, expected)
+
+
+def test_png_round_trip(tmp_path: Any) -> None:
+    import bpy
+
+    pixels = np.random.default_rng(3).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    pixels[..., 3] |= 1  # Blender keeps no colour where alpha is 0
+    path = tmp_path / "picture.png"
+    leafcloud.write_png(str(path), pixels)
+    image = bpy.data.images.load(str(path))
+    read = np.empty(5 * 7 * 4, np.float32)
+    image.pixels.foreach_get(read)
+    np.testing.assert_allclose(read.reshape(5, 7, 4)[::-1], pixels / 255, atol=1e-6)
+    with pytest.raises(LeafcloudError, match=r"nowhere.*picture\.png"):
+        leafcloud.write_png(str(tmp_path / "nowhere" / "picture.png"), pixels)
+
+
+def test_laws() -> None:
+    assert leafcloud.keep(20.0, 10.0) == pytest.approx(0.5)
+    assert leafcloud.keep(40.0, 10.0, 0.25) == pytest.approx(0.5)
+    assert leafcloud.leaf_scale(0.39, 0.4) == pytest.approx(0.5)
+    assert leafcloud.area_scale([0.0, 0.25, 0.5, 0.75], [1, 1, 1, 1], 1.0) == 1.0
+    assert leafcloud.transition(3.0, 2.0, 4.0) == 0.5
+    assert leafcloud.switch_distance(1.0, 8.0, 1000.0, np.pi / 2) == pytest.approx(62.5)
+    for wrong in (lambda: leafcloud.keep(1, 0), lambda: leafcloud.keep(1, 1, 0.6), lambda: leafcloud.leaf_scale(0, 2)):
+        with pytest.raises(LeafcloudError):
+            wrong()
