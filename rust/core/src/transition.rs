@@ -9,9 +9,13 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::cloud::Cloud;
+use crate::error::Result;
 use crate::foliage::{Foliage, area_vector};
 use crate::geometry::Plane;
 use crate::groups::{Groups, number_by_appearance};
+
+/// Where the next level takes over: just before a = 1, where leaves of one plane would lose their depth order.
+pub const HAND_OVER: f64 = 0.998;
 
 /// Where a level lies at a = 1, in the foliage's local frame; one entry a triangle.
 #[derive(Clone, Debug)]
@@ -48,6 +52,18 @@ impl Projection {
             pivot_targets: (0..count).into_par_iter().map(|t| of(t).pivot).collect(),
             pivots,
         }
+    }
+
+    /// The foliage on its way, at the transition `a`.
+    ///
+    /// # Errors
+    /// No leaf has an area there.
+    pub fn at(&self, foliage: &Foliage, a: f64) -> Result<Foliage> {
+        let corners = self.targets.iter().enumerate().map(|(triangle, targets)| {
+            let from = foliage.corners(triangle);
+            std::array::from_fn(|i| from[i].lerp(targets[i], a))
+        });
+        foliage.with_corners(&corners.collect::<Vec<_>>())
     }
 
     /// The greatest distance that a corner moves within its plane, local units.
@@ -175,6 +191,20 @@ mod tests {
             assert!((a.distance(b) - 1.0).abs() < 1e-12);
             assert!(caller(projection.pivot_targets[0]).length() < 1e-12);
         }
+    }
+
+    #[test]
+    fn on_the_way_corners_lie_between() {
+        let (foliage, cloud) = tilted(0.8, 0.3);
+        let projection = Projection::new(&foliage, &cloud, 1.5);
+        let half = projection.at(&foliage, 0.5).unwrap();
+        for t in 0..2 {
+            let corners = half.corners(t).map(|p| foliage.frame().to_local(half.frame().to_caller(p)));
+            for ((p, q), r) in foliage.corners(t).into_iter().zip(projection.targets[t]).zip(corners) {
+                assert!(r.distance((p + q) / 2.0) < 1e-12);
+            }
+        }
+        assert_eq!(half.leaf_ids(), foliage.leaf_ids());
     }
 
     #[test]

@@ -134,7 +134,23 @@ impl Foliage {
         &self.materials[self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)]
     }
 
-    /// The same foliage with other alpha cutoffs: `change` sees each material.
+    /// The same leaves with their corners elsewhere; `corners` are local, one entry a triangle.
+    ///
+    /// # Errors
+    /// All triangles have zero area there.
+    ///
+    /// # Panics
+    /// When there are not as many entries as triangles.
+    pub fn with_corners(&self, corners: &[[DVec3; 3]]) -> Result<Self> {
+        assert_eq!(corners.len(), self.triangles.len(), "an entry for each triangle");
+        let positions: Vec<DVec3> = corners.iter().flatten().map(|&p| self.frame.to_caller(p)).collect();
+        let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let leaf_ids = self.leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect();
+        let attributes = Attributes { leaf_ids, ..self.attributes.clone() };
+        Self::new(&positions, triangles, attributes, self.materials.to_vec())
+    }
+
+    /// The same foliage with other materials: `change` sees each.
     #[must_use]
     pub fn with_materials(&self, change: impl Fn(&Material) -> Material) -> Self {
         Self { materials: self.materials.iter().map(change).collect(), ..self.clone() }

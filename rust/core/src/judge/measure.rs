@@ -9,7 +9,7 @@ const REACH: usize = 4;
 /// What one picture is beside another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// Sum of alpha over that of the base; 1 when both are empty.
+    /// See [`coverage`].
     pub coverage: f64,
     /// Intersection over union of alpha > ½.
     pub overlap: f64,
@@ -30,17 +30,24 @@ impl Judgement {
     }
 }
 
+/// Sum of alpha over that of the base; 1 when both are empty.
+pub fn coverage(base: &Image, other: &Image) -> f64 {
+    let alpha = |image: &Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>();
+    match (alpha(base), alpha(other)) {
+        (0.0, 0.0) => 1.0,
+        (base, other) => other / base,
+    }
+}
+
 /// Compares two pictures of one size.
 #[must_use]
 pub fn compare(base: &Image, other: &Image) -> Judgement {
-    let alpha = |image: &Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>();
-    let (base_alpha, other_alpha) = (alpha(base), alpha(other));
     let inside = |image: &Image| image.pixels().iter().map(|p| p[3] > 127).collect::<Vec<bool>>();
     let (a, b) = (inside(base), inside(other));
     let count = |keep: fn(bool, bool) -> bool| a.iter().zip(&b).filter(|(a, b)| keep(**a, **b)).count() as f64;
     let (both, either) = (count(|a, b| a && b), count(|a, b| a || b));
     Judgement {
-        coverage: if base_alpha > 0.0 { other_alpha / base_alpha } else { 1.0 },
+        coverage: coverage(base, other),
         overlap: if either > 0.0 { both / either } else { 1.0 },
         error: flip_near(base, other, &a, &b),
     }

@@ -65,6 +65,16 @@ impl Judge {
         Ok(Self { views, pictures })
     }
 
+    /// The mean over the views of the coverage of `level` over that of the base.
+    ///
+    /// # Errors
+    /// A picture without pixels.
+    pub fn coverage(&self, level: &Foliage) -> Result<f64> {
+        let one = |(view, base)| Ok(measure::coverage(base, &render(&[level], view)?));
+        let ratios: Vec<f64> = self.views.iter().zip(&self.pictures).map(one).collect::<Result<_>>()?;
+        Ok(ratios.iter().sum::<f64>() / ratios.len() as f64)
+    }
+
     /// The means over the views of what `level` looks like.
     ///
     /// # Errors

@@ -46,9 +46,9 @@ pub(super) fn build(
     });
     progress.tell("bake", 0.8)?;
     let judges = Judges::new(&parts, &frame)?;
-    let shown = |cutoff| billboards(&sheet, &frame, page_material(&page, cutoff, !two_sided));
-    let alpha_cutoff = tune::cutoff(shown, &judges.tuning)?;
-    let judgement = judges.report.judge(&shown(alpha_cutoff)?)?;
+    let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
+    let judgement =
+        judges.report.judge(&billboards(&sheet, &frame, page_material(&page, alpha_cutoff, !two_sided))?)?;
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));

@@ -11,12 +11,12 @@ use crate::fit::{FitSettings, fit_within};
 use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::groups::Groups;
-use crate::judge::Judgement;
+use crate::judge::{Judge, Judgement};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{Sheet, SheetSettings, outlines};
 use crate::textures::{Drawn, Samples, bake};
-use crate::transition::Projection;
+use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
 #[derive(Clone, Copy, Debug, Default)]
@@ -88,7 +88,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let fitted = Instant::now();
 
     progress.tell("pack", 0.6)?;
-    let projection = Projection::new(finer, &cloud, tune::STRETCH);
+    let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
     let outlines = outlines(&cloud, &projection);
     let two_sided = match settings.back_sides {
         Some(wish) => wish,
@@ -101,9 +101,11 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let page = bake_cloud(finer, &cloud, &projection, &sheet, settings.samples);
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
-    let shown = |cutoff| billboards(&sheet, finer.frame(), page_material(&page, cutoff, !two_sided));
-    let alpha_cutoff = tune::cutoff(shown, &step.judges.tuning)?;
-    let judgement = step.judges.report.judge(&shown(alpha_cutoff)?)?;
+    let collapsed = projection.at(finer, HAND_OVER)?;
+    let before = Judge::new(&[&collapsed], finer.frame(), tune::views()?)?;
+    let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
+    let shown = billboards(&sheet, finer.frame(), page_material(&page, alpha_cutoff, !two_sided))?;
+    let judgement = step.judges.report.judge(&shown)?;
     Ok(Level {
         method: settings.fit.method.name(),
         epsilon: Some(step.epsilon),

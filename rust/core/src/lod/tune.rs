@@ -1,53 +1,68 @@
-//! The alpha cutoff of a level, decided by its looks.
+//! The two settings of a level that its looks decide: how far leaves may be stretched, and the alpha cutoff.
 //!
-//! Filtering spreads lacy leaves over their texels, so a cutoff of ½ loses coverage; overlap hides the loss, and both differ from plant
-//! to plant: there is no right value in theory. A few small views (other ones than those reported) are compared with the leaves,
-//! and from ½ the cutoff moves along [`CUTOFFS`] while that lowers the cost. Coverage falls as the cutoff rises, so the cost has one
-//! valley.
-//!
-//! The limit of the stretch is not tuned: over maple, pine and oak, error and coverage at 1.25, 1.5 and 2 differ by less than
-//! neighbouring cutoffs do.
+//! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels; all differ from plant to
+//! plant, so there is no right value in theory. Each setting has one thing to keep, judged by a few small views (other ones than those
+//! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps the picture at the
+//! moment when the billboards take over from the collapsed leaves.
 
+use super::level::{billboards, page_material};
+use crate::cloud::Cloud;
 use crate::error::Result;
-use crate::foliage::Foliage;
-use crate::judge::{Judge, Judgement, Views};
+use crate::foliage::{Foliage, Image};
+use crate::geometry::Frame;
+use crate::judge::{Judge, Views};
+use crate::sheet::Sheet;
 use crate::textures::Samples;
+use crate::transition::{HAND_OVER, Projection};
 
-/// The limit of the stretch that lays leaves into their planes.
-pub const STRETCH: f64 = 1.5;
+/// The limits of the stretch that may be chosen.
+const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
 /// The cutoffs that may be chosen, and where the search begins.
-const CUTOFFS: [f32; 9] = [0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7];
-const FIRST: usize = 6;
-
-/// How much coverage may differ from the leaves' before it counts.
-const COVERAGE: f64 = 0.02;
+const CUTOFFS: [f32; 8] = [0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
+const FIRST: usize = 5;
 
 /// What a choice is judged by.
 pub fn views() -> Result<Views> {
     Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, turn: 0.0 })
 }
 
-/// The alpha cutoff with which `shown` looks best.
-pub fn cutoff(shown: impl Fn(f32) -> Result<Foliage>, judge: &Judge) -> Result<f32> {
-    let cost_of = |index: usize| -> Result<f64> { Ok(cost(&judge.judge(&shown(CUTOFFS[index])?)?)) };
-    let (mut best, mut least) = (FIRST, cost_of(FIRST)?);
+/// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.
+pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Projection> {
+    let mut best: Option<(f64, Projection)> = None;
+    for limit in STRETCHES {
+        let projection = Projection::new(finer, cloud, limit);
+        let coverage = leaves.coverage(&projection.at(finer, HAND_OVER)?)?;
+        let off = (coverage - 1.0).abs();
+        // Coverage grows with the stretch: once it strays, more strays farther.
+        match best {
+            Some((least, _)) if off >= least => break,
+            _ => best = Some((off, projection)),
+        }
+    }
+    Ok(best.expect("the first stretch is always a choice").1)
+}
+
+/// The alpha cutoff with which the billboards look most like what they take over from.
+///
+/// From ½ it moves along [`CUTOFFS`] while the image error falls; coverage falls as the cutoff rises, so the error has one valley.
+pub fn cutoff(sheet: &Sheet, page: &Image, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
+    let error_of = |index: usize| -> Result<f64> {
+        let shown = billboards(sheet, frame, page_material(page, CUTOFFS[index], double_sided))?;
+        Ok(before.judge(&shown)?.error)
+    };
+    let (mut best, mut least) = (FIRST, error_of(FIRST)?);
     for direction in [-1isize, 1] {
         while let Some(next) = best.checked_add_signed(direction).filter(|&i| i < CUTOFFS.len()) {
-            let cost = cost_of(next)?;
-            if cost >= least {
+            let error = error_of(next)?;
+            if error >= least {
                 break;
             }
-            (best, least) = (next, cost);
+            (best, least) = (next, error);
         }
         if best != FIRST {
             break;
         }
     }
     Ok(CUTOFFS[best])
-}
-
-/// The image error, and what coverage strays beyond [`COVERAGE`].
-fn cost(judged: &Judgement) -> f64 {
-    judged.error + ((judged.coverage - 1.0).abs() - COVERAGE).max(0.0)
 }
