@@ -73,7 +73,9 @@ def views(name: str, out: Path) -> dict[str, float]:
         file = Path(folder) / "views.npz"
         script = [sys.executable, str(ROOT / "tools" / "flat_views.py"), str(file), "256", "8", "32"]
         run = [*script, str(out / f"{name}.glb"), leaves, collapsed, level]
-        subprocess.run(run, check=True, stdout=subprocess.DEVNULL, timeout=1800)
+        looked = subprocess.run(run, capture_output=True, text=True, timeout=1800)
+        if looked.returncode != 0:
+            raise SystemExit(f"flat_views.py failed on {name}:\n{looked.stderr}")
         pictures = dict(np.load(file))
     alpha = {key: value[..., 3] for key, value in pictures.items()}
     inside = {key: value > 0.5 for key, value in alpha.items()}
@@ -123,7 +125,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Bake real trees and measure what came out, from the files alone.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage)")
     parser.add_argument("--no-views", action="store_true", help="do not render with Cycles")
     arguments = parser.parse_args()

@@ -1,0 +1,103 @@
+# Leafcloud. `make` lists what there is to make.
+#
+# Every environment carries stamp files (.blender, .wheel, .test …) that say what was installed and when; what is up to
+# date is not touched.
+
+MAKEFLAGS += --no-builtin-rules
+.NOTPARALLEL:
+.DEFAULT_GOAL := help
+
+# What to bake: any .glb, .gltf, .obj or .blend. Without one, the measured pine beside the repository or the small shrub
+# that comes with it.
+MEASURED := ../shared/foliage/pine_cards_20k.glb
+INPUT ?= $(if $(wildcard $(MEASURED)),$(MEASURED),examples/shrub.glb)
+OUT ?= out
+ARGS ?=
+
+# pyo3 asks a Python about itself when it is built; the same one everywhere, or it is built again and again.
+export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
+
+PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
+WHEELS := target/wheels
+RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
+VALIDATOR := tests/gltf_validator
+
+.PHONY: help
+help: ## list the targets
+	@sed -nE 's/^([a-z]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 12
+
+.PHONY: setup
+setup: .venv/.wheel ## make .venv: Python 3.11 with Blender 4.5 LTS as a module and the release build of the wheel
+
+.PHONY: bake
+bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.04 …'
+	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
+
+.PHONY: test
+test: setup $(VALIDATOR)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
+test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(environment)/.wheel)
+	cargo test --workspace --release
+	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
+
+.PHONY: bench
+bench: ## measure the speed of the core
+	@tools/prerequisites.sh rust
+	cargo bench --package leafcloud
+
+.PHONY: lint
+lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
+	@tools/prerequisites.sh rust lint
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- --deny warnings
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+
+.PHONY: extension
+extension: setup ## build the Blender extension's zip into dist/
+	.venv/bin/python tools/build_extension.py --wheel $(WHEELS)/leafcloud-*.whl --out dist
+
+.PHONY: clean
+clean: ## remove everything that was made, the environments too
+	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# $(1) an environment's folder, $(2) its Blender
+define environment
+$(1)/.blender: tools/requirements/blender-$(2).txt
+	@tools/prerequisites.sh rust python blender
+	@tools/environment.sh $(1) $$<
+	@touch $$@
+
+$(1)/.test: tools/requirements/test.txt $(1)/.blender
+	@tools/environment.sh $(1) $$<
+	@touch $$@
+
+$(1)/.wheel: $(WHEELS)/.built $(1)/.blender
+	@$(1)/$(PIP_INSTALL) --force-reinstall --no-deps $(WHEELS)/leafcloud-*.whl
+	@$(1)/bin/python -c "import bpy, leafcloud"
+	@touch $$@
+endef
+$(eval $(call environment,.venv,4.5))
+$(eval $(call environment,.venv-4.2,4.2))
+$(eval $(call environment,.venv-5.0,5.0))
+
+.venv/.build: tools/requirements/build.txt .venv/.blender
+	@tools/environment.sh .venv $<
+	@touch $@
+
+.venv/.lint: tools/requirements/lint.txt .venv/.blender
+	@tools/environment.sh .venv $<
+	@touch $@
+
+# One wheel for all Blenders.
+$(WHEELS)/.built: $(RUST_SOURCES) .venv/.build
+	@rm -f $(WHEELS)/leafcloud-*.whl
+	.venv/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
+	@touch $@
+
+# npm writes this file itself.
+$(VALIDATOR)/node_modules/.package-lock.json: $(VALIDATOR)/package-lock.json
+	@tools/prerequisites.sh node
+	@npm ci --prefix $(VALIDATOR) --no-audit --no-fund --silent
+	@touch $@

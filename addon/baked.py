@@ -1,0 +1,43 @@
+"""What the steps of the pipeline hand to one another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+import leafcloud
+
+from .build.levels import BuiltLevel, Costs
+from .placement import Placement
+from .plan.effects import Effect
+from .plan.reach import View
+from .scene.extract import Tree
+from .settings import BakeSettings
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All that the core is given, and the plan of the effects."""
+
+    tree: Tree
+    settings: BakeSettings
+    placement: Placement
+    foliage: leafcloud.Foliage
+    wood: leafcloud.Foliage | None
+    effects: tuple[Effect, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Baked:
+    """A finished bake: the core's chain, and the levels in Blender, LOD 0 first, each with its switch distance."""
+
+    prepared: Prepared
+    chain: leafcloud.Chain
+    collection: bpy.types.Collection
+    levels: tuple[BuiltLevel, ...]
+    switch_distances: tuple[float, ...]
+    view: View
+    effects: tuple[Effect, ...]
+    costs: Costs

@@ -1,0 +1,122 @@
+"""glTF through Blender's own exporter, with what engines read put on the meshes for the time of the export only."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..build.cloud_mesh import add_uv_map
+from ..build.levels import BuiltLevel
+from ..build.morphs import add_point_attribute
+from .errors import ExportError, reason
+
+FALLBACK_SETS = (2, 3)
+"""TEXCOORD_2 is (rank, pivot.x), TEXCOORD_3 is (pivot.y, pivot.z), of the pivot in glTF's Y-up coordinates."""
+
+_OPTIONS = {
+    "export_format": "GLB",
+    "export_yup": True,
+    "export_attributes": True,
+    "export_extras": True,
+    "export_morph": True,
+    "export_morph_normal": False,  # Normals do not morph.
+    "export_morph_tangent": False,
+    "export_try_sparse_sk": False,  # Not every engine reads sparse accessors.
+    "export_tangents": False,
+    "export_animations": False,
+    "export_skins": False,
+    "export_apply": False,
+    "export_current_frame": True,  # Else the exporter goes to frame 0.
+}
+
+
+@contextmanager
+def engine_attributes(levels: Sequence[BuiltLevel], engine: str) -> Iterator[None]:
+    """Puts rank and pivot where engines find them, on each level that has them, and takes all of it away at the end."""
+    meshes = [level.object.data for level in levels if "leaf_rank" in level.object.data.attributes]
+    added: list[tuple[bpy.types.Mesh, str]] = []
+    try:
+        for mesh in meshes:
+            added += [(mesh, name) for name in _add_engine_attributes(mesh, engine)]
+        yield
+    finally:
+        for mesh, name in added:
+            mesh.attributes.remove(mesh.attributes[name])
+
+
+def export_collection(collection: bpy.types.Collection, path: Path) -> None:
+    """Writes all objects of `collection`, which is in the current scene, as a GLB file.
+
+    Raises `ExportError` when the file could not be written whole.
+    """
+    try:
+        bpy.ops.export_scene.gltf(filepath=str(path), collection=collection.name, **_OPTIONS)
+    except RuntimeError as error:
+        raise ExportError(f"{path.name}: {reason(error)}") from error
+    if not _is_whole(path):
+        raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
+
+
+def export_level(level: BuiltLevel, path: Path) -> None:
+    """Writes one level with its wood as a GLB file. Raises `ExportError` when the file could not be written whole."""
+    collection = bpy.data.collections.new(level.object.name)
+    bpy.context.scene.collection.children.link(collection)
+    try:
+        collection.objects.link(level.object)
+        if level.wood is not None:
+            collection.objects.link(level.wood)
+        export_collection(collection, path)
+    finally:
+        bpy.data.collections.remove(collection)
+
+
+def y_up(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Vectors (…, 3) of Blender's Z-up coordinates in glTF's: (x, z, −y). The exporter turns only those it knows."""
+    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
+
+
+def _add_engine_attributes(mesh: bpy.types.Mesh, engine: str) -> list[str]:
+    rank = np.empty(len(mesh.vertices), np.float32)
+    mesh.attributes["leaf_rank"].data.foreach_get("value", rank)
+    pivot = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["leaf_pivot"].data.foreach_get("vector", pivot)
+    pivot = y_up(pivot.reshape(-1, 3))
+    # The rank in all three components: Blender's importer (4.5, 5.0) fails at random on a mesh with attributes of
+    # several widths, because it goes through their names in two orders.
+    values = {"_LEAF_RANK": np.repeat(rank[:, None], 3, axis=1), "_LEAF_PIVOT": pivot}
+    if engine == "godot":  # It drops all other names.
+        values |= {"_CUSTOM0": values["_LEAF_RANK"], "_CUSTOM1": pivot}
+    for name, vectors in values.items():
+        add_point_attribute(mesh, name, "FLOAT_VECTOR", vectors)
+    return [*values] if engine == "godot" else [*values, *_add_fallback(mesh, np.column_stack([rank, pivot]))]
+
+
+def _add_fallback(mesh: bpy.types.Mesh, values: NDArray[np.float32]) -> list[str]:
+    """Stores `values` (v, 4) as texture coordinates, with the lower sets filled so that engines keep the numbers.
+
+    The exporter writes v as 1 − v; it is turned beforehand.
+    """
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    turned = values.copy()
+    turned[:, 1::2] = 1.0 - turned[:, 1::2]
+    empty = np.zeros((len(corners), 2), np.float32)
+    names = [add_uv_map(mesh, f"empty_{number}", empty) for number in range(len(mesh.uv_layers), FALLBACK_SETS[0])]
+    for number, first in zip(FALLBACK_SETS, (0, 2), strict=True):
+        names.append(add_uv_map(mesh, f"leaf_{number}", turned[corners, first : first + 2]))
+    return names
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether `path` is a GLB file as long as its header says."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        header = file.read(12)
+    return len(header) == 12 and struct.unpack("<4sII", header)[::2] == (b"glTF", path.stat().st_size)

@@ -1,0 +1,103 @@
+"""report.json: what went in, what came out, what it cost. Deviations are shares of R, areas texels, times seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+
+import leafcloud
+
+from ..baked import Baked
+from ..build.levels import BuiltLevel
+from ..plan.effects import Effect
+from ..settings import BakeSettings
+
+BYTES_PER_TEXEL = 4
+
+
+def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -> dict[str, Any]:
+    """The content of report.json. `write_seconds` has one for each level, `files` the names of all that was written.
+
+    Without the values under the key "seconds" it is the same for the same input, settings and seed.
+    """
+    prepared = baked.prepared
+    levels = [_leaves(baked.levels[0], write_seconds[0])]
+    for level, built, seconds in zip(baked.chain.levels, baked.levels[1:], write_seconds[1:], strict=True):
+        distance = baked.switch_distances[built.number]
+        levels.append(_level(level, built, prepared.settings, distance, seconds))
+    return {
+        "leafcloud": leafcloud.__version__,
+        "blender": bpy.app.version_string,
+        "input": {
+            "triangles": prepared.foliage.triangle_count,
+            "leaves": prepared.foliage.leaf_count,
+            "radius": prepared.foliage.radius,
+            "choice": prepared.tree.choice,
+            "materials": [material.name for material in prepared.tree.leaves.materials if material is not None],
+            "dropped": list(prepared.tree.dropped),
+        },
+        "levels": levels,
+        "effects": [_effect(effect, baked) for effect in baked.effects],
+        "files": list(files),
+        "warnings": list(prepared.warnings),
+    }
+
+
+def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
+    """LOD 0: nothing was fitted, nothing deviates."""
+    return {
+        "level": 0,
+        "method": "leaves",
+        "epsilon": 0.0,
+        "candidates": 0,
+        "billboards": 0,
+        "triangles": built.triangles,
+        "texels": 0,
+        "atlas_occupancy": 0.0,
+        "max_deviation": 0.0,
+        "mean_deviation": 0.0,
+        "max_deviation_leaves": 0.0,
+        "in_plane_motion": 0.0,
+        "image_error": 0.0,
+        "switch_distance": 0.0,
+        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "write": write_seconds},
+    }
+
+
+def _level(
+    level: leafcloud.Level, built: BuiltLevel, settings: BakeSettings, switch_distance: float, write_seconds: float
+) -> dict[str, Any]:
+    """A cloud or the cross, which promises no ε: what it has none of is null."""
+    cloud = level.cloud
+    return {
+        "level": built.number,
+        "method": level.method,
+        "epsilon": None if cloud is None else cloud.epsilon,
+        "candidates": None if cloud is None else settings.candidates,
+        "billboards": billboard_count(level),
+        "triangles": built.triangles,
+        "texels": level.texels,
+        "atlas_occupancy": level.occupancy,
+        "max_deviation": None if cloud is None else cloud.max_deviation,
+        "mean_deviation": None if cloud is None else cloud.mean_deviation,
+        "max_deviation_leaves": level.max_deviation_leaves,
+        "in_plane_motion": level.in_plane_motion,
+        "image_error": level.image_error,
+        "switch_distance": switch_distance,
+        "seconds": {**level.seconds, "write": write_seconds},
+    }
+
+
+def billboard_count(level: leafcloud.Level) -> int:
+    """Billboards of a level; a pair of single-sided quads is one."""
+    return len(level.plane_ids) // 2 if level.two_sided else len(level.plane_ids)
+
+
+def _effect(effect: Effect, baked: Baked) -> dict[str, Any]:
+    nbytes = baked.costs.bytes.get(effect.name, 0)
+    if effect.name == "back_sides":
+        nbytes = sum(level.texels // 2 for level in baked.chain.levels if level.two_sided) * BYTES_PER_TEXEL
+    seconds = baked.costs.seconds.get(effect.name, 0.0)
+    return {"name": effect.name, "on": effect.on, "reason": effect.reason, "seconds": seconds, "bytes": nbytes}

@@ -1,0 +1,202 @@
+"""One bake from start to end, the same for the operator and the command line:
+
+    Tree ──prepare──▶ Prepared ──start──▶ Job ──wait──▶ Chain ──finish──▶ Baked ──write──▶ files
+
+Each step is a function of what the step before gave. Only `finish` and `write` change Blender's data, and they put it
+back when they fail.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from .baked import Baked, Prepared
+from .build.levels import Costs, Plan, build_levels
+from .export import gltf
+from .export.blend import save_blend
+from .export.preview import preview_image
+from .export.report import report
+from .export.staging import Staging
+from .job import Progress, wait
+from .placement import Placement
+from .plan.effects import Facts, is_on, plan_effects, settle_back_sides
+from .plan.reach import View, reaches, rising
+from .scene.describe import describe_material
+from .scene.extract import Geometry, Tree, texture_uvs, world_positions
+from .settings import BakeSettings
+
+
+def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
+    """Brings the tree into the world, and decides on the effects.
+
+    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a texture that is missing.
+    """
+    tree = _without_shear(tree)
+    placement = Placement(tree.matrix)
+    foliage, leaf_warnings = _foliage(tree.leaves, placement)
+    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement)
+    effects = plan_effects(settings, Facts(leaves=foliage.leaf_count, engine=settings.engine))
+    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings]))
+    return Prepared(tree, settings, placement, foliage, wood, effects, warnings)
+
+
+def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
+    """Starts the core on a thread of its own."""
+    settings = prepared.settings
+    return leafcloud.start_chain(
+        prepared.foliage,
+        wood=prepared.wood,
+        levels=settings.levels,
+        cross=settings.cross,
+        texture_size=settings.texture_size,
+        back_sides=is_on(prepared.effects, "back_sides"),
+        method=settings.method,
+        epsilon=settings.epsilon,
+        candidates=settings.candidates,
+        seed=settings.seed,
+    )
+
+
+def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
+    """Builds the levels in Blender, under `name`, to be seen with `view`."""
+    levels = chain.levels
+    radius = prepared.foliage.radius
+    deviations = [level.max_deviation_leaves * radius for level in levels]
+    pixels = prepared.settings.pixels
+    seen = [leafcloud.switch_distance(d, pixels, view.resolution, view.field_of_view) for d in deviations]
+    switch_distances = rising([0.0, *seen])
+    transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
+    morphs = [transitions and level.cloud is not None for level in levels]
+    plan = Plan(
+        name=name,
+        placement=prepared.placement,
+        centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
+        transitions=transitions,
+        pruning=pruning,
+        switch_distances=switch_distances,
+        reaches=reaches(switch_distances, [*morphs, False]),
+    )
+    costs = Costs()
+    collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
+    two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
+    effects = settle_back_sides(prepared.effects, two_sided)
+    return Baked(prepared, chain, collection, tuple(built), switch_distances, view, effects, costs)
+
+
+def bake(tree: Tree, settings: BakeSettings, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
+    """The whole bake, without writing a file. The levels are in `scene` afterwards, for whose camera they are made."""
+    progress("prepare", 0.0)
+    prepared = prepare(tree, settings)
+    chain = wait(start(prepared), progress)
+    progress("build", 0.0)
+    baked = finish(prepared, chain, name, view_of(scene))
+    scene.collection.children.link(baked.collection)
+    return baked
+
+
+def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
+    """Writes all files of the bake into `directory`, whole or not at all, and gives the report.
+
+    `blend` saves the open file, as it is, as NAME.blend beside the others. The levels have to be in a scene.
+    Raises `OSError` for a folder that cannot be written to, `ExportError` when Blender could not write a file.
+    """
+    name = baked.collection.name
+    with Staging(directory) as staging:
+        seconds = []
+        with gltf.engine_attributes(baked.levels, baked.prepared.settings.engine):
+            for level in baked.levels:
+                progress(f"write {level.object.name}.glb", 0.0)
+                begin = time.perf_counter()
+                gltf.export_level(level, staging.path(f"{level.object.name}.glb"))
+                seconds.append(time.perf_counter() - begin)
+            progress(f"write {name}.glb", 0.0)
+            gltf.export_collection(baked.collection, staging.path(f"{name}.glb"))
+        if blend:
+            progress(f"write {name}.blend", 0.0)
+            save_blend(staging.path(f"{name}.blend"))
+        progress("write preview.png", 0.0)
+        picture = preview_image(
+            baked.prepared.foliage, baked.prepared.wood, baked.chain.levels, baked.switch_distances, baked.view
+        )
+        leafcloud.write_png(str(staging.path("preview.png")), picture)
+        content = report(baked, seconds, sorted([*staging.files, "report.json"]))
+        staging.write_json("report.json", content)
+        staging.commit()
+    return content
+
+
+def file_name(name: str) -> str:
+    """`name` with what file systems refuse or read as something else made into underscores; never empty."""
+    return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", name) or "tree"
+
+
+def view_of(scene: bpy.types.Scene) -> View:
+    """What the scene's camera sees with; the usual 1080 pixels and 50° where there is no camera with a perspective."""
+    if scene.camera is None or scene.camera.type != "CAMERA" or scene.camera.data.type != "PERSP":
+        return View()
+    frame = np.array(scene.camera.data.view_frame(scene=scene))
+    height, depth = np.ptp(frame[:, 1]), -frame[0, 2]
+    resolution = scene.render.resolution_y * scene.render.resolution_percentage / 100.0
+    return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
+
+
+def _foliage(geometry: Geometry, placement: Placement) -> tuple[leafcloud.Foliage, list[str]]:
+    """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
+    described = [describe_material(material) for material in geometry.materials]
+    foliage = leafcloud.Foliage(
+        world_positions(geometry, placement.matrix),
+        placement.wind(geometry.triangles),
+        uvs=placement.wind(texture_uvs(geometry)),
+        normals=placement.wind(placement.normals_to_world(geometry.normals)),
+        colors=placement.wind(geometry.colors),
+        material_ids=geometry.material_ids,
+        materials=[leafcloud.Material(**keywords) for keywords, _ in described],
+    )
+    return foliage, [warning for _, warnings in described for warning in warnings]
+
+
+def _without_shear(tree: Tree) -> Tree:
+    """The tree, along the world's axes where its matrix has a shear: no object can have one, nor a node of glTF."""
+    placement = Placement(tree.matrix)
+    if not placement.sheared:
+        return tree
+    return replace(
+        tree,
+        matrix=_translation(placement),
+        leaves=_along_axes(tree.leaves, placement),
+        wood=None if tree.wood is None else _along_axes(tree.wood, placement),
+        warnings=[
+            *tree.warnings,
+            "the leaves' object is sheared by its parents: LOD 0 lies along the world's axes instead",
+        ],
+    )
+
+
+def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
+    """The geometry in coordinates along the world's axes, from the same origin: near it single precision is finest."""
+    return replace(
+        geometry,
+        positions=world_positions(geometry, placement.matrix - _translation(placement) + np.eye(4)).astype(np.float32),
+        triangles=placement.wind(geometry.triangles),
+        uvs=placement.wind(geometry.uvs),
+        normals=placement.wind(placement.normals_to_world(geometry.normals)),
+        colors=placement.wind(geometry.colors),
+    )
+
+
+def _translation(placement: Placement) -> NDArray[np.float64]:
+    """(4, 4) of a placement's matrix what moves its origin."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = placement.matrix[:3, 3]
+    return matrix

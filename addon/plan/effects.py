@@ -1,0 +1,71 @@
+"""Which effects a bake carries, and why: each costs time or memory, and is there only when something calls for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..settings import EFFECTS, BakeSettings, effect_names
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect: `on` is None while it is left to each cloud to decide as it is baked. `reason` is one sentence."""
+
+    name: str
+    on: bool | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the plan looks at: the leaves that could be pruned, and the engine that will draw them."""
+
+    leaves: int
+    engine: str
+
+
+def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
+    """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
+    if settings.effects == "auto":
+        return (_transitions(facts), _pruning(facts), _back_sides())
+    forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
+    return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
+
+
+def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
+    """The effects after the bake, where `two_sided` holds the numbers of the levels that kept both sides."""
+    return tuple(_settled(effect, two_sided) if effect.on is None else effect for effect in effects)
+
+
+def is_on(effects: Sequence[Effect], name: str) -> bool | None:
+    """Whether the effect `name` is on; None while it is undecided. Raises `KeyError` for a name that is not planned."""
+    for effect in effects:
+        if effect.name == name:
+            return effect.on
+    raise KeyError(name)
+
+
+def _transitions(facts: Facts) -> Effect:
+    return Effect("transitions", True, f"{_free_camera(facts.engine)}, so it sees levels take over from one another")
+
+
+def _pruning(facts: Facts) -> Effect:
+    if facts.leaves == 1:
+        return Effect("pruning", False, "the foliage is one leaf, there is nothing to prune")
+    return Effect("pruning", True, f"{_free_camera(facts.engine)}, so it may see {facts.leaves} leaves from far away")
+
+
+def _back_sides() -> Effect:
+    return Effect("back_sides", None, "each level keeps a texture of its own for the back where the two sides differ")
+
+
+def _free_camera(engine: str) -> str:
+    return "the camera may be anywhere" if engine == "generic" else f"the camera may be anywhere in {engine}"
+
+
+def _settled(effect: Effect, two_sided: Sequence[int]) -> Effect:
+    if not two_sided:
+        return replace(effect, on=False, reason="the two sides of every level look alike")
+    levels = ", ".join(str(level) for level in two_sided)
+    return replace(effect, on=True, reason=f"the two sides differ on level {levels}")

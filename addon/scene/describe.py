@@ -1,0 +1,141 @@
+"""Materials as the core takes them: factors, one image, how alpha counts."""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from . import SceneError
+from .surface import Surface, Texture, read_surface
+
+Pixels = NDArray[np.uint8]
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Of linear Rec. 709 colours, which is what Blender turns a colour into where a value is wanted."""
+
+
+class MaterialDescription(TypedDict):
+    """The keywords of `leafcloud.Material`."""
+
+    name: str
+    base_color: tuple[float, float, float, float]
+    image: Pixels | None
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
+    alpha_cutoff: float
+    double_sided: bool
+
+
+def describe_material(material: bpy.types.Material | None) -> tuple[MaterialDescription, list[str]]:
+    """A material in the words of the core, and a sentence for each thing that could not be read.
+
+    `base_color` is linear; `image` is (h, w, 4) sRGB with straight alpha, row 0 on top, `None` where no image counts.
+    A colour attribute that multiplies them is not here but in `Geometry.colors`.
+    Raises `SceneError` when an image has no pixels, because its file is missing or cannot be read.
+    """
+    surface = read_surface(material)
+    description = MaterialDescription(
+        name=surface.name,
+        base_color=(*surface.color, surface.alpha),
+        image=_image(surface),
+        alpha_mode=surface.alpha_mode,
+        alpha_cutoff=surface.alpha_cutoff,
+        double_sided=surface.double_sided,
+    )
+    return description, list(surface.warnings)
+
+
+def _image(surface: Surface) -> Pixels | None:
+    """The colours of one image and the alpha of the same or another, white or opaque where there is none."""
+    if surface.texture is None:
+        return None
+    color, alpha = surface.color_texture, surface.alpha_texture
+    pixels = {texture.image: _pixels(texture.image, surface.name) for texture in (color, alpha) if texture is not None}
+    opacity = None if alpha is None else _opacity(pixels[alpha.image], alpha, surface.alpha_channel)
+    if color is not None:
+        result = pixels[color.image].copy()
+    else:
+        assert opacity is not None  # a surface with a texture has one for colour or for alpha
+        result = np.full((*opacity.shape, 4), 255, np.uint8)
+    result[..., 3] = 255 if opacity is None else _resized(opacity, result.shape[0], result.shape[1])
+    return result
+
+
+def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "luminance"]) -> Pixels:
+    """(h, w) the alpha that an image stands for."""
+    if channel == "alpha":
+        return pixels[..., 3]
+    values = pixels[..., :3].astype(np.float32) / 255.0
+    return _bytes(_decoded(values) @ _LUMINANCE)
+
+
+def _pixels(image: bpy.types.Image, material_name: str) -> Pixels:
+    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top."""
+    width, height = image.size  # makes Blender read the file
+    if width == 0 or height == 0:
+        raise SceneError(
+            f"texture {image.name!r} of material {material_name!r} cannot be read: {_origin(image)}; "
+            f"put the file there, or pack it into the .blend"
+        )
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
+    color, alpha = rgba[..., :3], rgba[..., 3:]
+    if image.alpha_mode == "NONE":
+        alpha = np.ones_like(alpha)
+    elif _is_premultiplied(image):
+        color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
+    if _is_linear(image):
+        color = _encoded(color)
+    return _bytes(np.concatenate([color, alpha], axis=2))
+
+
+def _origin(image: bpy.types.Image) -> str:
+    if image.packed_file is not None:
+        return "its packed data are no image"
+    return bpy.path.abspath(image.filepath, library=image.library) or "it has no file"
+
+
+def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w, 4) from grey, grey and alpha, RGB or RGBA."""
+    channels = values.shape[2]
+    color = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
+    alpha = values[..., -1:] if channels in (2, 4) else np.ones_like(values[..., :1])
+    return np.concatenate([color, alpha], axis=2)
+
+
+def _is_premultiplied(image: bpy.types.Image) -> bool:
+    """Blender premultiplies float images unless alpha is a channel of its own, and leaves byte images as they are."""
+    return image.alpha_mode == "PREMUL" or (image.is_float and image.alpha_mode == "STRAIGHT")
+
+
+def _is_linear(image: bpy.types.Image) -> bool:
+    """Whether the pixels are linear: float images are turned to linear when read, byte images stay in their space."""
+    space = image.colorspace_settings
+    return image.is_float or space.is_data or space.name.startswith("Linear")
+
+
+def _encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """sRGB from linear values."""
+    positive = np.clip(linear, 0.0, None)
+    return np.where(positive <= 0.0031308, 12.92 * positive, 1.055 * positive ** (1.0 / 2.4) - 0.055).astype(np.float32)
+
+
+def _decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Linear values from sRGB."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def _bytes(values: NDArray[np.float32]) -> Pixels:
+    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def _resized(values: Pixels, height: int, width: int) -> Pixels:
+    """(height, width) the nearest values, for an opacity image of another size than the colours."""
+    if values.shape == (height, width):
+        return values
+    rows = (np.arange(height) * values.shape[0]) // height
+    columns = (np.arange(width) * values.shape[1]) // width
+    return values[np.ix_(rows, columns)]

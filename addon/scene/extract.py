@@ -1,0 +1,276 @@
+"""The tree in a scene as arrays: leaves and wood, in the coordinates of the first leaf object.
+
+Everything is read from the evaluated scene, so modifiers are applied and instances are realised. The work is done by
+arrays throughout: a million triangles take a second or two.
+
+Winding and normals. In the tree's coordinates every triangle winds counter-clockwise about the side that Blender shows
+as its front, the side its normals point to, also where a part is mirrored against the frame object. `Tree.matrix` is
+the frame object's own world matrix, so that its vertices keep every bit; where that matrix mirrors, so does the way to
+the world, and who goes there swaps two corners of each triangle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes
+from . import SceneError
+from .meshes import Copies, gather
+from .realise import Triangles, joined, realise, relative, used_only
+from .surface import ACTIVE, Surface, Texture, read_surface, transform_matrix
+
+__all__ = ["Geometry", "SceneError", "Tree", "extract", "texture_uvs", "world_positions"]
+
+_Material: TypeAlias = bpy.types.Material | None
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Triangles of one or several objects in the tree's own coordinates (`Tree.matrix` carries them to the world)."""
+
+    positions: NDArray[np.float32]
+    """(v, 3) bit for bit the source's vertices where the part's object is the frame object; each is in a triangle."""
+    triangles: NDArray[np.int32]
+    """(t, 3)"""
+    uvs: NDArray[np.float32] | None
+    """(t, 3, 2) the UV map that the material's image names, else the one that renders.
+
+    `None` when no object has one, zeros where only some have.
+    """
+    normals: NDArray[np.float32]
+    """(t, 3, 3) evaluated corner normals, custom ones included."""
+    colors: NDArray[np.float32] | None
+    """(t, 3, 4) linear factors of base colour and alpha; `None` unless a material multiplies a colour attribute in."""
+    material_ids: NDArray[np.int32]
+    """(t,) into `materials`."""
+    materials: list[bpy.types.Material | None]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """What is baked."""
+
+    name: str
+    """As given to `extract`, else of the .blend file, the active or the frame object; any text, no file name yet."""
+    matrix: NDArray[np.float64]
+    """(4, 4) world matrix of the frame object: the first leaf object by name, or what places its copies.
+
+    Never singular; it may mirror.
+    """
+    leaves: Geometry
+    wood: Geometry | None
+    choice: str
+    """One sentence: which parts are leaves, and why."""
+    dropped: list[str]
+    """One sentence each: what was left out."""
+    warnings: list[str]
+
+
+def extract(
+    depsgraph: bpy.types.Depsgraph,
+    objects: Iterable[bpy.types.Object] | None,
+    *,
+    leaf_names: Sequence[str] | None = None,
+    name: str | None = None,
+) -> Tree:
+    """Reads the tree from the evaluated scene.
+
+    `objects` make the tree, with all that they instance; `None` takes everything that is visible and renders.
+    `leaf_names` are exact object or material names of the leaves; `None` lets the scene tell (see `plan.leaves`).
+    Raises `SceneError` when there are no faces, when it cannot be told which are leaves, for coordinates that are not
+    finite, and for an object whose matrix is singular.
+    """
+    selected = None if objects is None else list(objects)
+    if selected == []:
+        raise SceneError("nothing is selected; select the objects of the tree")
+    gathered, dropped = gather(depsgraph, selected)
+    if not gathered:
+        raise SceneError(_nothing(dropped))
+    slots = _slots(gathered)
+    try:
+        choice = choose_leaves([_part(slot) for slot in slots], leaf_names, lambda i: _component_sizes(slots[i]))
+    except LeavesError as error:
+        raise SceneError(str(error)) from error
+    leaves = [slots[i] for i in choice.indices]
+    wood = [slot for i, slot in enumerate(slots) if i not in set(choice.indices)]
+    frame = leaves[0].copies
+    surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
+    reader = _Reader(frame.owner_matrix, surfaces, warnings=[])
+    loose = dict.fromkeys(sentence for copies in gathered if (sentence := copies.loose()))
+    return Tree(
+        name=name or _name(depsgraph, selected, frame),
+        matrix=frame.owner_matrix,
+        leaves=reader.geometry(leaves),
+        wood=reader.geometry(wood) if wood else None,
+        choice=choice.reason,
+        dropped=[*dropped, *loose],
+        warnings=list(dict.fromkeys(reader.warnings)),
+    )
+
+
+def world_positions(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(v, 3) the vertices in the world, `matrix` being the tree's."""
+    return geometry.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
+    """(t, 3, 2) where the materials' images are looked up: `uvs` through the Mapping nodes, if there are any."""
+    if geometry.uvs is None:
+        return None
+    transforms = np.array([transform_matrix(read_surface(material).texture) for material in geometry.materials])
+    if (transforms == np.eye(2, 3)).all():
+        return geometry.uvs
+    of_triangle = transforms[geometry.material_ids]
+    moved = np.einsum("tij,tcj->tci", of_triangle[:, :, :2], geometry.uvs) + of_triangle[:, None, :, 2]
+    return moved.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """A part: one material slot of some copies."""
+
+    copies: Copies
+    index: int
+    count: int
+    """Triangles, over all copies."""
+
+    @property
+    def material(self) -> _Material:
+        return self.copies.materials[self.index]
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Makes geometry of parts, in the coordinates of `frame`."""
+
+    frame: NDArray[np.float64]
+    surfaces: dict[_Material, Surface]
+    warnings: list[str]
+    """Grows as things are read."""
+
+    def geometry(self, slots: Sequence[_Slot]) -> Geometry:
+        materials = list(dict.fromkeys(slot.material for slot in slots))
+        numbers = {material: i for i, material in enumerate(materials)}
+        chosen: dict[int, tuple[Copies, list[int]]] = {}
+        for slot in slots:
+            chosen.setdefault(id(slot.copies), (slot.copies, []))[1].append(slot.index)
+        mesh = joined([self._realised(copies, indices, numbers) for copies, indices in chosen.values()])
+        return Geometry(
+            mesh.positions, mesh.triangles, mesh.uvs, mesh.normals, mesh.colors, mesh.material_ids, materials
+        )
+
+    def _realised(self, copies: Copies, indices: list[int], numbers: dict[_Material, int]) -> Triangles:
+        """The triangles of the chosen slots, in all places."""
+        wanted = np.isin(np.arange(len(copies.materials)), indices)
+        numbers_of_slots = np.array([numbers.get(material, -1) for material in copies.materials], np.int32)
+        source = Triangles(
+            copies.positions,
+            copies.triangles,
+            copies.normals,
+            self._uvs(copies, indices),
+            self._colors(copies, indices),
+            numbers_of_slots[copies.slots],
+        )
+        placed = realise(used_only(source, wanted[copies.slots]), relative(self.frame, copies.matrices))
+        if not np.isfinite(placed.positions).all():
+            raise SceneError(
+                f"object {copies.object_name!r} lies too far from the leaves for single precision; move it closer"
+            )
+        return placed
+
+    def _uvs(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
+        uvs = copies.uvs(ACTIVE)
+        for i in indices:
+            texture = self.surfaces[copies.materials[i]].texture
+            if texture is None:
+                continue
+            named = copies.uvs(texture.uv_map) if texture.uv_map else uvs
+            if uvs is None or named is None:
+                self._warn(copies, f"has no UV map for the image {texture.image.name!r}")
+                continue
+            of_slot = copies.slots == i
+            if named is not uvs:
+                uvs = np.where(of_slot[:, None, None], named, uvs)
+            self._check_wrapping(copies, texture, uvs[of_slot])
+        if uvs is not None and not (finite := np.isfinite(uvs)).all():
+            self._warn(copies, "has texture coordinates that are not finite: 0 stands for them")
+            uvs = np.where(finite, uvs, np.float32(0.0))
+        return uvs
+
+    def _check_wrapping(self, copies: Copies, texture: Texture, uvs: NDArray[np.float32]) -> None:
+        # Cards often reach over the edge by a rounding error.
+        outside = bool((uvs < -1e-3).any() or (uvs > 1.001).any())
+        if outside and texture.extension != "REPEAT":
+            mode = texture.extension.lower()
+            self._warn(
+                copies, f"uses the image {texture.image.name!r} ({mode}) outside of [0, 1], where it will repeat"
+            )
+
+    def _colors(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
+        """The attributes' red, green and blue where they multiply the colour, their alpha where they multiply alpha."""
+        result: NDArray[np.float32] | None = None
+        for i in indices:
+            surface = self.surfaces[copies.materials[i]]
+            for attribute, channels in ((surface.color_attribute, slice(0, 3)), (surface.alpha_attribute, slice(3, 4))):
+                if attribute is None:
+                    continue
+                values = copies.colors(attribute)
+                if values is None:
+                    self._warn(
+                        copies, f"has no colour attribute {attribute!r} for {surface.name!r}: white stands for it"
+                    )
+                    continue
+                if result is None:
+                    result = np.ones((len(copies.triangles), 3, 4), np.float32)
+                of_slot = copies.slots == i
+                result[of_slot, :, channels] = values[of_slot, :, channels]
+        return result
+
+    def _warn(self, copies: Copies, words: str) -> None:
+        self.warnings.append(f"object {copies.object_name!r} {words}")
+
+
+def _slots(gathered: Sequence[Copies]) -> list[_Slot]:
+    """The parts that have triangles."""
+    return [
+        _Slot(copies, i, int(count) * len(copies.matrices))
+        for copies in gathered
+        for i, count in enumerate(np.bincount(copies.slots, minlength=len(copies.materials)))
+        if count > 0
+    ]
+
+
+def _part(slot: _Slot) -> Part:
+    copies, material = slot.copies, slot.material
+    return Part(
+        object_name=copies.object_name,
+        material_name="" if material is None else material.name,
+        triangles=slot.count,
+        instancer_name=copies.owner_name if copies.owner_name != copies.object_name else "",
+    )
+
+
+def _component_sizes(slot: _Slot) -> NDArray[np.int64]:
+    copies = slot.copies
+    sizes = component_sizes(copies.triangles[copies.slots == slot.index], copies.positions)
+    return np.tile(sizes, len(copies.matrices))
+
+
+def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] | None, frame: Copies) -> str:
+    if selected is None and bpy.data.filepath:
+        return bpy.path.display_name_from_filepath(bpy.data.filepath)
+    active = depsgraph.view_layer.objects.active
+    if selected is not None and active is not None and active.original in [obj.original for obj in selected]:
+        return active.name
+    return frame.owner_name
+
+
+def _nothing(dropped: Sequence[str]) -> str:
+    found = "; ".join(dropped[:8]) or "no visible objects"
+    return f"nothing to bake, there are no faces: {found}; select or open a tree with leaves"

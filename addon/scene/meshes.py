@@ -1,0 +1,183 @@
+"""Evaluated meshes as arrays, and where their copies stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from . import SceneError
+from .realise import are_singular
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+@dataclass(frozen=True)
+class Copies:
+    """One evaluated mesh with its materials, and all places where the scene shows it on behalf of one object."""
+
+    mesh: bpy.types.Mesh
+    """Lives as long as the depsgraph is not evaluated again."""
+    object_name: str
+    owner_name: str
+    """The object that places the copies: the object itself, or an instancer."""
+    owner_matrix: NDArray[np.float64]
+    """(4, 4) to the world, not singular."""
+    materials: tuple[bpy.types.Material | None, ...]
+    """Original materials by slot, at least one."""
+    matrices: NDArray[np.float64]
+    """(n, 4, 4) to the world, none singular; equal to `owner_matrix` for an object that stands for itself."""
+
+    @cached_property
+    def positions(self) -> NDArray[np.float32]:
+        """(v, 3); raises `SceneError` for coordinates that are not finite."""
+        positions = _read(self.mesh.attributes["position"].data, "vector", 3, np.float32)
+        finite = np.isfinite(positions).all(axis=1)
+        if not finite.all():
+            index = int(np.argmin(finite))
+            shown = ", ".join(f"{value:g}" for value in positions[index])
+            raise SceneError(
+                f"object {self.object_name!r}: vertex {index} lies at ({shown}), which is not finite; move or delete it"
+            )
+        return positions
+
+    @cached_property
+    def triangles(self) -> NDArray[np.int32]:
+        """(t, 3) vertices."""
+        return _read(self._loop_triangles, "vertices", 3, np.int32)
+
+    @cached_property
+    def loops(self) -> NDArray[np.int32]:
+        """(t, 3) corners of the mesh's faces."""
+        return _read(self._loop_triangles, "loops", 3, np.int32)
+
+    @cached_property
+    def slots(self) -> NDArray[np.int32]:
+        """(t,) into `materials`; a slot that is not there shows the last one, as in Blender."""
+        slots = _read(self._loop_triangles, "material_index", 1, np.int32)[:, 0]
+        return np.clip(slots, 0, len(self.materials) - 1)
+
+    @cached_property
+    def normals(self) -> NDArray[np.float32]:
+        """(t, 3, 3) corner normals, custom ones included."""
+        return _read(self.mesh.corner_normals, "vector", 3, np.float32)[self.loops]
+
+    def uvs(self, name: str) -> NDArray[np.float32] | None:
+        """(t, 3, 2) the UV map of this name, else the one that renders; `None` where the mesh has none."""
+        layers = self.mesh.uv_layers
+        layer = layers.get(name) or next((layer for layer in layers if layer.active_render), None)
+        return None if layer is None else _read(layer.uv, "vector", 2, np.float32)[self.loops]
+
+    def colors(self, name: str) -> NDArray[np.float32] | None:
+        """(t, 3, 4) a colour attribute, linear; for an empty name the one that renders; `None` where there is none."""
+        attributes = self.mesh.color_attributes
+        attribute = attributes.get(name or attributes.default_color_name)
+        if attribute is None:
+            return None
+        colors = _read(attribute.data, "color", 4, np.float32)
+        return colors[self.triangles if attribute.domain == "POINT" else self.loops]
+
+    def loose(self) -> str | None:
+        """What of the mesh belongs to no face, as a sentence."""
+        corner_vertices = _read(self.mesh.attributes[".corner_vert"].data, "value", 1, np.int32)
+        corner_edges = _read(self.mesh.attributes[".corner_edge"].data, "value", 1, np.int32)
+        vertices = len(self.mesh.vertices) - _distinct(corner_vertices, len(self.mesh.vertices))
+        edges = len(self.mesh.edges) - _distinct(corner_edges, len(self.mesh.edges))
+        counted = [_counted(vertices, "vertex", "vertices"), _counted(edges, "edge", "edges")]
+        words = " and ".join(word for word in counted if word)
+        return f"{self.object_name!r}: {words} of no face" if words else None
+
+    @cached_property
+    def _loop_triangles(self) -> bpy.types.bpy_prop_collection:
+        self.mesh.calc_loop_triangles()
+        return self.mesh.loop_triangles
+
+
+def gather(
+    depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
+) -> tuple[list[Copies], list[str]]:
+    """All meshes with faces that the scene shows for `objects` (`None`: for all that render), instances realised.
+
+    Curves, texts and the like count with the meshes that they make. The order is that of the objects' names, whatever
+    the order of evaluation. Also gives a sentence for each thing left out.
+    Raises `SceneError` for an object whose own matrix is singular.
+    """
+    shown, unseen = _shown(depsgraph, objects)
+    standing: list[Copies] = []
+    dropped: list[str] = []
+    for copies in sorted(shown, key=lambda copies: (copies.owner_name, copies.object_name)):
+        flat = are_singular(np.array([copies.owner_matrix, *copies.matrices]))
+        if flat[0]:
+            scale = ", ".join(f"{length:g}" for length in np.linalg.norm(copies.owner_matrix[:3, :3], axis=0))
+            raise SceneError(
+                f"the matrix of object {copies.owner_name!r} is singular (scale {scale}); give it a scale without zeros"
+            )
+        # What scatters instances hides some by scaling them to nothing.
+        count = int(flat.sum())
+        if count:
+            words = _counted(count, "copy", "copies")
+            dropped.append(f"{words} of {copies.object_name!r} by {copies.owner_name!r}, scaled to nothing")
+        if count < len(copies.matrices):
+            standing.append(replace(copies, matrices=copies.matrices[~flat[1:]]))
+    return standing, [*unseen, *dropped]
+
+
+def _shown(
+    depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
+) -> tuple[list[Copies], list[str]]:
+    """All copies of meshes with faces, and a sentence for each object that shows none."""
+    wanted = None if objects is None else {obj.original for obj in objects}
+    found: dict[tuple[object, ...], Copies] = {}
+    matrices: dict[tuple[object, ...], list[NDArray[np.float64]]] = {}
+    unseen = {} if wanted is None else {obj.name: "has no faces, or is hidden" for obj in wanted}
+    for instance in depsgraph.object_instances:
+        obj = instance.object
+        owner = instance.parent if instance.is_instance else obj
+        if not instance.show_self or obj.type != "MESH" or (wanted is not None and owner.original not in wanted):
+            continue
+        if wanted is None and owner.hide_render:
+            unseen[owner.name] = "is hidden in renders"
+            continue
+        if len(obj.data.polygons) == 0:
+            unseen.setdefault(owner.name, "has no faces")
+            continue
+        materials = _materials(obj)
+        key = (owner.original, obj.original, obj.data.as_pointer(), materials)
+        if key not in found:
+            own_matrix = np.array(owner.matrix_world, np.float64)
+            found[key] = Copies(obj.data, obj.name, owner.name, own_matrix, materials, np.empty((0, 4, 4)))
+        matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
+    shown = [replace(copies, matrices=np.array(matrices[key])) for key, copies in found.items()]
+    names = {copies.owner_name for copies in shown}
+    return shown, [f"{name!r} {reason}" for name, reason in sorted(unseen.items()) if name not in names]
+
+
+def _materials(obj: bpy.types.Object) -> tuple[bpy.types.Material | None, ...]:
+    """The materials by slot: the mesh's, but where a slot is linked to the object."""
+    materials = list(obj.data.materials)
+    for i, slot in enumerate(obj.material_slots[: len(materials)]):
+        if slot.link == "OBJECT":
+            materials[i] = slot.material
+    return tuple(material and material.original for material in materials) or (None,)
+
+
+def _read(collection: bpy.types.bpy_prop_collection, name: str, width: int, dtype: type[_Scalar]) -> NDArray[_Scalar]:
+    """(n, width) a property of all items of a collection."""
+    values = np.empty(len(collection) * width, dtype)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def _distinct(indices: NDArray[np.integer[Any]], count: int) -> int:
+    seen = np.zeros(count, bool)
+    seen[indices] = True
+    return int(np.count_nonzero(seen))
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return "" if count == 0 else f"{count} {one if count == 1 else many}"

@@ -1,0 +1,76 @@
+"""Walking shader nodes against the flow: through reroutes, into and out of groups, past muted nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input socket, and the groups that were entered to reach it, the innermost last."""
+
+    socket: bpy.types.NodeSocket
+    groups: tuple[bpy.types.Node, ...] = ()
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output socket of a node that is no group, reroute or muted node, and the groups entered to reach it."""
+
+    socket: bpy.types.NodeSocket
+    groups: tuple[bpy.types.Node, ...] = ()
+
+    @property
+    def node(self) -> bpy.types.Node:
+        return self.socket.node
+
+    def input(self, identifier: str) -> Input:
+        """The node's input with this identifier (names may repeat)."""
+        return next(self._at(socket) for socket in self.node.inputs if socket.identifier == identifier)
+
+    def inputs(self) -> list[Input]:
+        return [self._at(socket) for socket in self.node.inputs]
+
+    def _at(self, socket: bpy.types.NodeSocket) -> Input:
+        return Input(socket, self.groups)
+
+
+def follow(target: Input) -> Output | Input:
+    """What feeds an input: the output of a node, or the unlinked input whose own value counts."""
+    while True:
+        link = next((link for link in target.socket.links if not link.is_muted), None)
+        if link is None:
+            return target
+        step = _enter(Output(link.from_socket, target.groups))
+        if isinstance(step, Output):
+            return step
+        target = step
+
+
+def _enter(source: Output) -> Output | Input:
+    """The input that stands behind an output of a node which only passes values on, else the output itself."""
+    node = source.node
+    if node.mute:
+        passed = next((link.from_socket for link in node.internal_links if link.to_socket == source.socket), None)
+        return source if passed is None else Input(passed, source.groups)
+    if node.type == "REROUTE":
+        return Input(node.inputs[0], source.groups)
+    if node.type == "GROUP" and node.node_tree is not None:
+        return _into_group(source)
+    if node.type == "GROUP_INPUT" and source.groups:
+        return Input(_with_identifier(source.groups[-1].inputs, source.socket.identifier), source.groups[:-1])
+    return source
+
+
+def _into_group(source: Output) -> Output | Input:
+    outputs = [node for node in source.node.node_tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output]
+    if not outputs:
+        return source
+    inside = _with_identifier(outputs[0].inputs, source.socket.identifier)
+    return Input(inside, (*source.groups, source.node))
+
+
+def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket:
+    return next(socket for socket in sockets if socket.identifier == identifier)

@@ -1,0 +1,127 @@
+"""Many copies of one mesh as one, by arrays: positions, normals, winding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Triangles with values per corner; the arrays have the same length t."""
+
+    positions: NDArray[np.float32]
+    """(v, 3)"""
+    triangles: NDArray[np.int32]
+    """(t, 3)"""
+    normals: NDArray[np.float32]
+    """(t, 3, 3)"""
+    uvs: NDArray[np.float32] | None
+    """(t, 3, 2)"""
+    colors: NDArray[np.float32] | None
+    """(t, 3, 4)"""
+    material_ids: NDArray[np.int32]
+    """(t,)"""
+
+
+def are_singular(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n,) whether each of (n, 4, 4) flattens space, as far as single precision can tell, or is not finite."""
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    sizes = np.linalg.svd(np.where(finite[:, None, None], matrices[:, :3, :3], 0.0), compute_uv=False)
+    return sizes[:, 2] <= 1e-7 * sizes[:, 0]
+
+
+def relative(frame: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 4, 4) from the coordinates of each matrix to those of `frame`; exactly the identity where both are equal."""
+    result = np.linalg.inv(frame) @ matrices
+    result[(matrices == frame).all(axis=(1, 2))] = np.eye(4)
+    return result
+
+
+def used_only(source: Triangles, chosen: NDArray[np.bool_]) -> Triangles:
+    """The chosen triangles (t,) with the vertices that they use, both in their order."""
+    if chosen.all() and (np.bincount(source.triangles.ravel(), minlength=len(source.positions)) > 0).all():
+        return source
+    triangles = source.triangles[chosen]
+    used = np.zeros(len(source.positions), bool)
+    used[triangles] = True
+    numbers = np.cumsum(used, dtype=np.int32) - 1
+    return Triangles(
+        source.positions[used],
+        numbers[triangles],
+        source.normals[chosen],
+        None if source.uvs is None else source.uvs[chosen],
+        None if source.colors is None else source.colors[chosen],
+        source.material_ids[chosen],
+    )
+
+
+def realise(source: Triangles, matrices: NDArray[np.float64]) -> Triangles:
+    """One copy of `source` for each of the (n, 4, 4) matrices, none of them singular.
+
+    A copy by the identity keeps every bit. Normals turn by the inverse transpose. A mirrored copy swaps the last two
+    corners of its triangles, so that they still wind counter-clockwise about the side that its normals point to.
+    """
+    count = len(matrices)
+    kept = (matrices == np.eye(4)).all(axis=(1, 2))
+    if count == 1 and kept[0]:
+        return source
+    linear = matrices[:, :3, :3]
+    positions = np.einsum("nij,vj->nvi", linear, source.positions.astype(np.float64)) + matrices[:, None, :3, 3]
+    placed = positions.astype(np.float32)
+    placed[kept] = source.positions
+    normals = np.einsum("tcj,njk->ntck", source.normals.astype(np.float64), np.linalg.inv(linear))
+    length = np.linalg.norm(normals, axis=3, keepdims=True)
+    turned = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0).astype(np.float32)
+    turned[kept] = source.normals
+    offsets = np.arange(count, dtype=np.int32) * len(source.positions)
+    mirrored = np.linalg.det(linear) < 0.0
+    return Triangles(
+        placed.reshape(-1, 3),
+        _wound(source.triangles + offsets[:, None, None], mirrored),
+        _wound(turned, mirrored),
+        None if source.uvs is None else _wound(_repeated(source.uvs, count), mirrored),
+        None if source.colors is None else _wound(_repeated(source.colors, count), mirrored),
+        np.tile(source.material_ids, count),
+    )
+
+
+def joined(blocks: list[Triangles]) -> Triangles:
+    """All blocks, at least one, as one. Where only some have UVs the others get zeros; with colours they get white."""
+    offsets = np.cumsum([0, *(len(block.positions) for block in blocks[:-1])], dtype=np.int32)
+    return Triangles(
+        np.concatenate([block.positions for block in blocks]),
+        np.concatenate([block.triangles + offset for block, offset in zip(blocks, offsets, strict=True)]),
+        np.concatenate([block.normals for block in blocks]),
+        _joined_corners([block.uvs for block in blocks], [len(block.triangles) for block in blocks], 2, 0.0),
+        _joined_corners([block.colors for block in blocks], [len(block.triangles) for block in blocks], 4, 1.0),
+        np.concatenate([block.material_ids for block in blocks]),
+    )
+
+
+def _joined_corners(
+    arrays: list[NDArray[np.float32] | None], counts: list[int], width: int, missing: float
+) -> NDArray[np.float32] | None:
+    if all(array is None for array in arrays):
+        return None
+    return np.concatenate(
+        [
+            np.full((count, 3, width), missing, np.float32) if array is None else array
+            for array, count in zip(arrays, counts, strict=True)
+        ]
+    )
+
+
+def _repeated(corners: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    return np.tile(corners, (count, 1, 1, 1))
+
+
+def _wound(corners: NDArray[_Scalar], mirrored: NDArray[np.bool_]) -> NDArray[_Scalar]:
+    """(n·t, 3, …) from (n, t, 3, …), the last two corners swapped in the mirrored copies."""
+    corners[mirrored] = corners[mirrored][:, :, [0, 2, 1]]
+    return corners.reshape(-1, *corners.shape[2:])

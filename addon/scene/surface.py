@@ -1,0 +1,377 @@
+"""What a material's nodes say of base colour and alpha, as far as they are a product.
+
+Understood is a Principled BSDF whose Base Color and Alpha are products of constants, one image and one colour
+attribute, as Blender's glTF and OBJ importers and most artists build them; for alpha also the three ways to write a
+cut-off (Math Round, Greater Than, 1 − Less Than), and a Mix Shader with Transparent BSDF. What is not understood is
+said in a warning, and the viewport colour takes its place.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .node_links import Input, Output, follow
+
+Rgb = tuple[float, float, float]
+ACTIVE = ""
+"""As the name of a UV map or colour attribute: the one that the mesh renders with."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image and how it is laid on the mesh."""
+
+    image: bpy.types.Image
+    uv_map: str = ACTIVE
+    extension: str = "REPEAT"
+    """What lies outside [0, 1]: REPEAT, EXTEND, CLIP, MIRROR, or MIXED where the two axes differ."""
+    transform: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    """(2, 3) by rows: carries the UV map's coordinates to the image's."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Base colour and alpha of a material: factor · texture · colour attribute."""
+
+    name: str
+    color: Rgb
+    """Linear."""
+    alpha: float = 1.0
+    color_texture: Texture | None = None
+    alpha_texture: Texture | None = None
+    """Laid on the mesh like `color_texture` when there are both."""
+    alpha_channel: Literal["alpha", "luminance"] = "alpha"
+    color_attribute: str | None = None
+    alpha_attribute: str | None = None
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = True
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def texture(self) -> Texture | None:
+        return self.color_texture or self.alpha_texture
+
+
+@dataclass(frozen=True)
+class _Product:
+    """A product of a factor (three equal numbers for alpha), an image's channel and a colour attribute."""
+
+    factor: Rgb = (1.0, 1.0, 1.0)
+    texture: Texture | None = None
+    channel: str = "Color"
+    attribute: str | None = None
+
+    @property
+    def constant(self) -> bool:
+        return self.texture is None and self.attribute is None
+
+    def times(self, other: _Product) -> _Product:
+        if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
+            raise _NotUnderstoodError("multiplies two images or two colour attributes")
+        textured = self if self.texture else other
+        red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
+        attribute = other.attribute if self.attribute is None else self.attribute
+        return _Product((red, green, blue), textured.texture, textured.channel, attribute)
+
+
+class _NotUnderstoodError(Exception):
+    """Words that follow "its base colour"."""
+
+
+def read_surface(material: bpy.types.Material | None) -> Surface:
+    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material."""
+    if material is None:
+        return Surface("default", (0.8, 0.8, 0.8))
+    red, green, blue, alpha = material.diffuse_color
+    viewport = Surface(
+        material.name,
+        (red, green, blue),
+        alpha,
+        alpha_mode="OPAQUE" if alpha == 1.0 else "BLEND",
+        double_sided=not material.use_backface_culling,
+    )
+    if not _has_nodes(material):
+        return viewport
+    try:
+        principled, opacity, partial = _find_principled(material.node_tree)
+    except _NotUnderstoodError as reason:
+        return replace(viewport, warnings=(_warning(viewport, "surface", reason),))
+    surface = _with_color(viewport, principled)
+    surface = _with_alpha(surface, [principled.input("Alpha"), *opacity])
+    if partial:
+        only = f"only its Principled BSDF {principled.node.name!r} is read"
+        warning = f"material {material.name!r} mixes several shaders: {only}"
+        surface = replace(surface, warnings=(*surface.warnings, warning))
+    return surface
+
+
+def transform_matrix(texture: Texture | None) -> NDArray[np.float64]:
+    """(2, 3) the map from the UV map's coordinates to the image's; the identity without a texture."""
+    return np.array(Texture.transform if texture is None else texture.transform).reshape(2, 3)
+
+
+def _has_nodes(material: bpy.types.Material) -> bool:
+    with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the question
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return material.node_tree is not None and getattr(material, "use_nodes", True)
+
+
+def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], bool]:
+    """The Principled BSDF upstream of the active output, inputs that multiply its alpha, whether others mix in."""
+    output = next(filter(None, map(tree.get_output_node, ("ALL", "EEVEE", "CYCLES"))), None)
+    shader = follow(Input(output.inputs["Surface"])) if output is not None else None
+    if not isinstance(shader, Output):
+        raise _NotUnderstoodError("has no shader")
+    opacity: list[Input] = []
+    while _is_cut_out(shader):
+        factor, _, opaque = shader.inputs()
+        opacity.append(factor)
+        behind = follow(opaque)
+        if not isinstance(behind, Output):
+            raise _NotUnderstoodError("has no shader")
+        shader = behind
+    for found in _shaders(shader):
+        if found.node.type == "BSDF_PRINCIPLED":
+            return found, opacity, found.node != shader.node
+    raise _NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
+
+
+def _is_cut_out(shader: Output) -> bool:
+    """Whether the shader mixes Transparent (at factor 0) with another (at factor 1)."""
+    if shader.node.type != "MIX_SHADER":
+        return False
+    clear = follow(shader.inputs()[1])
+    return isinstance(clear, Output) and clear.node.type == "BSDF_TRANSPARENT"
+
+
+def _shaders(shader: Output) -> Iterator[Output]:
+    """The shader and those that it mixes, nearest first."""
+    waiting = [shader]
+    while waiting:
+        current = waiting.pop(0)
+        yield current
+        if current.node.type in {"MIX_SHADER", "ADD_SHADER"}:
+            behind = (follow(target) for target in current.inputs() if target.socket.type == "SHADER")
+            waiting += [source for source in behind if isinstance(source, Output)]
+
+
+def _with_color(viewport: Surface, principled: Output) -> Surface:
+    try:
+        product = _color_product(principled.input("Base Color"))
+    except _NotUnderstoodError as reason:
+        return replace(viewport, warnings=(*viewport.warnings, _warning(viewport, "base colour", reason)))
+    return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
+
+
+def _with_alpha(surface: Surface, targets: list[Input]) -> Surface:
+    try:
+        product, cutoff = _alpha_product(targets)
+        if product.texture and surface.color_texture and not _laid_alike(product.texture, surface.color_texture):
+            raise _NotUnderstoodError("and its base colour use different texture coordinates")
+    except _NotUnderstoodError as reason:
+        return replace(surface, warnings=(*surface.warnings, _warning(surface, "alpha", reason)))
+    alpha = product.factor[0]
+    if cutoff is not None:
+        mode: Literal["OPAQUE", "MASK", "BLEND"] = "MASK"
+    else:
+        mode = "OPAQUE" if product.constant and alpha == 1.0 else "BLEND"
+    return replace(
+        surface,
+        alpha=alpha,
+        alpha_texture=product.texture,
+        alpha_channel="alpha" if product.channel == "Alpha" else "luminance",
+        alpha_attribute=product.attribute,
+        alpha_mode=mode,
+        alpha_cutoff=0.5 if cutoff is None else cutoff,
+    )
+
+
+def _laid_alike(first: Texture, second: Texture) -> bool:
+    return replace(first, image=second.image) == second
+
+
+def _warning(surface: Surface, what: str, reason: _NotUnderstoodError) -> str:
+    shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
+    return (
+        f"material {surface.name!r}: its {what} {reason}; the viewport display colour ({shown}) stands for it. "
+        f"Connect an Image Texture to a Principled BSDF, or set the viewport colour"
+    )
+
+
+def _color_product(target: Input) -> _Product:
+    """The product behind a colour input."""
+    grey = _constant(target)
+    if grey is not None:
+        return _Product((grey, grey, grey))
+    source = follow(target)
+    node = source.socket.node
+    if isinstance(source, Input) or node.type == "RGB":
+        red, green, blue, _ = source.socket.default_value
+        return _Product((red, green, blue))
+    if node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY":
+        if _constant(source.input("Factor_Float")) == 1.0:
+            return _color_product(source.input("A_Color")).times(_color_product(source.input("B_Color")))
+        raise _NotUnderstoodError(f"is multiplied in part by the node {node.name!r}")
+    if source.socket.name == "Color":
+        return _leaf_product(source)
+    raise _NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
+
+
+def _alpha_product(targets: list[Input]) -> tuple[_Product, float | None]:
+    """The product behind the alpha inputs and its cut-off, `None` where it is not cut."""
+    constants = [_constant(target) for target in targets]
+    varying = [target for target, constant in zip(targets, constants, strict=True) if constant is None]
+    scale = math.prod(constant for constant in constants if constant is not None)
+    product = _Product((scale, scale, scale))
+    if not varying:
+        return product, None
+    if len(varying) > 1:
+        raise _NotUnderstoodError("comes from a Mix Shader and from the Principled BSDF")
+    behind, cutoff = _cut(varying[0])
+    if cutoff is not None and scale != 1.0:
+        raise _NotUnderstoodError("is scaled after it is cut off")
+    return product.times(_value_product(behind)), cutoff
+
+
+def _value_product(target: Input) -> _Product:
+    """The product behind a value input."""
+    constant = _constant(target)
+    if constant is not None:
+        return _Product((constant, constant, constant))
+    source = follow(target)
+    if isinstance(source, Input):
+        raise _NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
+    node = source.node
+    if node.type == "MATH" and node.operation == "MULTIPLY":
+        first, second, _ = source.inputs()
+        return _value_product(first).times(_value_product(second))
+    if source.socket.name == "Alpha" or (node.type == "TEX_IMAGE" and source.socket.name == "Color"):
+        return _leaf_product(source)
+    raise _NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
+
+
+def _leaf_product(source: Output) -> _Product:
+    """An image or a colour attribute, at the output Color or Alpha."""
+    node = source.node
+    if node.type == "TEX_IMAGE":
+        return _Product(texture=_texture(source), channel=source.socket.name)
+    if node.type == "VERTEX_COLOR":
+        return _Product(attribute=node.layer_name)
+    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
+        return _Product(attribute=node.attribute_name)
+    raise _NotUnderstoodError(f"comes from the node {node.name!r}")
+
+
+def _cut(target: Input) -> tuple[Input, float | None]:
+    """The input that is cut off, and where: it counts as 1 from the cut-off on, as 0 below."""
+    source = follow(target)
+    if isinstance(source, Input) or source.node.type != "MATH":
+        return target, None
+    first, second, *_ = source.inputs()
+    a, b = _constant(first), _constant(second)
+    match source.node.operation:
+        case "ROUND":
+            return first, 0.5
+        case "GREATER_THAN" if b is not None:
+            return first, b
+        case "LESS_THAN" if a is not None:
+            return second, a
+        case "SUBTRACT" if a == 1.0:
+            return _cut_below(second) or (target, None)
+    return target, None
+
+
+def _cut_below(target: Input) -> tuple[Input, float] | None:
+    """The same for a value that is 1 below the cut-off and 0 from there on."""
+    source = follow(target)
+    if isinstance(source, Input) or source.node.type != "MATH":
+        return None
+    first, second, *_ = source.inputs()
+    a, b = _constant(first), _constant(second)
+    if source.node.operation == "LESS_THAN" and b is not None:
+        return first, b
+    if source.node.operation == "GREATER_THAN" and a is not None:
+        return second, a
+    return None
+
+
+def _texture(source: Output) -> Texture:
+    node = source.node
+    if node.image is None:
+        raise _NotUnderstoodError(f"comes from the node {node.name!r}, which has no image")
+    if node.projection != "FLAT" or node.image.source not in {"FILE", "GENERATED"}:
+        kind = f"{node.image.source.lower()}, {node.projection.lower()} projection"
+        raise _NotUnderstoodError(f"comes from the image {node.image.name!r} ({kind})")
+    return _laid(Texture(node.image, extension=node.extension), source.input("Vector"))
+
+
+def _laid(texture: Texture, coordinates: Input) -> Texture:
+    """The texture with the UV map, wrapping and transform that its coordinates say."""
+    source = follow(coordinates)
+    if isinstance(source, Input):
+        return texture
+    node = source.node
+    if node.type == "UVMAP":
+        return replace(texture, uv_map=node.uv_map)
+    if node.type == "TEX_COORD" and source.socket.name == "UV":
+        return texture
+    if node.type == "MAPPING" and node.vector_type == "POINT":
+        laid = _laid(texture, source.input("Vector"))
+        return replace(laid, transform=_composed(_mapping(source), laid.transform))
+    if node.type == "COMBXYZ" and (wrapped := _wrapped(source)) is not None:
+        return _laid(replace(texture, extension="MIXED"), wrapped)
+    raise _NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
+
+
+def _wrapped(combine: Output) -> Input | None:
+    """The vector whose u and v the glTF importer wraps apart (Separate, Wrap or Ping-Pong, Combine), else `None`."""
+    separated: list[Output] = []
+    for target in combine.inputs()[:2]:
+        source = follow(target)
+        if isinstance(source, Output) and source.node.type == "MATH" and source.node.operation in {"WRAP", "PINGPONG"}:
+            source = follow(source.inputs()[0])
+        if not isinstance(source, Output) or source.node.type != "SEPXYZ":
+            return None
+        separated.append(source)
+    u, v = separated
+    if u.node != v.node or (u.socket.name, v.socket.name) != ("X", "Y"):
+        return None
+    return u.input("Vector")
+
+
+def _mapping(source: Output) -> tuple[float, ...]:
+    """(2, 3) by rows: a Mapping node of type Point, which scales, then turns, then moves."""
+    location, rotation, scale = (source.input(name) for name in ("Location", "Rotation", "Scale"))
+    if any(isinstance(follow(target), Output) for target in (location, rotation, scale)):
+        raise _NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
+    moved, (tilt_x, tilt_y, angle), (sx, sy, _) = (
+        follow(target).socket.default_value for target in (location, rotation, scale)
+    )
+    if tilt_x or tilt_y:
+        raise _NotUnderstoodError(f"has texture coordinates that are tilted by the node {source.node.name!r}")
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return (cosine * sx, -sine * sy, moved[0], sine * sx, cosine * sy, moved[1])
+
+
+def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[float, ...]:
+    first, second = (np.vstack([np.reshape(rows, (2, 3)), (0.0, 0.0, 1.0)]) for rows in (before, after))
+    return tuple(float(value) for value in (second @ first)[:2].ravel())
+
+
+def _constant(target: Input) -> float | None:
+    """The number at an input of type value, `None` where it varies."""
+    source = follow(target)
+    if isinstance(source, Input) and source.socket.type == "VALUE":
+        return float(source.socket.default_value)
+    if isinstance(source, Output) and source.node.type == "VALUE":
+        return float(source.socket.default_value)
+    return None

@@ -1,0 +1,26 @@
+"""The interface: an operator, a panel in the 3D view's sidebar, and the settings that both show."""
+
+from __future__ import annotations
+
+import bpy
+
+from .operators import LEAFCLOUD_OT_bake, cancel_running
+from .panels import LEAFCLOUD_PT_bake
+from .properties import LeafcloudSettings, LeafcloudStatus
+
+_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_PT_bake)
+
+
+def register() -> None:
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.leafcloud = bpy.props.PointerProperty(type=LeafcloudSettings)
+    bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
+
+
+def unregister() -> None:
+    cancel_running()
+    del bpy.types.WindowManager.leafcloud
+    del bpy.types.Scene.leafcloud
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,151 @@
+"""The operator: bakes the selected objects."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import bpy
+
+import leafcloud
+
+from ..build.rollback import removed_on_failure
+from ..job import POLL_SECONDS, wait
+from ..pipeline import file_name, finish, prepare, start, view_of, write
+from ..scene import SceneError
+from ..scene.extract import extract
+from ..settings import SettingsError
+
+_REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
+
+_NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
+"""What gets through while a bake runs: nothing that could edit or undo what is being baked."""
+
+_running: list[leafcloud.Job[leafcloud.Chain]] = []
+
+
+def cancel_running() -> None:
+    """Cancels the core's work and waits until its thread has ended: the add-on is about to go."""
+    for job in _running:
+        job.cancel()
+        try:
+            job.result()
+        except leafcloud.LeafcloudError:
+            continue  # Whether cancelled or failed: nobody is left to tell.
+    _running.clear()
+
+
+class LEAFCLOUD_OT_bake(bpy.types.Operator):
+    """Bake the selected objects into levels of detail, in a new collection"""
+
+    bl_idname = "leafcloud.bake"
+    bl_label = "Bake Levels"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.selected_objects:
+            cls.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave Edit Mode first")
+            return False
+        if _running:
+            cls.poll_message_set("A bake is running")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Bakes from start to end; nothing else happens meanwhile."""
+        try:
+            self._begin(context)
+            chain = wait(self._job, lambda stage, fraction: None)
+            return self._end(context, chain)
+        except _REFUSALS as error:
+            return self._refuse(error)
+        finally:
+            _running.clear()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Bakes while the view stays alive; without an interface like `execute`."""
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._begin(context)
+        except _REFUSALS as error:
+            return self._refuse(error)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self._job.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if event.type in _NAVIGATION else {"RUNNING_MODAL"}
+        _show(context, self._job.stage, self._job.fraction)
+        if not self._job.done:
+            return {"RUNNING_MODAL"}
+        try:
+            return self._end(context, self._job.result())
+        except leafcloud.CancelledError:
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
+        except _REFUSALS as error:
+            return self._refuse(error)
+        finally:
+            context.window_manager.event_timer_remove(self._timer)
+            _running.clear()
+            _show(context, "", 0.0)
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        """Reads the scene and starts the core."""
+        settings = context.scene.leafcloud
+        self._sources = tuple(context.selected_objects)
+        tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=settings.leaf_names())
+        self._prepared = prepare(tree, settings.to_settings())
+        self._job = start(self._prepared)
+        _running.append(self._job)
+
+    def _end(self, context: bpy.types.Context, chain: leafcloud.Chain) -> set[str]:
+        """Puts the levels into the scene in the sources' place, and writes them if a folder is given."""
+        scene = context.scene
+        name = _free_name(file_name((context.active_object or self._sources[0]).name))
+        with removed_on_failure():
+            baked = finish(self._prepared, chain, name, view_of(scene))
+            scene.collection.children.link(baked.collection)
+            if scene.leafcloud.directory:
+                directory = Path(bpy.path.abspath(scene.leafcloud.directory))
+                write(baked, directory, lambda stage, fraction: _show(context, stage, fraction), blend=False)
+        for obj in self._sources:
+            obj.hide_set(True)
+            obj.hide_render = True
+        for warning in self._prepared.warnings:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, f"Baked {len(baked.levels)} levels into collection {name}, and hid their sources")
+        return {"FINISHED"}
+
+    def _refuse(self, error: BaseException) -> set[str]:
+        """Tells why nothing was baked; the scene is as it was."""
+        self.report({"ERROR"}, " ".join(str(error).split()))
+        return {"CANCELLED"}
+
+
+def _free_name(wanted: str) -> str:
+    """`wanted`, with a number if the levels could not have their names under it."""
+    taken = [item.name for item in (*bpy.data.collections, *bpy.data.objects)]
+
+    def is_free(name: str) -> bool:
+        return name not in bpy.data.collections and not any(other.startswith(f"{name}_LOD") for other in taken)
+
+    numbered = (f"{wanted}_{number}" for number in itertools.count(2))
+    return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
+
+
+def _show(context: bpy.types.Context, stage: str, fraction: float) -> None:
+    status = context.window_manager.leafcloud
+    status.stage, status.fraction = stage, fraction
+    for area in context.screen.areas if context.screen else ():
+        area.tag_redraw()

@@ -1,0 +1,130 @@
+"""The settings as Blender's properties, with the limits and defaults of `BakeSettings`."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from ..settings import EFFECTS, ENGINES, LARGEST_TEXTURE, MOST_CANDIDATES, MOST_LEVELS, SMALLEST_TEXTURE, BakeSettings
+
+_DEFAULTS = BakeSettings()
+_LARGEST_INT = 2**31 - 1
+_DIGITS = 6
+"""After the point: properties are single precision, and 0.04 has to mean what it means on the command line."""
+
+# Blender evaluates the annotations below: in them a comprehension sees no names of this module.
+_EFFECT_ITEMS = [(name, name.replace("_", " ").title(), "") for name in EFFECTS]
+_ENGINE_ITEMS = [(name, name.title(), "") for name in ENGINES]
+
+
+class LeafcloudSettings(bpy.types.PropertyGroup):
+    """What the next bake of this scene is asked to do."""
+
+    leaves: StringProperty(
+        name="Leaves",
+        description="Objects or materials that are leaves, with commas between; empty: found by name or by shape",
+    )
+    epsilon: FloatProperty(
+        name="Error Bound",
+        description="How far a leaf may move along its billboard's normal, as a share of the crown's radius",
+        default=_DEFAULTS.epsilon,
+        min=0.001,
+        max=1.0,
+        soft_max=0.2,
+        precision=3,
+        step=1,
+    )
+    levels: IntProperty(
+        name="Levels",
+        description="Billboard clouds behind the leaves",
+        default=_DEFAULTS.levels,
+        min=1,
+        max=MOST_LEVELS,
+        soft_max=4,
+    )
+    cross: BoolProperty(
+        name="Cross",
+        description="Add two crossed billboards of the whole tree behind the clouds",
+        default=_DEFAULTS.cross,
+    )
+    texture_size: IntProperty(
+        name="Texture Size",
+        description="Side of the first cloud's atlas in texels; halved with every level",
+        default=_DEFAULTS.texture_size,
+        min=SMALLEST_TEXTURE,
+        max=LARGEST_TEXTURE,
+    )
+    pixels: FloatProperty(
+        name="Switch Error",
+        description="A level takes over where its error is seen smaller than this many pixels",
+        default=_DEFAULTS.pixels,
+        min=0.1,
+        soft_max=32.0,
+    )
+    candidates: IntProperty(
+        name="Candidates",
+        description="Planes tried per billboard: more make fewer billboards, and take longer",
+        default=_DEFAULTS.candidates,
+        min=1,
+        max=MOST_CANDIDATES,
+        soft_max=2000,
+    )
+    seed: IntProperty(
+        name="Seed", description="Of every random choice", default=_DEFAULTS.seed, min=0, max=_LARGEST_INT
+    )
+    effect_choice: EnumProperty(
+        name="Effects",
+        description="Which effects the levels carry",
+        items=[
+            ("auto", "Automatic", "Those that the scene calls for"),
+            ("all", "All", "All effects"),
+            ("none", "None", "No effects: plain levels"),
+            ("some", "Chosen", "Those chosen below"),
+        ],
+    )
+    chosen_effects: EnumProperty(
+        name="Chosen Effects",
+        description="The effects that the levels carry",
+        items=_EFFECT_ITEMS,
+        options={"ENUM_FLAG"},
+        default=set(EFFECTS),
+    )
+    engine: EnumProperty(
+        name="Engine",
+        description="Which engine the glTF files are meant for",
+        items=_ENGINE_ITEMS,
+        default=_DEFAULTS.engine,
+    )
+    directory: StringProperty(
+        name="Folder",
+        description="Where to write the levels as glTF, with preview and report; empty: nothing is written",
+        subtype="DIR_PATH",
+    )
+
+    def to_settings(self) -> BakeSettings:
+        """The settings as a bake takes them."""
+        effects = self.effect_choice
+        if effects == "some":
+            effects = ",".join(name for name in EFFECTS if name in self.chosen_effects) or "none"
+        return BakeSettings(
+            epsilon=round(self.epsilon, _DIGITS),
+            candidates=self.candidates,
+            levels=self.levels,
+            seed=self.seed,
+            texture_size=self.texture_size,
+            cross=self.cross,
+            effects=effects,
+            engine=self.engine,
+            pixels=round(self.pixels, _DIGITS),
+        )
+
+    def leaf_names(self) -> list[str] | None:
+        """The names given as leaves; None to let them be found."""
+        return [name.strip() for name in self.leaves.split(",") if name.strip()] or None
+
+
+class LeafcloudStatus(bpy.types.PropertyGroup):
+    """What the bake that runs now is doing; `stage` is empty while none runs."""
+
+    stage: StringProperty(options={"SKIP_SAVE"})
+    fraction: FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)

@@ -1,0 +1,348 @@
+"""Bakes the leaves of a tree into levels of detail, without an interface:
+
+    blender -b [scene.blend] --python bake.py -- --out DIR …      the open scene, or --input FILE
+    python bake.py --input FILE --out DIR …                       with the bpy wheel
+
+Both do the same. Exit status 0 means that every file that the report names was written whole; otherwise standard error
+has one line that says why, the status is 1 (2 for a wrong command line), and DIR is as it was. From the open scene only
+the camera and the lights are kept beside the levels; the file that it came from is not touched.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn, TextIO
+
+if TYPE_CHECKING:
+    from addon.plan.effects import Effect
+    from addon.scene.extract import Tree
+    from addon.settings import BakeSettings
+
+ROOT = Path(__file__).resolve().parent
+PROGRAM = "bake.py"
+SLOW_SECONDS = 1.0
+"""A stage that takes longer is named on standard error."""
+
+
+class UsageError(Exception):
+    """The command line is wrong. One line."""
+
+
+class Refusal(Exception):
+    """The bake cannot be done. One line."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; --help lists the flags")
+
+
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line. Raises `UsageError`; `--help` prints all flags and ends the program."""
+    from addon.settings import EFFECTS, ENGINES, BakeSettings
+
+    default = BakeSettings()
+    parser = _Parser(
+        prog=PROGRAM,
+        description="Bakes the leaves of a tree into levels of detail that do not pop.",
+        epilog="Lengths are in the scene's units, shares are of the radius R of the leaves' bounding sphere.",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--input", type=Path, metavar="FILE", help="a .glb, .gltf, .obj or .blend file (default: the open scene)"
+    )
+    parser.add_argument(
+        "--leaves",
+        nargs="+",
+        metavar="NAME",
+        help="objects or materials that are leaves (default: found by names such as leaf or needle, else by shape)",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="the folder that the files go to; it is made if need be"
+    )
+    parser.add_argument(
+        "--epsilon",
+        type=float,
+        default=default.epsilon,
+        metavar="SHARE",
+        help="greatest distance that a vertex may move along its billboard's normal on level 1, "
+        "as a share of R, in (0, 1] (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--candidates",
+        type=int,
+        default=default.candidates,
+        metavar="COUNT",
+        help="planes tried per billboard, at least 1 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--levels",
+        type=int,
+        default=default.levels,
+        metavar="COUNT",
+        help="number of billboard clouds, the cross not counted (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--no-cross",
+        dest="cross",
+        action="store_false",
+        help="leave out the last level, two crossed billboards of the whole tree",
+    )
+    parser.add_argument("--method", default=default.method, metavar="NAME", help="the fitter (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=default.seed, metavar="NUMBER", help="of every random choice (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--texture-size",
+        type=int,
+        default=default.texture_size,
+        metavar="TEXELS",
+        help="side of level 1's atlas in texels, halved with every level (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--pixels",
+        type=float,
+        default=default.pixels,
+        metavar="PIXELS",
+        help="a level takes over where its error is seen smaller than this many pixels (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--chain",
+        default=default.chain,
+        metavar="NAME",
+        help="how the levels follow one another: billboards (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--engine",
+        default=default.engine,
+        metavar="NAME",
+        help=f"which engine the glTF is for: {', '.join(ENGINES)} (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--effects",
+        default=default.effects,
+        metavar="NAMES",
+        help=f"auto, all, none, or out of {','.join(EFFECTS)} with commas between (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--plan-only", action="store_true", help="print which effects the bake would carry, and why; write nothing"
+    )
+    parser.add_argument("--json", action="store_true", help="print the plan of --plan-only as JSON instead of a table")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Runs one bake; gives the exit status."""
+    try:
+        options = parse(arguments)
+        settings = _settings(options)
+        if options.out is None and not options.plan_only:
+            raise UsageError("--out DIR is missing: name the folder that the files go to")
+    except UsageError as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        return 2
+    with _own_console() as console:
+        try:
+            console.tell(_run(options, settings, console))
+            return 0
+        except Refusal as error:
+            console.refuse(str(error))
+            return 1
+        except KeyboardInterrupt:
+            console.refuse("cancelled, nothing was written")
+            return 130
+
+
+def _settings(options: argparse.Namespace) -> BakeSettings:
+    from addon.settings import BakeSettings, SettingsError
+
+    names = [field.name for field in fields(BakeSettings)]
+    try:
+        return BakeSettings(**{name: getattr(options, name) for name in names})
+    except SettingsError as error:
+        raise UsageError(str(error)) from error
+
+
+def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
+    """What to print at the end. Raises `Refusal`."""
+    _find_modules()
+    import leafcloud
+    from addon.scene import SceneError
+
+    try:
+        if options.plan_only:
+            return _plan(options, settings)
+        return _bake(options, settings, console)
+    except (SceneError, leafcloud.LeafcloudError) as error:
+        raise Refusal(str(error)) from error
+
+
+def _find_modules() -> None:
+    """Makes bpy and the wheel importable. Raises `Refusal` when one is not there."""
+    if find_spec("bpy") is None:
+        raise Refusal(
+            f"{sys.executable} has no module bpy: run `make setup` and use .venv/bin/python, or run "
+            "`blender -b --python bake.py -- …`"
+        )
+    if find_spec("leafcloud") is None:
+        # Last in the path, so that nothing else of that environment takes the place of Blender's own modules.
+        sys.path += [str(folder.parent) for folder in sorted(ROOT.glob(".venv/[Ll]ib/**/site-packages/leafcloud"))]
+    if find_spec("leafcloud") is None:
+        raise Refusal("the module leafcloud is not there: run `make setup`, or enable the Leafcloud extension")
+
+
+def _tree(options: argparse.Namespace) -> tuple[Tree, str]:
+    """The tree to bake, and the name that everything gets."""
+    import bpy
+
+    from addon.pipeline import file_name
+    from addon.scene.extract import extract
+    from addon.scene.load import load
+
+    if options.input is not None:
+        load(options.input)
+        name = options.input.stem
+    elif not bpy.app.binary_path:
+        raise Refusal("no scene is open in the bpy module: name a file with --input FILE")
+    else:
+        active = bpy.context.view_layer.objects.active
+        name = Path(bpy.data.filepath).stem or ("tree" if active is None else active.name)
+    return extract(bpy.context.evaluated_depsgraph_get(), None, leaf_names=options.leaves), file_name(name)
+
+
+def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
+    from addon.pipeline import prepare
+
+    effects = prepare(_tree(options)[0], settings).effects
+    if options.json:
+        return json.dumps([asdict(effect) for effect in effects], indent=2)
+    return plan_table(effects)
+
+
+def plan_table(effects: Sequence[Effect]) -> str:
+    """The plan with a line for each effect: its name, whether it is on, the reason."""
+    shown = {True: "on", False: "off", None: "auto"}
+    rows = [("effect", "", "reason"), *((effect.name, shown[effect.on], effect.reason) for effect in effects)]
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    return "\n".join(f"{name:<{widths[0]}}  {on:<{widths[1]}}  {reason}" for name, on, reason in rows)
+
+
+def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
+    import bpy
+
+    from addon.export.blend import clear_scene, make_self_contained
+    from addon.export.staging import Staging
+    from addon.pipeline import bake, write
+
+    stages = _Stages(console)
+    with _refusing(options.out), Staging(options.out):
+        pass  # Whether the folder can be written to is told before the work, not after it.
+    stages("read", 0.0)
+    tree, name = _tree(options)
+    scene = bpy.context.scene
+    clear_scene(scene)
+    baked = bake(tree, settings, scene, name, stages)
+    make_self_contained()
+    with _refusing(options.out):
+        report = write(baked, options.out, stages, blend=True)
+    console.warn(report["warnings"])
+    return f"{name}: {len(report['levels'])} levels, {len(report['files'])} files in {options.out}"
+
+
+@contextmanager
+def _refusing(directory: Path) -> Iterator[None]:
+    """Turns what the system says while `directory` is written to into a `Refusal`."""
+    try:
+        yield
+    except OSError as error:
+        remedy = "make room there, or choose another folder with --out"
+        raise Refusal(f"cannot write to {directory}: {error.strerror or error}; {remedy}") from error
+
+
+class _Console:
+    """Standard output and error for our own words, while what Blender says there goes into a log."""
+
+    def __init__(self, out: TextIO, err: TextIO) -> None:
+        self._out, self._err = out, err
+
+    def tell(self, text: str) -> None:
+        print(text, file=self._out, flush=True)
+
+    def progress(self, stage: str) -> None:
+        print(f"{PROGRAM}: {stage} …", file=self._err, flush=True)
+
+    def warn(self, warnings: Sequence[str]) -> None:
+        for warning in warnings:
+            print(f"{PROGRAM}: warning: {warning}", file=self._err, flush=True)
+
+    def refuse(self, reason: str) -> None:
+        print(f"{PROGRAM}: {' '.join(reason.split())}", file=self._err, flush=True)
+
+
+class _Stages:
+    """Names each stage that takes over a second, as soon as that is known."""
+
+    def __init__(self, console: _Console) -> None:
+        self._console = console
+        self._stage, self._begin, self._told = "", time.monotonic(), True
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        if not self._told and time.monotonic() - self._begin > SLOW_SECONDS:
+            self._told = True
+            self._console.progress(self._stage)
+        if stage != self._stage:
+            self._stage, self._begin, self._told = stage, time.monotonic(), False
+
+
+@contextmanager
+def _own_console() -> Iterator[_Console]:
+    """Sends what Blender and its add-ons print into a file for the time of the block; shows it if the block breaks.
+
+    Blender prints from C, so the descriptors themselves are turned.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(1), os.dup(2)]
+    streams = [
+        open(os.dup(descriptor), "w", encoding=stream.encoding, errors="backslashreplace")  # noqa: SIM115
+        for descriptor, stream in zip(kept, (sys.stdout, sys.stderr), strict=True)
+    ]
+    with tempfile.TemporaryFile() as log:
+        os.dup2(log.fileno(), 1)
+        os.dup2(log.fileno(), 2)
+        broke = True
+        try:
+            yield _Console(*streams)
+            broke = False
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for descriptor, number in zip(kept, (1, 2), strict=True):
+                os.dup2(descriptor, number)
+                os.close(descriptor)
+            for stream in streams:
+                stream.close()
+            if broke:
+                log.seek(0)
+                sys.stderr.write(log.read().decode(errors="replace"))
+
+
+def _arguments() -> list[str]:
+    """The arguments meant for us: behind `--` when Blender itself runs, all of them under Python."""
+    given = sys.argv
+    return given[given.index("--") + 1 :] if "--" in given else given[1:]
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    sys.exit(main(_arguments()))

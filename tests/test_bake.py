@@ -1,0 +1,518 @@
+"""The command line from end to end, in processes of its own: what it writes, what it promises, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from glb import Node, Primitive, read_glb
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parent.parent
+BAKE = ROOT / "bake.py"
+QUICK = ("--texture-size", "256")
+
+LEVEL_KEYS = {
+    "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
+    "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
+    "seconds",
+}  # fmt: skip
+
+
+def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(BAKE), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+
+
+def bake(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
+    """A bake that has to work; its report."""
+    done = run("--input", source, "--out", out, *arguments)
+    assert done.returncode == 0, done.stderr
+    return json.loads((out / "report.json").read_text(encoding="utf-8"))
+
+
+def refusal(out: Path, *arguments: object) -> str:
+    """A bake that has to be refused: in one line, with nothing left in its folder. Gives the line."""
+    done = run("--out", out, *arguments)
+    assert done.returncode not in (0, -6, -11)
+    assert not out.is_dir() or not list(out.iterdir())
+    lines = done.stderr.splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("bake.py: ")
+    return lines[0].removeprefix("bake.py: ")
+
+
+@pytest.fixture(scope="module")
+def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The shrub, baked with the effects that are there by default."""
+    out = tmp_path_factory.mktemp("shrub")
+    return out, bake(shrub, out, *QUICK)
+
+
+# What is written
+
+
+def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> None:
+    _, report = baked
+    assert set(report) == {"leafcloud", "blender", "input", "levels", "effects", "files", "warnings"}
+    assert set(report["input"]) == {"triangles", "leaves", "radius", "dropped", "choice", "materials"}
+    assert (report["input"]["leaves"], report["input"]["materials"]) == (672, ["leaves"])
+    assert [level["level"] for level in report["levels"]] == [0, 1, 2, 3]
+    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "stochastic", "cross"]
+    for level in report["levels"]:
+        assert set(level) == LEVEL_KEYS
+        assert set(level["seconds"]) == {"fit", "pack", "bake", "write"}
+    assert report["levels"][0]["triangles"] == report["input"]["triangles"]
+    for level, epsilon in zip(report["levels"][1:3], (0.04, 0.1), strict=True):
+        assert 0.0 < level["mean_deviation"] < level["max_deviation"] <= level["epsilon"] == pytest.approx(epsilon)
+        assert level["max_deviation_leaves"] >= level["max_deviation"]
+        assert 0.0 < level["atlas_occupancy"] <= 1.0
+    distances = [level["switch_distance"] for level in report["levels"]]
+    assert distances[0] == 0.0
+    assert distances == sorted(set(distances))
+    assert [set(effect) for effect in report["effects"]] == [{"name", "on", "reason", "seconds", "bytes"}] * 3
+    assert [effect["name"] for effect in report["effects"]] == ["transitions", "pruning", "back_sides"]
+    assert report["warnings"] == []
+
+
+def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -> None:
+    out, report = baked
+    levels = [f"shrub_LOD{number}.glb" for number in range(4)]
+    assert report["files"] == sorted(["shrub.glb", *levels, "shrub.blend", "preview.png", "report.json"])
+    assert sorted(file.name for file in out.iterdir()) == report["files"]
+
+
+def test_every_level_has_its_node_with_the_wood_below(baked: tuple[Path, dict[str, Any]]) -> None:
+    out, report = baked
+    nodes = read_glb(out / "shrub.glb")
+    clouds = [f"shrub_LOD{number}" for number in range(3)]
+    assert set(nodes) == {*clouds, *(f"{name}_wood" for name in clouds), "shrub_LOD3"}
+    for level in report["levels"]:
+        node = nodes[f"shrub_LOD{level['level']}"]
+        assert node.children == ([f"{node.name}_wood"] if level["level"] < 3 else [])
+        assert node.extras["leafcloud"]["level"] == level["level"]
+        assert node.extras["leafcloud"]["switch_distance"] == pytest.approx(level["switch_distance"])
+        assert sum(len(primitive.indices) for primitive in node.primitives) == level["triangles"]
+        alone = read_glb(out / f"{node.name}.glb")
+        assert set(alone) == {node.name, *node.children}
+        assert np.array_equal(alone[node.name].primitives[0].indices, node.primitives[0].indices)
+
+
+def test_clouds_are_cut_out_by_alpha(baked: tuple[Path, dict[str, Any]]) -> None:
+    nodes = read_glb(baked[0] / "shrub.glb")
+    for number in (1, 2, 3):
+        node = nodes[f"shrub_LOD{number}"]
+        (primitive,) = node.primitives
+        assert primitive.material["alphaMode"] == "MASK"
+        assert primitive.material["alphaCutoff"] == pytest.approx(node.extras["leafcloud"]["alpha_cutoff"])
+        assert "baseColorTexture" in primitive.material["pbrMetallicRoughness"]
+
+
+def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, Any]]) -> None:
+    node = read_glb(baked[0] / "shrub.glb")["shrub_LOD0"]
+    extras = node.mesh_extras["leafcloud"]
+    assert extras["keep_steps"] == 64
+    for primitive, row in zip(node.primitives, extras["prefixes"], strict=True):
+        ranks = primitive.attributes["_LEAF_RANK"][primitive.indices]
+        assert (ranks == ranks[:, :1]).all()
+        assert (np.diff(ranks[:, 0]) >= 0.0).all()
+        assert (np.unique(ranks, return_counts=True)[1] == 6).all()  # a card is two triangles
+        keep = np.arange(65, dtype=np.float32) / 64
+        assert row["triangles"] == np.searchsorted(ranks[:, 0], keep).tolist()
+        assert row["material"] == primitive.material["name"]
+
+
+def test_texture_coordinates_stand_in_for_rank_and_pivot(baked: tuple[Path, dict[str, Any]]) -> None:
+    nodes = read_glb(baked[0] / "shrub.glb")
+    for name in ("shrub_LOD0", "shrub_LOD1"):
+        for primitive in nodes[name].primitives:
+            attributes = primitive.attributes
+            assert {f"TEXCOORD_{number}" for number in range(4)} <= set(attributes)
+            assert "TEXCOORD_4" not in attributes
+            stored = np.hstack([attributes["TEXCOORD_2"], attributes["TEXCOORD_3"]])
+            expected = np.column_stack([attributes["_LEAF_RANK"], attributes["_LEAF_PIVOT"]])
+            np.testing.assert_allclose(stored, expected, atol=1e-6)
+            assert not attributes["TEXCOORD_1"][:, 0].any()
+
+
+def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
+    node = read_glb(baked[0] / "shrub.glb")["shrub_LOD0"]
+    for primitive in node.primitives:
+        corners = primitive.attributes["POSITION"][primitive.indices]
+        pivots = primitive.attributes["_LEAF_PIVOT"][primitive.indices[:, 0]]
+        sizes = np.ptp(corners, axis=1).max(axis=1)
+        assert (np.abs(pivots - corners.mean(axis=1)).max(axis=1) <= 2.0 * sizes).all()
+
+
+def test_the_blend_file_holds_the_levels_and_nothing_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(baked[0] / "shrub.blend"))
+    objects = {obj.name for obj in bpy.context.scene.objects}
+    assert objects == set(read_glb(baked[0] / "shrub.glb"))
+    assert {collection.name for collection in bpy.data.collections} == {"shrub"}
+    leaves = bpy.data.objects["shrub_LOD0"]
+    names = {attribute.name for attribute in leaves.data.attributes}
+    assert {"leaf_rank", "leaf_pivot", "leaf_billboard", "leaf_target", "leaf_pivot_target"} <= names
+    assert not [name for name in names if name.startswith("_")]
+    assert len(leaves.data.uv_layers) == 1
+    assert [modifier.type for modifier in leaves.modifiers] == ["NODES"]
+    assert all(image.packed_file is not None for image in bpy.data.images if image.source == "FILE")
+    assert not bpy.data.texts
+
+
+def test_levels_take_over_from_one_another_before_the_camera(baked: tuple[Path, dict[str, Any]]) -> None:
+    out, report = baked
+    bpy.ops.wm.open_mainfile(filepath=str(out / "shrub.blend"))
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.collection.objects.link(scene.camera)
+    switch = [level["switch_distance"] for level in report["levels"]]
+    for distance, expected in [(0.4 * switch[1], 0), (1.1 * switch[1], 1), (1.1 * switch[2], 2), (1.1 * switch[3], 3)]:
+        scene.camera.location = (0.0, -distance, 0.0)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        drawn = [number for number in range(4) if _polygons(depsgraph, f"shrub_LOD{number}")]
+        assert drawn == [expected]
+        wooden = [number for number in range(3) if _polygons(depsgraph, f"shrub_LOD{number}_wood")]
+        assert wooden == [number for number in drawn if number < 3]
+
+
+def _polygons(depsgraph: bpy.types.Depsgraph, name: str) -> int:
+    return len(bpy.data.objects[name].evaluated_get(depsgraph).data.polygons)
+
+
+# What is promised
+
+
+def world(node: Node, primitive: Primitive, target: int | None = None) -> NDArray[np.float64]:
+    """(t, 3, 3) corners of the triangles, at rest or moved by a morph target."""
+    positions = primitive.attributes["POSITION"].astype(np.float64)
+    if target is not None:
+        positions = positions + primitive.targets[target]["POSITION"].astype(np.float64)
+    return node.to_world(positions)[primitive.indices]
+
+
+def planes(node: Node) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals (k, 3) and offsets (k,) of the planes of a cloud's triangles."""
+    corners = np.concatenate([world(node, primitive) for primitive in node.primitives])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals, (normals * corners[:, 0]).sum(axis=1)
+
+
+def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArray[np.float64]:
+    """(t,) for each triangle the way along the normal from where it is to where it morphs to.
+
+    Its plane is one of the next level's, on which all three corners come to lie; none is infinitely far.
+    """
+    normals, offsets = planes(following)
+    result = []
+    for primitive in level.primitives:
+        rest, moved = world(level, primitive), world(level, primitive, 0)
+        best = np.full(len(rest), math.inf)
+        for normal, offset in zip(normals, offsets, strict=True):
+            lies_on = (np.abs(moved @ normal - offset) <= 1e-5 * radius).all(axis=1)
+            way = np.abs((moved - rest) @ normal).max(axis=1)
+            best = np.where(lies_on, np.minimum(best, way), best)
+        result.append(best)
+    return np.concatenate(result)
+
+
+def test_a_bake_keeps_its_bound_and_is_valid(
+    tree_path: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    """The error bound, in f64 and from the files alone, on every tree that there is; and the Khronos validator."""
+    report = bake(tree_path, tmp_path, "--texture-size", 512)
+    name, radius = tree_path.stem, report["input"]["radius"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
+    nodes = read_glb(tmp_path / f"{name}.glb")
+    for number, epsilon in [(0, 0.04), (1, 0.1)]:
+        level, following = nodes[f"{name}_LOD{number}"], nodes[f"{name}_LOD{number + 1}"]
+        found = deviations_on_parents(level, following, radius)
+        assert found.max() <= epsilon * radius * (1.0 + 1e-5), f"LOD {number}"
+        assert found.max() == pytest.approx(report["levels"][number + 1]["max_deviation"] * radius, rel=1e-4)
+    assert not nodes[f"{name}_LOD2"].primitives[0].targets
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+def placed_shrub(shrub: Path, *, mirrored: bool, sheared: bool) -> bpy.types.Object:
+    """Puts the shrub's leaves far away, turned and scaled, and alone; single-sided, so that their fronts matter."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.data.objects.remove(bpy.data.objects["branches"])
+    leaves = bpy.data.objects["leaves"]
+    leaves.rotation_mode = "XYZ"
+    leaves.location, leaves.rotation_euler = (1000.0, -500.0, 20.0), (0.3, 0.2, 1.0)
+    leaves.scale = (-2.0 if mirrored else 2.0, 2.0, 2.0)
+    leaves.active_material.use_backface_culling = True
+    if sheared:
+        parent = bpy.data.objects.new("stretched", None)
+        parent.scale = (1.0, 1.0, 2.0)
+        bpy.context.scene.collection.objects.link(parent)
+        leaves.parent = parent
+    bpy.context.view_layer.update()
+    return leaves
+
+
+@pytest.mark.parametrize(("mirrored", "sheared"), [(True, False), (False, True), (True, True)])
+def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp_path: Path) -> None:
+    leaves = placed_shrub(shrub, mirrored=mirrored, sheared=sheared)
+    matrix = np.array(leaves.matrix_world, np.float64)
+    rest = np.empty(3 * len(leaves.data.vertices), np.float32)
+    leaves.data.vertices.foreach_get("co", rest)
+    expected = rest.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    report = bake(saved(tmp_path / "far.blend"), tmp_path / "out", *QUICK)
+    assert len(report["warnings"]) == sheared
+    nodes, radius = read_glb(tmp_path / "out" / "far.glb"), report["input"]["radius"]
+    levels = [nodes[f"far_LOD{number}"] for number in range(4)]
+    for number, epsilon in [(0, 0.04), (1, 0.1)]:
+        found = deviations_on_parents(levels[number], levels[number + 1], radius)
+        assert found.max() <= epsilon * radius * (1.0 + 1e-4)
+    corners = np.concatenate([world(levels[0], primitive) for primitive in levels[0].primitives]).reshape(-1, 3)
+    z_up = np.column_stack([corners[:, 0], -corners[:, 2], corners[:, 1]])
+    for bound in (np.min, np.max):
+        np.testing.assert_allclose(bound(z_up, axis=0), bound(expected, axis=0), atol=1e-3 * radius)
+
+
+def corner_rows(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
+    """(t, 3, 8) position, texture coordinate and normal of the corners of a mesh of triangles."""
+
+    def read(values: Any, key: str, width: int) -> NDArray[np.float32]:
+        result = np.empty(len(values) * width, np.float32)
+        values.foreach_get(key, result)
+        return result.reshape(-1, width)
+
+    vertices = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    positions = read(mesh.vertices, "co", 3)[vertices]
+    rows = np.hstack([positions, read(mesh.uv_layers[0].uv, "vector", 2), read(mesh.corner_normals, "vector", 3)])
+    return rows.reshape(-1, 3, 8)
+
+
+def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple[Path, dict[str, Any]]) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    source = corner_rows(bpy.data.objects["leaves"].data)
+    bpy.ops.wm.open_mainfile(filepath=str(baked[0] / "shrub.blend"))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    lod_0 = corner_rows(bpy.data.objects["shrub_LOD0"].evaluated_get(depsgraph).data)
+    exact = 8 if bpy.app.version >= (4, 5, 0) else 5  # Before 4.5 Blender keeps normals in 16 bits.
+    pairs = [rows[np.lexsort(rows[:, :, :5].reshape(len(rows), -1).T)] for rows in (source, lod_0)]
+    assert np.array_equal(pairs[0][..., :exact], pairs[1][..., :exact])
+    assert np.abs(pairs[0][..., 5:] - pairs[1][..., 5:]).max() < 0.02
+
+
+def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
+    first, report = baked
+    again = bake(shrub, tmp_path, *QUICK)
+    for name in report["files"]:
+        if not name.endswith((".blend", ".json")):
+            assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name
+    assert _timeless(report) == _timeless(again)
+
+
+def _timeless(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _timeless(item) for key, item in value.items() if key != "seconds"}
+    return [_timeless(item) for item in value] if isinstance(value, list) else value
+
+
+# What goes in, and how
+
+
+def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    source = tmp_path / "bush.obj"
+    bpy.ops.wm.obj_export(filepath=str(source), path_mode="COPY", export_triangulated_mesh=True)
+    out = tmp_path / "out"
+    report = bake(source, out, *QUICK, "--levels", 1)
+    assert report["input"]["leaves"] == 672
+    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
+    assert "bush_LOD0_wood" in read_glb(out / "bush.glb")
+    assert gltf_issues(*out.glob("*.glb")) == []
+
+
+def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    leaves = bpy.data.objects["leaves"]
+    leaves.modifiers.new("two", "ARRAY").count = 2
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    camera.data.angle = math.radians(20.0)
+    source = tmp_path / "garden.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(source))
+    wide = bake(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
+    report = bake(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
+    assert report["input"]["leaves"] == 2 * 672
+    assert len(report["levels"]) == 2
+    relative = [one["levels"][1]["switch_distance"] / one["input"]["radius"] for one in (wide, report)]
+    assert relative[1] > 1.5 * relative[0]  # a narrow view sees errors from farther
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
+    assert {obj.name for obj in bpy.data.objects} == {
+        "camera", "garden_LOD0", "garden_LOD0_wood", "garden_LOD1", "garden_LOD1_wood"
+    }  # fmt: skip
+    assert bpy.context.scene.camera.name == "camera"
+
+
+def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) -> None:
+    report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--effects", "none")
+    assert [effect["on"] for effect in report["effects"]] == [False] * 3
+    assert [effect["bytes"] for effect in report["effects"]] == [0] * 3
+    for primitive in read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives:
+        assert set(primitive.attributes) == {"POSITION", "NORMAL", "TEXCOORD_0"}
+        assert not primitive.targets
+
+
+def test_godot_reads_rank_and_pivot_from_custom_attributes(
+    shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--engine", "godot")
+    for primitive in read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives:
+        attributes = primitive.attributes
+        assert np.array_equal(attributes["_CUSTOM0"], attributes["_LEAF_RANK"])
+        assert np.array_equal(attributes["_CUSTOM1"], attributes["_LEAF_PIVOT"])
+        assert not [name for name in attributes if name.startswith(("TEXCOORD_1", "COLOR"))]
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path) -> None:
+    table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
+    assert table.returncode == 0, table.stderr
+    assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
+        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"]
+    ]  # fmt: skip
+    plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
+    assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == [
+        ("transitions", False), ("pruning", True), ("back_sides", False)
+    ]  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_tells_every_default() -> None:
+    shown = run("--help")
+    assert shown.returncode == 0
+    text = " ".join(shown.stdout.split())
+    for name in ("input", "leaves", "out", "no-cross", "plan-only", "json"):
+        assert f"--{name}" in text
+    for name, default in [("epsilon", 0.04), ("candidates", 600), ("levels", 2), ("seed", 0), ("pixels", 8.0)]:
+        assert f"--{name}" in text
+        assert f"(default: {default})" in text
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--epsilon", "0"], ["--epsilon", "0.0", "greater than 0"]),
+        (["--epsilon", "-1"], ["--epsilon", "-1.0", "greater than 0"]),
+        (["--candidates", "0"], ["--candidates", "0", "from 1"]),
+        (["--levels", "two"], ["--levels", "'two'", "--help"]),
+        (["--effects", "glitter"], ["--effects", "'glitter'", "transitions"]),
+        (["--engine", "quake"], ["--engine", "'quake'", "godot"]),
+        (["--frobnicate"], ["--frobnicate", "--help"]),
+    ],
+)
+def test_a_wrong_command_line_is_refused(arguments: list[str], words: list[str], shrub: Path, tmp_path: Path) -> None:
+    line = refusal(tmp_path / "out", "--input", shrub, *arguments)
+    assert all(word in line for word in words), line
+
+
+def test_a_bake_without_a_folder_is_refused(shrub: Path) -> None:
+    done = run("--input", shrub)
+    assert (done.returncode, done.stderr) == (
+        2,
+        "bake.py: --out DIR is missing: name the folder that the files go to\n",
+    )
+
+
+def saved(path: Path) -> Path:
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def leaf_object(positions: list[tuple[float, float, float]], faces: list[tuple[int, ...]]) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new("leaves")
+    mesh.from_pydata(positions, [], faces)
+    obj = bpy.data.objects.new("leaves", mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    assert "nothing.glb" in refusal(tmp_path / "out", "--input", tmp_path / "nothing.glb")
+
+
+def test_a_file_that_is_no_scene_is_refused(tmp_path: Path) -> None:
+    for name in ("tree.fbx", "tree.glb", "tree.blend"):
+        (tmp_path / name).write_text("no tree")
+        assert name in refusal(tmp_path / "out", "--input", tmp_path / name)
+
+
+def test_an_empty_scene_is_refused(tmp_path: Path) -> None:
+    refusal(tmp_path / "out", "--input", saved(tmp_path / "empty.blend"))
+
+
+def test_leaves_that_are_not_there_are_refused(shrub: Path, tmp_path: Path) -> None:
+    line = refusal(tmp_path / "out", "--input", shrub, "--leaves", "petals")
+    assert "petals" in line
+    assert "leaves" in line
+
+
+def test_a_mesh_without_faces_is_refused(tmp_path: Path) -> None:
+    leaf_object([(0, 0, 0), (1, 0, 0)], [])
+    refusal(tmp_path / "out", "--input", saved(tmp_path / "bare.blend"))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_coordinates_that_are_not_finite_are_refused(value: float, tmp_path: Path) -> None:
+    obj = leaf_object([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    obj.data.vertices.foreach_set("co", [0, 0, 0, 1, 0, value, 0, 1, 0])
+    assert "finite" in refusal(tmp_path / "out", "--input", saved(tmp_path / "broken.blend"))
+
+
+def test_triangles_without_area_are_refused(tmp_path: Path) -> None:
+    leaf_object([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)])
+    assert "area" in refusal(tmp_path / "out", "--input", saved(tmp_path / "flat.blend"))
+
+
+def test_a_missing_texture_is_refused(shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    (image,) = (
+        image for image in bpy.data.objects["leaves"].active_material.node_tree.nodes if image.type == "TEX_IMAGE"
+    )
+    image.image.unpack(method="REMOVE")
+    image.image.filepath = "//gone.png"
+    assert "gone.png" in refusal(tmp_path / "out", "--input", saved(tmp_path / "untextured.blend"))
+
+
+def test_a_folder_that_cannot_be_made_is_refused(shrub: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    line = refusal(tmp_path / "file" / "out", "--input", shrub)
+    assert str(tmp_path / "file" / "out") in line
+    assert "--out" in line
+
+
+def test_a_folder_that_is_full_is_refused_and_left_as_it_was(shrub: Path, tmp_path: Path) -> None:
+    """No file may grow over some size: to the program it is as if the disk were full."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "report.json").write_text("of an earlier bake")
+    limited = (
+        "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)); "
+        f"sys.argv[0] = {str(BAKE)!r}; runpy.run_path(sys.argv[0], run_name='__main__')"
+    )
+    command = [sys.executable, "-c", limited, "--input", str(shrub), "--out", str(out), *QUICK, "--levels", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 1
+    *progress, line = done.stderr.splitlines()
+    assert all(stage.endswith("…") for stage in progress)
+    assert line.startswith(f"bake.py: cannot write to {out}: shrub_LOD0.glb: File too large; ")
+    assert [file.name for file in out.iterdir()] == ["report.json"]
+    assert (out / "report.json").read_text() == "of an earlier bake"

@@ -1,0 +1,475 @@
+"""From arrays to Blender: tiny literal leaves and billboards, every vertex and attribute known beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.build import levels as built_levels
+from addon.build.cloud_mesh import Surface, create_mesh, quads, split_vertices
+from addon.build.levels import Costs, Plan, build_levels, prefix_table
+from addon.build.materials import atlas_image, atlas_material
+from addon.placement import Placement
+from addon.plan.reach import reaches
+from addon.scene.extract import Geometry, Tree
+from addon.versions import get_modifier_input
+
+IDENTITY = Placement(np.eye(4))
+MIRRORED = Placement(np.diag([-2.0, 2.0, 2.0, 1.0]))
+FREE_NORMALS = bpy.app.version >= (4, 5, 0)
+
+
+@dataclass
+class FakeLevel:
+    """A level with literal arrays, as the core would give it."""
+
+    corners: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    pivots: NDArray[np.float64]
+    pivot_targets: NDArray[np.float64]
+    ranks: NDArray[np.float32]
+    cloud: Any
+    two_sided: bool = False
+    alpha_cutoff: float = 0.375
+    max_deviation_leaves: float = 0.05
+    uvs: NDArray[np.float32] = field(init=False)
+    base_color: NDArray[np.uint8] = field(init=False)
+
+    def __post_init__(self) -> None:
+        unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+        self.uvs = np.tile(unit, (len(self.corners), 1, 1))
+        self.base_color = np.full((4, 4, 4), (90, 140, 40, 255), np.uint8)
+
+
+def rectangle(y: float) -> list[list[float]]:
+    return [[0, y, 0], [1, y, 0], [1, y, 1], [0, y, 1]]
+
+
+def leaves() -> Geometry:
+    """Three leaves: a card of two triangles, one triangle on vertex 4 … 6, another of the second material."""
+    positions = np.array(
+        [
+            [0, 0, 0],
+            [1, 0, 0],
+            [1, 0, 1],
+            [0, 0, 1],
+            [2, 0, 0],
+            [3, 0.1, 0],
+            [3, 0, 1],
+            [0, 2, 0],
+            [1, 2, 0.3],
+            [1, 2, 1],
+        ],
+        np.float32,
+    )
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 8, 9]], np.int32)
+    random = np.random.default_rng(5)
+    normals = random.normal(size=(4, 3, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return Geometry(
+        positions=positions,
+        triangles=triangles,
+        uvs=random.random((4, 3, 2), np.float32),
+        normals=normals.astype(np.float32),
+        colors=None,
+        material_ids=np.array([0, 0, 0, 1], np.int32),
+        materials=[bpy.data.materials.new("leaf"), bpy.data.materials.new("dry leaf")],
+    )
+
+
+def wood() -> Geometry:
+    return Geometry(
+        positions=np.array([[0, 0, -1], [1, 0, -1], [0, 0, 0]], np.float32),
+        triangles=np.array([[0, 1, 2]], np.int32),
+        uvs=None,
+        normals=np.tile(np.array([0, -1, 0], np.float32), (1, 3, 1)),
+        colors=None,
+        material_ids=np.zeros(1, np.int32),
+        materials=[bpy.data.materials.new("bark")],
+    )
+
+
+def tree(*, with_wood: bool = True) -> Tree:
+    matrix = np.eye(4)
+    matrix[:3, 3] = (5.0, 6.0, 7.0)
+    return Tree("tree", matrix, leaves(), wood() if with_wood else None, "", [], [])
+
+
+FOLIAGE = SimpleNamespace(leaf_ids=np.array([0, 0, 1, 2], np.uint32))
+RANKS = np.array([0.5, 0.25, 0.0], np.float32)
+"""Of the three leaves."""
+
+
+def chain() -> SimpleNamespace:
+    """Two clouds and the cross. The card's triangles part: one goes to plane 1, everything else to plane 0."""
+    random = np.random.default_rng(3)
+    first = FakeLevel(
+        corners=np.array([rectangle(0.0), rectangle(1.0)]),
+        targets=random.random((4, 3, 3)),
+        pivots=random.random((4, 3)),
+        pivot_targets=random.random((4, 3)),
+        ranks=np.array([0.5, 0.0], np.float32),
+        cloud=SimpleNamespace(parents=np.array([0, 1, 0, 0], np.uint32)),
+    )
+    second = FakeLevel(
+        corners=np.array([rectangle(0.5)]),
+        targets=random.random((4, 3, 3)),
+        pivots=random.random((4, 3)),
+        pivot_targets=random.random((4, 3)),
+        ranks=np.zeros(1, np.float32),
+        cloud=SimpleNamespace(parents=np.array([0, 1, 2, 2], np.uint32)),
+        two_sided=True,
+    )
+    nothing = np.zeros((0, 3))
+    cross = FakeLevel(
+        np.array([rectangle(0.5)]), nothing.reshape(0, 3, 3), nothing, nothing, np.zeros(1, np.float32), None
+    )
+    return SimpleNamespace(levels=[first, second, cross], ranks=RANKS)
+
+
+def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True) -> Plan:
+    distances = (0.0, 10.0, 40.0, 100.0)
+    return Plan(
+        name="tree",
+        placement=placement,
+        centre=(0.5, 0.0, 0.5),
+        transitions=transitions,
+        pruning=pruning,
+        switch_distances=distances,
+        reaches=reaches(distances, (transitions, transitions, False, False)),
+    )
+
+
+def build(source: Tree, **effects: bool) -> list[built_levels.BuiltLevel]:
+    return build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix), **effects), Costs())[1]
+
+
+def values(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
+    attribute = mesh.attributes[name]
+    kind = {"FLOAT": ("value", 1, np.float32), "INT": ("value", 1, np.int32), "FLOAT_VECTOR": ("vector", 3, np.float32)}
+    key, width, dtype = kind[attribute.data_type]
+    result = np.empty(len(attribute.data) * width, dtype)
+    attribute.data.foreach_get(key, result)
+    return result if width == 1 else result.reshape(-1, width)
+
+
+def corner_vertices(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
+    result = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", result)
+    return result
+
+
+def at_corners(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
+    """A point attribute at the corners of a mesh of triangles (t, 3, …)."""
+    found = values(mesh, name)[corner_vertices(mesh)]
+    return found.reshape(-1, 3, *found.shape[1:])
+
+
+# Arrays
+
+
+def test_a_vertex_that_two_parents_share_is_split() -> None:
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    together, apart = split_vertices(triangles, np.array([7, 7])), split_vertices(triangles, np.array([0, 1]))
+    assert together.corners.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert len(together.first) == 4
+    assert apart.corners.tolist() == [[0, 2, 3], [1, 4, 5]]
+    assert triangles.ravel()[apart.first].tolist() == [0, 0, 1, 2, 2, 3]
+
+
+def test_vertices_that_no_triangle_uses_are_left_out() -> None:
+    split = split_vertices(np.array([[9, 4, 6]], np.int32), np.array([0]))
+    assert split.corners.tolist() == [[2, 0, 1]]
+    assert split.first.tolist() == [1, 2, 0]
+
+
+def test_triangles_on_the_same_vertices_are_parted() -> None:
+    triangles = np.array([[0, 1, 2], [2, 1, 0], [1, 2, 3], [1, 0, 2]], np.int32)
+    split = split_vertices(triangles, np.zeros(4, np.int32))
+    assert len({frozenset(corners) for corners in split.corners.tolist()}) == 4
+    assert len(split.first) == 4 + 3 + 3
+    assert np.array_equal(triangles.ravel()[split.first][split.corners], triangles)
+
+
+def test_a_billboard_is_one_quad_unless_its_triangles_part() -> None:
+    faces = quads(np.array([[4, 4], [1, 2]]), IDENTITY)
+    assert faces.sizes.tolist() == [4, 3, 3]
+    assert faces.first.tolist() == [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
+    assert faces.billboards.tolist() == [0, 1, 1]
+
+
+def test_faces_of_a_mirrored_tree_are_wound_the_other_way() -> None:
+    faces = quads(np.array([[4, 4], [1, 2]]), MIRRORED)
+    assert faces.first.tolist() == [0, 5, 2, 1, 6, 8, 7, 9, 11, 10]
+
+
+def test_a_prefix_holds_the_leaves_whose_rank_is_below() -> None:
+    surface = Surface(
+        positions=np.zeros((0, 3), np.float32),
+        corners=np.zeros(0, np.int32),
+        sizes=np.array([4, 3, 3, 3], np.int32),
+        material_ids=np.array([0, 0, 0, 2], np.int32),
+    )
+    first, second = prefix_table(surface, np.array([0.0, 0.5, 0.75, 0.25], np.float32))
+    assert (first["material"], second["material"]) == (0, 2)
+    assert [first["triangles"][step] for step in (0, 1, 32, 33, 48, 49, 64)] == [0, 2, 2, 3, 3, 4, 4]
+    assert [second["triangles"][step] for step in (0, 16, 17, 64)] == [0, 0, 1, 1]
+    assert len(first["triangles"]) == 65
+
+
+# Placement
+
+
+def test_a_placement_carries_points_back_and_measures_its_scale() -> None:
+    matrix = np.diag([2.0, 2.0, 2.0, 1.0])
+    matrix[:3, 3] = (1.0, 2.0, 3.0)
+    placement = Placement(matrix)
+    assert placement.to_tree([[3.0, 2.0, 5.0]]).tolist() == [[1.0, 0.0, 1.0]]
+    assert placement.scale == pytest.approx(2.0)
+    assert not placement.mirrored
+    assert not placement.sheared
+    assert MIRRORED.mirrored
+
+
+def test_a_shear_is_seen_and_a_rotation_is_not() -> None:
+    sheared = np.eye(4)
+    sheared[0, 1] = 0.5
+    turned = np.eye(4)
+    turned[:2, :2] = [[math.cos(1.0), -math.sin(1.0)], [math.sin(1.0), math.cos(1.0)]]
+    assert Placement(sheared).sheared
+    assert not Placement(turned @ np.diag([1.0, 2.0, 3.0, 1.0])).sheared
+
+
+def test_normals_stay_at_right_angles_to_their_faces() -> None:
+    placement = Placement(np.diag([1.0, 1.0, 4.0, 1.0]))
+    normal = placement.normals_to_world([[[0.0, math.sqrt(0.5), math.sqrt(0.5)], [0.0, 0.0, 0.0]]])
+    assert normal[0, 0] @ [0.0, 1.0, -4.0] == pytest.approx(0.0, abs=1e-6)
+    assert np.linalg.norm(normal[0, 0]) == pytest.approx(1.0)
+    assert normal[0, 1].tolist() == [0.0, 0.0, 0.0]
+
+
+# LOD 0
+
+
+def test_lod_0_is_the_leaves_bit_for_bit_in_pruning_order() -> None:
+    source = tree()
+    mesh = build(source)[0].object.data
+    order = [2, 0, 1, 3]  # by material, then rank; the card whole
+    positions = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.vertices.foreach_get("co", positions.reshape(-1))
+    corners = source.leaves.triangles[order]
+    assert np.array_equal(positions[corner_vertices(mesh)].reshape(-1, 3, 3), source.leaves.positions[corners])
+    uvs = np.empty(2 * len(mesh.loops), np.float32)
+    mesh.uv_layers.active.uv.foreach_get("vector", uvs)
+    assert np.array_equal(uvs.reshape(-1, 3, 2), source.leaves.uvs[order])
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    if FREE_NORMALS:
+        assert np.array_equal(normals.reshape(-1, 3, 3), source.leaves.normals[order])
+    else:  # 16 bits, against the face's own normal.
+        assert (normals.reshape(-1, 3, 3) * source.leaves.normals[order]).sum(axis=2).min() > 0.99
+    assert [polygon.material_index for polygon in mesh.polygons] == [0, 0, 0, 1]
+    assert [material.name for material in mesh.materials] == ["leaf", "dry leaf"]
+
+
+def test_lod_0_carries_what_pruning_and_transitions_need() -> None:
+    source = tree()
+    obj = build(source)[0].object
+    mesh, level, order = obj.data, chain().levels[0], [2, 0, 1, 3]
+    own = Placement(source.matrix).to_tree
+    assert len(mesh.vertices) == 3 + 6 + 3  # the card's triangles part
+    assert np.array_equal(at_corners(mesh, "leaf_rank"), np.repeat([[0.25], [0.5], [0.5], [0.0]], 3, axis=1))
+    assert np.array_equal(at_corners(mesh, "leaf_billboard"), np.repeat([[0], [0], [1], [0]], 3, axis=1))
+    assert np.array_equal(at_corners(mesh, "leaf_target"), own(level.targets[order]))
+    for name, expected in (("leaf_pivot", level.pivots), ("leaf_pivot_target", level.pivot_targets)):
+        assert np.array_equal(at_corners(mesh, name), np.repeat(own(expected[order])[:, None], 3, axis=1))
+
+
+def test_the_shape_key_and_the_groups_hold_the_billboards() -> None:
+    obj = build(tree())[0].object
+    keys = obj.data.shape_keys.key_blocks
+    assert [key.name for key in keys] == ["Basis", "Billboards"]
+    assert keys["Billboards"].value == 0.0
+    moved = np.empty(3 * len(obj.data.vertices), np.float32)
+    keys["Billboards"].points.foreach_get("co", moved)
+    assert np.array_equal(moved.reshape(-1, 3), values(obj.data, "leaf_target"))
+    assert [group.name for group in obj.vertex_groups] == ["LC_000", "LC_001"]
+    billboards = values(obj.data, "leaf_billboard")
+    for vertex in obj.data.vertices:
+        assert [(element.group, element.weight) for element in vertex.groups] == [(billboards[vertex.index], 1.0)]
+
+
+def test_the_table_of_prefixes_names_the_materials() -> None:
+    mesh = build(tree())[0].object.data
+    extras = mesh["leafcloud"].to_dict()
+    assert extras["keep_steps"] == 64
+    leaf, dry = extras["prefixes"]
+    assert (leaf["material"], dry["material"]) == ("leaf", "dry leaf")
+    assert [leaf["triangles"][step] for step in (0, 16, 17, 32, 33, 64)] == [0, 0, 1, 1, 3, 3]
+    assert [dry["triangles"][step] for step in (0, 1)] == [0, 1]
+
+
+# The levels behind
+
+
+def test_a_cloud_lies_in_the_trees_coordinates_and_morphs_to_the_next() -> None:
+    source, levels = tree(), chain().levels
+    obj = build(source)[1].object
+    mesh, own = obj.data, Placement(source.matrix).to_tree
+    assert [len(polygon.vertices) for polygon in mesh.polygons] == [4, 3, 3]  # by rank: the second billboard first
+    positions = np.array([vertex.co[:] for vertex in mesh.vertices], np.float32)
+    assert np.array_equal(positions, own(levels[0].corners[[1] * 4 + [0] * 6, [0, 1, 2, 3, 0, 1, 2, 0, 2, 3]]))
+    targets = levels[1].targets.reshape(2, 6, 3)
+    expected = np.concatenate([targets[1, [0, 1, 2, 5]], targets[0]])
+    assert np.array_equal(values(mesh, "leaf_target"), own(expected))
+    assert values(mesh, "leaf_billboard").tolist() == [2] * 4 + [0] * 3 + [1] * 3
+    assert values(mesh, "leaf_rank").tolist() == [0.0] * 4 + [0.5] * 6
+    assert np.array_equal(values(mesh, "leaf_pivot")[[0, 4, 7]], own(levels[1].pivots[[2, 0, 1]]))
+    assert np.allclose(np.array(obj.matrix_world), source.matrix)
+
+
+def test_the_last_cloud_and_the_cross_have_nothing_to_morph_to() -> None:
+    for level in build(tree())[2:]:
+        mesh = level.object.data
+        assert not [attribute.name for attribute in mesh.attributes if attribute.name.startswith("leaf_")]
+        assert mesh.shape_keys is None
+        assert not level.object.vertex_groups
+        assert level.triangles == 2
+
+
+def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
+    mirrored = Tree("tree", MIRRORED.matrix, leaves(), None, "", [], [])
+    mesh = build(mirrored)[2].object.data
+    normal = np.array(mesh.polygons[0].normal)
+    world = MIRRORED.inverse[:3, :3].T @ normal  # what is a front stays one
+    corners = chain().levels[1].corners[0]
+    assert world @ np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0
+
+
+def test_all_levels_but_the_cross_share_the_wood() -> None:
+    levels = build(tree())
+    assert [level.object.name for level in levels] == ["tree_LOD0", "tree_LOD1", "tree_LOD2", "tree_LOD3"]
+    woods = [level.wood for level in levels[:-1]]
+    assert [wood.name for wood in woods] == ["tree_LOD0_wood", "tree_LOD1_wood", "tree_LOD2_wood"]
+    assert {wood.data.name for wood in woods} == {"tree_wood"}
+    assert all(wood.parent == level.object for wood, level in zip(woods, levels, strict=False))
+    assert levels[-1].wood is None
+
+
+def test_a_tree_without_wood_has_none() -> None:
+    assert [level.wood for level in build(tree(with_wood=False))] == [None] * 4
+
+
+def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
+    source = tree()
+    source.matrix[:3, :3] *= 2.0
+    levels = build(source)
+    leaf, cloud, last, cross = (level.object.modifiers[0] for level in levels)
+    assert get_modifier_input(leaf, "Start") == pytest.approx(2.5)
+    assert get_modifier_input(leaf, "End") == pytest.approx(5.0)
+    assert get_modifier_input(leaf, "Vanish") == pytest.approx(get_modifier_input(cloud, "Appear"))
+    assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
+    assert get_modifier_input(last, "Vanish") == pytest.approx(50.0)
+    assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
+    assert get_modifier_input(cross, "Vanish") > 1e8
+    wood = levels[1].wood.modifiers[0]
+    assert get_modifier_input(wood, "Appear") == get_modifier_input(cloud, "Appear")
+    assert get_modifier_input(wood, "Start") > 1e8
+    assert get_modifier_input(leaf, "Centre") == pytest.approx((0.5, 0.0, 0.5))
+
+
+# Effects
+
+
+@pytest.mark.parametrize(
+    ("effects", "attributes"),
+    [
+        ({"pruning": False}, {"leaf_billboard", "leaf_target", "leaf_pivot_target"}),
+        ({"transitions": False}, {"leaf_rank", "leaf_pivot"}),
+        ({"transitions": False, "pruning": False}, set()),
+    ],
+)
+def test_an_effect_that_is_off_leaves_no_trace(effects: dict[str, bool], attributes: set[str]) -> None:
+    levels = build(tree(), **effects)
+    for level in levels[:2]:
+        mesh = level.object.data
+        assert {attribute.name for attribute in mesh.attributes if attribute.name.startswith("leaf_")} == attributes
+        transitions = effects.get("transitions", True)
+        assert (mesh.shape_keys is not None) == transitions
+        assert bool(level.object.vertex_groups) == transitions
+        assert ("leafcloud" in mesh) == effects.get("pruning", True)
+        assert bool(level.object.modifiers) == bool(attributes)
+    hidden = [level.object.hide_render for level in levels]
+    assert hidden == ([False] * 4 if attributes else [False, True, True, True])
+
+
+def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
+    mesh = build(tree(), transitions=False)[0].object.data
+    assert len(mesh.vertices) == 3 + 4 + 3
+    assert [len(polygon.vertices) for polygon in build(tree(), transitions=False)[1].object.data.polygons] == [4, 4]
+
+
+def test_effects_tell_what_they_cost() -> None:
+    source, costs = tree(), Costs()
+    build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix)), costs)
+    vertices = 12 + 10
+    assert costs.bytes == {"pruning": vertices * 16, "transitions": vertices * (4 + 2 * 12 + 12)}
+    assert all(seconds > 0.0 for seconds in costs.seconds.values())
+
+
+# What is left behind
+
+
+def count_data() -> dict[str, int]:
+    kinds = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+    return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+
+
+def test_a_build_that_fails_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = tree()
+    before = count_data()
+
+    def fail(*arguments: object, **keywords: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(built_levels, "atlas_material", fail)
+    with pytest.raises(MemoryError):
+        build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix)), Costs())
+    assert count_data() == before
+
+
+# Materials and meshes
+
+
+def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
+    pixels = np.arange(4 * 2 * 4, dtype=np.uint8).reshape(4, 2, 4) * 7
+    image = atlas_image("tree_LOD1", pixels)
+    assert (image.name, tuple(image.size), image.alpha_mode) == ("tree_LOD1", (2, 4), "CHANNEL_PACKED")
+    assert image.packed_file is not None
+    read = np.empty(pixels.size, np.float32)
+    image.pixels.foreach_get(read)
+    assert np.array_equal(np.rint(read.reshape(4, 2, 4)[::-1] * 255.0).astype(np.uint8), pixels)
+
+
+def test_the_atlas_material_is_cut_out_by_alpha() -> None:
+    image = atlas_image("page", np.full((2, 2, 4), 255, np.uint8))
+    material = atlas_material("page", image, alpha_cutoff=0.375, double_sided=False)
+    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    threshold = surface.inputs["Alpha"].links[0].from_node
+    assert (threshold.operation, threshold.inputs[1].default_value) == ("GREATER_THAN", 0.375)
+    assert surface.inputs["Base Color"].links[0].from_node.image == image
+    assert material.use_backface_culling
+
+
+def test_faces_without_normals_are_flat() -> None:
+    corners = np.array([0, 1, 2, 2, 1, 3], np.int32)
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1]], np.float32)
+    mesh = create_mesh("fold", Surface(positions, corners, np.array([3, 3], np.int32), np.zeros(2, np.int32)), [None])
+    assert [tuple(normal.vector) for normal in mesh.corner_normals][:3] == [(0.0, 0.0, 1.0)] * 3

@@ -1,0 +1,531 @@
+"""Materials in the words of the core: node trees as importers and artists build them."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from small_glb import png, write_quad_glb
+
+from addon.scene.describe import describe_material
+from addon.scene.extract import SceneError
+from addon.scene.load import load
+from addon.scene.surface import read_surface
+
+TOP = [(255, 0, 0, 255), (0, 255, 0, 128)]
+BOTTOM = [(0, 0, 255, 0), (188, 100, 50, 64)]
+IMAGE = png([TOP, BOTTOM])
+TEXTURED = {"baseColorTexture": {"index": 0}}
+
+
+def imported(path: Path, **options: Any) -> bpy.types.Material:
+    """The material of a small GLB, through Blender's importer."""
+    load(write_quad_glb(path / "a.glb", **options))
+    return bpy.data.meshes[0].materials[0]
+
+
+def new_material() -> tuple[bpy.types.Material, bpy.types.Node, Any]:
+    """A fresh material, its Principled BSDF, and the tree."""
+    material = bpy.data.materials.new("m")
+    with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the setting
+        warnings.simplefilter("ignore", DeprecationWarning)
+        material.use_nodes = True
+    return material, material.node_tree.nodes["Principled BSDF"], material.node_tree
+
+
+def new_image(
+    name: str,
+    pixels: list[list[tuple[float, ...]]],
+    *,
+    is_float: bool = False,
+    space: str = "sRGB",
+    alpha_mode: str = "STRAIGHT",
+) -> bpy.types.Image:
+    """An image in memory, the first row on top."""
+    values = np.array(pixels, np.float32)[::-1]
+    image = bpy.data.images.new(name, values.shape[1], values.shape[0], alpha=True, float_buffer=is_float)
+    image.colorspace_settings.name = space
+    image.alpha_mode = alpha_mode
+    image.pixels.foreach_set(values.ravel())
+    return image
+
+
+def texture_node(tree: Any, image: bpy.types.Image | None) -> bpy.types.Node:
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    return node
+
+
+def math_node(tree: Any, operation: str, first: Any, second: Any = 0.0) -> bpy.types.NodeSocket:
+    """The output of a Math node; each operand a number or an output socket."""
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation = operation
+    for target, value in zip(node.inputs, (first, second), strict=False):
+        if isinstance(value, float):
+            target.default_value = value
+        else:
+            tree.links.new(value, target)
+    return node.outputs[0]
+
+
+def test_no_material_is_blenders_grey() -> None:
+    assert describe_material(None) == (
+        {
+            "name": "default",
+            "base_color": (0.8, 0.8, 0.8, 1.0),
+            "image": None,
+            "alpha_mode": "OPAQUE",
+            "alpha_cutoff": 0.5,
+            "double_sided": True,
+        },
+        [],
+    )
+
+
+def test_without_nodes_the_viewport_colour_is_the_material() -> None:
+    material = bpy.data.materials.new("m")
+    if material.node_tree is not None:  # Blender 5 makes one and always uses it
+        material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.25, 0.5, 0.75, 1.0)
+    material.diffuse_color = (0.25, 0.5, 0.75, 1.0)
+    material.use_backface_culling = True
+    description, messages = describe_material(material)
+    assert description["base_color"] == (0.25, 0.5, 0.75, 1.0)
+    assert description["alpha_mode"] == "OPAQUE"
+    assert not description["double_sided"]
+    assert messages == []
+
+
+@pytest.mark.parametrize("double_sided", [True, False])
+def test_factor_of_an_opaque_glb(tmp_path: Path, double_sided: bool) -> None:
+    factor = {"pbrMetallicRoughness": {"baseColorFactor": [0.25, 0.5, 0.75, 0.5]}, "doubleSided": double_sided}
+    description, messages = describe_material(imported(tmp_path, material=factor))
+    assert description["name"] == "leaf"
+    assert description["base_color"] == (0.25, 0.5, 0.75, 1.0)
+    assert (description["alpha_mode"], description["image"]) == ("OPAQUE", None)
+    assert description["double_sided"] == double_sided
+    assert messages == []
+
+
+def test_texture_of_an_opaque_glb_has_no_alpha(tmp_path: Path) -> None:
+    description, messages = describe_material(
+        imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=IMAGE)
+    )
+    assert description["image"] is not None
+    assert description["image"].dtype == np.uint8
+    opaque = [[(*pixel[:3], 255) for pixel in row] for row in (TOP, BOTTOM)]
+    assert description["image"].tolist() == [[list(pixel) for pixel in row] for row in opaque]
+    assert (description["alpha_mode"], messages) == ("OPAQUE", [])
+
+
+@pytest.mark.parametrize("cutoff", [None, 0.5, 0.25, 0.9])
+def test_masked_glb(tmp_path: Path, cutoff: float | None) -> None:
+    masked: dict[str, Any] = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
+    if cutoff is not None:
+        masked["alphaCutoff"] = cutoff
+    description, messages = describe_material(imported(tmp_path, material=masked, image=IMAGE))
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[list(pixel) for pixel in row] for row in (TOP, BOTTOM)]
+    assert description["alpha_mode"] == "MASK"
+    assert description["alpha_cutoff"] == pytest.approx(0.5 if cutoff is None else cutoff)
+    assert description["base_color"] == (1.0, 1.0, 1.0, 1.0)
+    assert messages == []
+
+
+def test_factor_texture_and_colours_of_a_masked_glb(tmp_path: Path) -> None:
+    masked = {
+        "pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [0.5, 0.25, 1.0, 0.75]},
+        "alphaMode": "MASK",
+        "alphaCutoff": 0.3,
+    }
+    material = imported(tmp_path, material=masked, image=IMAGE, colors=[(1.0, 0.5, 0.0, 1.0)] * 4)
+    description, messages = describe_material(material)
+    assert description["base_color"] == pytest.approx((0.5, 0.25, 1.0, 0.75))
+    assert description["image"] is not None
+    assert description["alpha_cutoff"] == pytest.approx(0.3)
+    assert messages == []
+    surface = read_surface(material)
+    assert (surface.color_attribute, surface.alpha_attribute) == ("", "")
+
+
+def test_blended_glb(tmp_path: Path) -> None:
+    blended = {"pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [1, 1, 1, 0.5]}, "alphaMode": "BLEND"}
+    description, messages = describe_material(imported(tmp_path, material=blended, image=IMAGE))
+    assert description["alpha_mode"] == "BLEND"
+    assert description["base_color"] == (1.0, 1.0, 1.0, 0.5)
+    assert description["image"] is not None
+    assert description["image"][0, 1].tolist() == [0, 255, 0, 128]
+    assert messages == []
+
+
+def test_colours_alone_of_a_glb(tmp_path: Path) -> None:
+    plain: dict[str, Any] = {"pbrMetallicRoughness": {}}
+    material = imported(tmp_path, material=plain, colors=[(1.0, 0.5, 0.0, 1.0)] * 4)
+    description, messages = describe_material(material)
+    assert (description["base_color"], description["image"], messages) == ((1.0, 1.0, 1.0, 1.0), None, [])
+    assert read_surface(material).color_attribute == ""
+
+
+@pytest.mark.parametrize(
+    ("sampler", "extension"),
+    [
+        ({"wrapS": 10497, "wrapT": 10497}, "REPEAT"),
+        ({"wrapS": 33071, "wrapT": 33071}, "EXTEND"),
+        ({"wrapS": 33648, "wrapT": 33648}, "MIRROR"),
+        ({"wrapS": 10497, "wrapT": 33071}, "MIXED"),
+        ({"wrapS": 33648, "wrapT": 10497}, "MIXED"),
+    ],
+)
+def test_wrapping_of_a_glb(tmp_path: Path, sampler: dict[str, Any], extension: str) -> None:
+    masked = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
+    surface = read_surface(imported(tmp_path, material=masked, image=IMAGE, sampler=sampler))
+    assert surface.warnings == ()
+    assert surface.texture is not None
+    assert surface.texture.extension == extension
+
+
+def test_texture_transform_of_a_glb(tmp_path: Path) -> None:
+    quarter_turn = {"offset": [0.5, 0.0], "rotation": np.pi / 2, "scale": [2.0, 4.0]}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": quarter_turn}}
+    material = imported(tmp_path, material={"pbrMetallicRoughness": {"baseColorTexture": texture}}, image=IMAGE)
+    surface = read_surface(material)
+    assert surface.warnings == ()
+    assert surface.texture is not None
+    rows = np.reshape(surface.texture.transform, (2, 3))
+    # From the specification: glTF's (u, v) looks up (0.5 + cos·2u + sin·4v, −sin·2u + cos·4v), here (0.5 + 4v, −2u);
+    # Blender's v is 1 − glTF's.
+    for u, v in ((0.0, 0.0), (1.0, 0.0), (0.25, 0.75)):
+        looked_up = rows @ (u, 1 - v, 1)
+        np.testing.assert_allclose((looked_up[0], 1 - looked_up[1]), (0.5 + 4 * v, -2 * u), atol=1e-6)
+
+
+def test_a_glb_whose_texture_is_missing(tmp_path: Path) -> None:
+    material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image_uri="gone.png")
+    with pytest.raises(SceneError) as caught:
+        describe_material(material)
+    assert str(caught.value) == (
+        f"texture 'gone.png' of material 'leaf' cannot be read: {tmp_path / 'gone.png'}; "
+        f"put the file there, or pack it into the .blend"
+    )
+
+
+def test_a_texture_that_is_no_image(tmp_path: Path) -> None:
+    material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=b"no image at all")
+    with pytest.raises(SceneError, match="'Image_0' of material 'leaf' cannot be read: its packed data are no image"):
+        describe_material(material)
+
+
+@pytest.mark.parametrize("with_opacity", [True, False])
+def test_obj_materials(tmp_path: Path, with_opacity: bool) -> None:
+    (tmp_path / "tex.png").write_bytes(IMAGE)
+    maps = "map_Kd tex.png\n" + ("map_d tex.png\n" if with_opacity else "")
+    (tmp_path / "a.mtl").write_text(f"newmtl leaf\nKd 0.1 0.5 0.2\n{maps}")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl leaf\nf 1/1 2/2 3/3\n"
+    )
+    load(tmp_path / "a.obj")
+    description, messages = describe_material(bpy.data.materials["leaf"])
+    assert messages == []
+    assert description["image"] is not None
+    assert description["image"][0, 0].tolist() == [255, 0, 0, 255]
+    assert description["image"][1, 0, :3].tolist() == [0, 0, 255]
+    assert description["alpha_mode"] == ("BLEND" if with_opacity else "OPAQUE")
+
+
+@pytest.mark.parametrize(
+    ("build", "cutoff"),
+    [
+        (lambda tree, alpha: math_node(tree, "ROUND", alpha), 0.5),
+        (lambda tree, alpha: math_node(tree, "GREATER_THAN", alpha, 0.25), 0.25),
+        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.75, alpha), 0.75),
+        (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.125)), 0.125),
+        (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "GREATER_THAN", 0.875, alpha)), 0.875),
+    ],
+)
+def test_ways_to_cut_off(build: Any, cutoff: float) -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(1, 1, 1, 0.5)]]))
+    tree.links.new(build(tree, image.outputs["Alpha"]), principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert (description["alpha_mode"], description["alpha_cutoff"], messages) == ("MASK", cutoff, [])
+    assert description["image"] is not None
+    # White, because the base colour does not use the image.
+    assert description["image"].tolist() == [[[255, 255, 255, 128]]]
+
+
+def test_constant_alpha() -> None:
+    material, principled, _ = new_material()
+    principled.inputs["Alpha"].default_value = 0.25
+    description, messages = describe_material(material)
+    assert description["base_color"] == (pytest.approx(0.8), pytest.approx(0.8), pytest.approx(0.8), 0.25)
+    assert (description["alpha_mode"], messages) == ("BLEND", [])
+
+
+def test_opacity_in_an_image_of_its_own_and_another_size() -> None:
+    material, principled, tree = new_material()
+    color = texture_node(tree, new_image("color", [[(1, 0, 0, 1)] * 4] * 2))
+    opacity = texture_node(tree, new_image("opacity", [[(1, 1, 1, 1), (0, 0, 0, 1)]], space="Non-Color"))
+    tree.links.new(color.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(opacity.outputs["Color"], principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert messages == []
+    assert description["image"] is not None
+    red, gone = [255, 0, 0, 255], [255, 0, 0, 0]
+    assert description["image"].tolist() == [[red, red, gone, gone]] * 2
+
+
+def test_opacity_as_grey_is_read_as_blender_does() -> None:
+    material, principled, tree = new_material()
+    encoded = texture_node(tree, new_image("i", [[(188 / 255, 188 / 255, 188 / 255, 1)], [(1, 0, 0, 1)]]))
+    tree.links.new(encoded.outputs["Color"], principled.inputs["Alpha"])
+    description, _ = describe_material(material)
+    assert description["image"] is not None
+    # sRGB 188 is 0.5029 linear; red alone has the luminance 0.2126.
+    assert description["image"][:, 0, 3].tolist() == [128, 54]
+
+
+@pytest.mark.parametrize(
+    ("options", "pixel", "expected"),
+    [
+        ({}, (188 / 255, 0.0, 1.0, 0.5), [188, 0, 255, 128]),
+        ({"space": "Non-Color"}, (0.5, 0.0, 1.0, 0.5), [188, 0, 255, 128]),
+        ({"space": "Linear Rec.709"}, (0.5, 0.0, 1.0, 0.5), [188, 0, 255, 128]),
+        ({"alpha_mode": "PREMUL"}, (0.25, 0.0, 0.5, 0.5), [128, 0, 255, 128]),
+        ({"alpha_mode": "NONE"}, (1.0, 0.0, 0.5, 0.5), [255, 0, 128, 255]),
+        ({"is_float": True, "space": "Linear Rec.709"}, (0.25, 0.0, 2.0, 0.5), [188, 0, 255, 128]),
+        (
+            {"is_float": True, "space": "Linear Rec.709", "alpha_mode": "CHANNEL_PACKED"},
+            (0.5, 0, 1, 0.5),
+            [188, 0, 255, 128],
+        ),
+    ],
+)
+def test_pixels_become_srgb_with_straight_alpha(
+    options: dict[str, Any], pixel: tuple[float, ...], expected: list[int]
+) -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[pixel]], **options))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(image.outputs["Alpha"], principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert messages == []
+    assert description["image"] is not None
+    np.testing.assert_allclose(description["image"][0, 0].astype(int), expected, atol=1)
+
+
+def test_groups_reroutes_and_muted_nodes_are_seen_through() -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 1)]]))
+    group = bpy.data.node_groups.new("tint", "ShaderNodeTree")
+    group.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    enter, leave = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    mix = group.nodes.new("ShaderNodeMix")
+    mix.data_type, mix.blend_type = "RGBA", "MULTIPLY"
+    mix.inputs["Factor"].default_value = 1.0
+    group.links.new(enter.outputs[0], mix.inputs[6])
+    group.links.new(enter.outputs[1], mix.inputs[7])
+    group.links.new(mix.outputs[2], leave.inputs[0])
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.inputs["Tint"].default_value = (0.5, 0.25, 0.125, 1.0)
+    reroute = tree.nodes.new("NodeReroute")
+    gamma = tree.nodes.new("ShaderNodeGamma")
+    gamma.mute = True
+    tree.links.new(image.outputs["Color"], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], node.inputs["In"])
+    tree.links.new(node.outputs[0], principled.inputs["Base Color"])
+    description, messages = describe_material(material)
+    assert messages == []
+    assert description["base_color"] == (0.5, 0.25, 0.125, 1.0)
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[0, 255, 0, 255]]]
+
+
+def test_named_uv_map_and_attribute() -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 1)]]))
+    uv_map = tree.nodes.new("ShaderNodeUVMap")
+    uv_map.uv_map = "second"
+    attribute = tree.nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name = "Col"
+    tree.links.new(uv_map.outputs[0], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(attribute.outputs["Alpha"], principled.inputs["Alpha"])
+    surface = read_surface(material)
+    assert surface.texture is not None
+    assert (surface.texture.uv_map, surface.alpha_attribute, surface.warnings) == ("second", "Col", ())
+
+
+def test_transparent_mixed_in_by_the_image_is_alpha() -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 0.25)]]))
+    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(image.outputs["Alpha"], mix.inputs[0])
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(principled.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    description, messages = describe_material(material)
+    assert (description["alpha_mode"], messages) == ("BLEND", [])
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[0, 255, 0, 64]]]
+
+
+def test_translucency_that_is_added_is_told() -> None:
+    material, principled, tree = new_material()
+    principled.inputs["Base Color"].default_value = (0.5, 0.25, 0.125, 1.0)
+    add, translucent = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeBsdfTranslucent")
+    tree.links.new(translucent.outputs[0], add.inputs[0])
+    tree.links.new(principled.outputs[0], add.inputs[1])
+    tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    description, messages = describe_material(material)
+    assert description["base_color"] == (0.5, 0.25, 0.125, 1.0)
+    assert messages == ["material 'm' mixes several shaders: only its Principled BSDF 'Principled BSDF' is read"]
+
+
+def test_unknown_colour_nodes_leave_the_alpha() -> None:
+    material, principled, tree = new_material()
+    material.diffuse_color = (0.25, 0.5, 0.125, 1.0)
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 0.5)]]))
+    hue = tree.nodes.new("ShaderNodeHueSaturation")
+    tree.links.new(image.outputs["Color"], hue.inputs["Color"])
+    tree.links.new(hue.outputs[0], principled.inputs["Base Color"])
+    tree.links.new(math_node(tree, "ROUND", image.outputs["Alpha"]), principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert description["base_color"] == (0.25, 0.5, 0.125, 1.0)
+    assert description["alpha_mode"] == "MASK"
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[255, 255, 255, 128]]]
+    (message,) = messages
+    assert message.startswith("material 'm': its base colour comes from the node 'Hue")
+    assert message.endswith(
+        "the viewport display colour (0.25, 0.5, 0.125, 1) stands for it. "
+        "Connect an Image Texture to a Principled BSDF, or set the viewport colour"
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("ShaderNodeEmission", "its surface comes from the node 'Emission', without a Principled BSDF"),
+        (None, "its surface has no shader"),
+    ],
+)
+def test_unknown_shaders_give_the_viewport_colour(kind: str | None, words: str) -> None:
+    material, principled, tree = new_material()
+    material.diffuse_color = (0.25, 0.5, 0.125, 1.0)
+    tree.nodes.remove(principled)
+    if kind is not None:
+        shader = tree.nodes.new(kind)
+        tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    description, messages = describe_material(material)
+    assert (description["base_color"], description["image"]) == ((0.25, 0.5, 0.125, 1.0), None)
+    assert len(messages) == 1
+    assert words in messages[0]
+
+
+def test_a_material_without_an_output() -> None:
+    material, _, tree = new_material()
+    tree.nodes.clear()
+    description, messages = describe_material(material)
+    assert description["image"] is None
+    assert "its surface has no shader" in messages[0]
+
+
+@pytest.mark.parametrize("case", ["noise", "no image", "generated coordinates", "box", "screen mix", "two images"])
+def test_colours_that_are_not_understood(case: str) -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 1)]]))
+    source = image.outputs["Color"]
+    if case == "noise":
+        source = tree.nodes.new("ShaderNodeTexNoise").outputs["Color"]
+    elif case == "no image":
+        image.image = None
+    elif case == "generated coordinates":
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"], image.inputs["Vector"])
+    elif case == "box":
+        image.projection = "BOX"
+    else:
+        mix = tree.nodes.new("ShaderNodeMix")
+        mix.data_type, mix.blend_type = "RGBA", "SCREEN" if case == "screen mix" else "MULTIPLY"
+        mix.inputs["Factor"].default_value = 1.0
+        tree.links.new(source, mix.inputs[6])
+        tree.links.new(texture_node(tree, image.image).outputs["Color"], mix.inputs[7])
+        source = mix.outputs[2]
+    tree.links.new(source, principled.inputs["Base Color"])
+    description, messages = describe_material(material)
+    assert description["image"] is None
+    assert description["base_color"] == pytest.approx((0.8, 0.8, 0.8, 1.0))
+    assert len(messages) == 1
+    assert messages[0].startswith("material 'm': its base colour ")
+
+
+@pytest.mark.parametrize("case", ["inverted", "other coordinates", "scaled after the cut"])
+def test_alpha_that_is_not_understood(case: str) -> None:
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0, 1, 0, 0.5)]]))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    if case == "inverted":
+        source = math_node(tree, "SUBTRACT", 1.0, image.outputs["Alpha"])
+    elif case == "other coordinates":
+        other, uv_map = texture_node(tree, image.image), tree.nodes.new("ShaderNodeUVMap")
+        uv_map.uv_map = "second"
+        tree.links.new(uv_map.outputs[0], other.inputs["Vector"])
+        source = other.outputs["Alpha"]
+    else:
+        source = math_node(tree, "MULTIPLY", math_node(tree, "ROUND", image.outputs["Alpha"]), 0.5)
+    tree.links.new(source, principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert description["alpha_mode"] == "OPAQUE"
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[0, 255, 0, 255]]]
+    assert len(messages) == 1
+    assert messages[0].startswith("material 'm': its alpha ")
+
+
+def test_exporters_greater_than_comes_back_through_gltf(tmp_path: Path) -> None:
+    """What Leafcloud's own levels are made of: Principled, image, Greater Than."""
+    material, principled, tree = new_material()
+    pixels = [[tuple(value / 255 for value in pixel) for pixel in row] for row in (TOP, BOTTOM)]
+    image = texture_node(tree, new_image("i", pixels, alpha_mode="CHANNEL_PACKED"))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(math_node(tree, "GREATER_THAN", image.outputs["Alpha"], 0.25), principled.inputs["Alpha"])
+    mesh = bpy.data.meshes.new("q")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0)], [], [(0, 1, 2)])
+    mesh.uv_layers.new(name="UVMap")
+    mesh.materials.append(material)
+    bpy.context.collection.objects.link(bpy.data.objects.new("q", mesh))
+    before, _ = describe_material(material)
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "a.glb"), export_format="GLB")
+    load(tmp_path / "a.glb")
+    after, messages = describe_material(bpy.data.materials["m"])
+    assert messages == []
+    assert before["image"] is not None
+    assert after["image"] is not None
+    assert after["image"].tolist() == before["image"].tolist() == [[list(p) for p in row] for row in (TOP, BOTTOM)]
+    assert (after["alpha_mode"], after["alpha_cutoff"]) == ("MASK", pytest.approx(0.25))
+
+
+def test_an_image_file_without_alpha(tmp_path: Path) -> None:
+    (tmp_path / "rgb.bmp").write_bytes(_bmp([(10, 20, 30)]))
+    material, principled, tree = new_material()
+    image = texture_node(tree, bpy.data.images.load(str(tmp_path / "rgb.bmp")))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    description, _ = describe_material(material)
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[10, 20, 30, 255]]]
+
+
+def _bmp(row: list[tuple[int, int, int]]) -> bytes:
+    """One row of RGB pixels as a BMP file."""
+    body = b"".join(bytes((blue, green, red)) for red, green, blue in row)
+    body += b"\0" * (-len(body) % 4)
+    header = struct.pack("<2sIHHI", b"BM", 54 + len(body), 0, 0, 54)
+    return header + struct.pack("<IiiHHIIiiII", 40, len(row), 1, 1, 24, 0, len(body), 2835, 2835, 0, 0) + body

@@ -1,0 +1,83 @@
+"""The plan of the effects, and from how far each level is drawn: decided without Blender."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from addon.plan.effects import Effect, Facts, is_on, plan_effects, settle_back_sides
+from addon.plan.reach import HAND_OVER, Reach, reaches, rising
+from addon.settings import BakeSettings
+
+FACTS = Facts(leaves=672, engine="generic")
+
+
+def states(effects: tuple[Effect, ...]) -> dict[str, bool | None]:
+    return {effect.name: effect.on for effect in effects}
+
+
+def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
+    effects = plan_effects(BakeSettings(), FACTS)
+    assert states(effects) == {"transitions": True, "pruning": True, "back_sides": None}
+    assert all(effect.reason for effect in effects)
+
+
+def test_one_leaf_is_not_pruned() -> None:
+    effects = plan_effects(BakeSettings(), Facts(leaves=1, engine="generic"))
+    assert states(effects)["pruning"] is False
+
+
+@pytest.mark.parametrize(
+    ("asked", "on"),
+    [
+        ("all", {"transitions", "pruning", "back_sides"}),
+        ("none", set()),
+        ("pruning", {"pruning"}),
+        ("back_sides, transitions", {"back_sides", "transitions"}),
+    ],
+)
+def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None:
+    effects = plan_effects(BakeSettings(effects=asked), FACTS)
+    assert {name for name, state in states(effects).items() if state} == on
+    assert None not in states(effects).values()
+    assert all(asked in effect.reason for effect in effects)
+
+
+def test_back_sides_are_settled_by_what_the_levels_kept() -> None:
+    planned = plan_effects(BakeSettings(), FACTS)
+    assert is_on(settle_back_sides(planned, []), "back_sides") is False
+    kept = settle_back_sides(planned, [1, 3])
+    assert is_on(kept, "back_sides") is True
+    assert "1, 3" in kept[-1].reason
+    assert kept[:2] == planned[:2]
+
+
+def test_a_forced_effect_is_not_settled_again() -> None:
+    planned = plan_effects(BakeSettings(effects="all"), FACTS)
+    assert settle_back_sides(planned, []) == planned
+
+
+def test_an_effect_that_is_not_planned_has_no_state() -> None:
+    with pytest.raises(KeyError):
+        is_on(plan_effects(BakeSettings(), FACTS), "glitter")
+
+
+def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
+    leaves, first, second, cross = reaches((0.0, 10.0, 40.0, 100.0), (True, True, False, False))
+    assert leaves == Reach(appear=0.0, start=5.0, end=10.0, vanish=5.0 + HAND_OVER * 5.0)
+    assert first == Reach(appear=leaves.vanish, start=20.0, end=40.0, vanish=20.0 + HAND_OVER * 20.0)
+    assert second == Reach(appear=first.vanish, start=math.inf, end=math.inf, vanish=100.0)
+    assert cross == Reach(appear=100.0, start=math.inf, end=math.inf, vanish=math.inf)
+
+
+def test_a_transition_does_not_begin_before_its_level_appears() -> None:
+    leaves, first, _ = reaches((0.0, 10.0, 12.0), (True, True, False))
+    assert first.start == leaves.vanish > 6.0
+    assert leaves.vanish < first.vanish < 12.0
+
+
+def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
+    assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 10.0, 20.0)
+    leaves, first, second = reaches(rising((0.0, 10.0, 8.0)), (True, True, False))
+    assert leaves.vanish <= first.vanish == second.appear <= 10.0

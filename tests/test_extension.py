@@ -1,0 +1,76 @@
+"""The extension as users get it: built, validated, installed and enabled in a Blender of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+INSTALL = """
+import importlib.machinery, json, os, sys
+import bpy
+bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
+module = "bl_ext.user_default.leafcloud"
+found = {
+    "enabled": module in bpy.context.preferences.addons,
+    "operator": "bake" in dir(bpy.ops.leafcloud) and bpy.ops.leafcloud.bake.get_rna_type().identifier,
+}
+unpacked = [path for path in sys.path if path.startswith(os.environ["BLENDER_USER_RESOURCES"])]
+found["wheel"] = importlib.machinery.PathFinder.find_spec("leafcloud", unpacked) is not None
+bpy.ops.preferences.addon_disable(module=module)
+found["left"] = "bake" in dir(bpy.ops.leafcloud)
+print("FOUND " + json.dumps(found), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The zip, built from the add-on and the wheel that make setup built; Blender's tool validates it."""
+    wheels = list((ROOT / "target" / "wheels").glob("leafcloud-*.whl"))
+    assert len(wheels) == 1, "make setup builds exactly one wheel"
+    command = [sys.executable, "tools/build_extension.py", "--wheel", str(wheels[0])]
+    out = tmp_path_factory.mktemp("extension")
+    built = subprocess.run(
+        [*command, "--out", str(out)], cwd=ROOT, check=True, capture_output=True, text=True, timeout=120
+    )
+    return Path(built.stdout.strip())
+
+
+def test_archive_holds_the_addon_the_wheel_and_the_licence(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as zipped:
+        names = zipped.namelist()
+        manifest = tomllib.loads(zipped.read("blender_manifest.toml").decode())
+    sources = {path.relative_to(ROOT / "addon").as_posix() for path in (ROOT / "addon").rglob("*.py")}
+    assert sources | {"blender_manifest.toml", "LICENSE"} <= set(names)
+    assert [f"./{name}" for name in names if name.endswith(".whl")] == manifest["wheels"]
+    assert len(manifest["platforms"]) == 1
+    assert not [name for name in names if "__pycache__" in name]
+
+
+def test_installed_extension_works(archive: Path, tmp_path: Path) -> None:
+    """Enabling registers the operator and unpacks the wheel onto the path, disabling takes the operator back."""
+    resources = tmp_path / "resources"
+    resources.mkdir()
+    result = subprocess.run(
+        [sys.executable, "-c", INSTALL, str(archive)],
+        cwd=tmp_path,
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), "PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads(result.stdout.partition("FOUND ")[2].splitlines()[0])
+    assert found["enabled"]
+    assert found["wheel"]
+    assert found["operator"] == "LEAFCLOUD_OT_bake"
+    assert not found["left"]

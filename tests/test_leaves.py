@@ -1,0 +1,137 @@
+"""The choice of the leaves: names given, names that say so, many small components."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from addon.plan.leaves import LeavesError, Part, choose_leaves, component_sizes, says_leaf
+
+
+def never(index: int) -> np.ndarray:
+    raise AssertionError("components are counted although the names tell")
+
+
+def sizes(*of_parts: list[int]):
+    return lambda index: np.array(of_parts[index], np.int64)
+
+
+SAY_LEAF = [
+    *("leaf", "Leaves", "LEAF_01", "oak_leaves.001", "leaflet", "cloverleaf", "PineNeedles", "pineneedle2"),
+    *("fern frond", "FoliageMat", "mapleLeafMaterial", "leaves-branch-01-1", "M_Foliage", "leafCard", "frondlet"),
+]
+
+
+@pytest.mark.parametrize("name", SAY_LEAF)
+def test_names_that_say_leaf(name: str) -> None:
+    assert says_leaf(name)
+
+
+@pytest.mark.parametrize("name", ["", "bark", "branches", "trunk", "overleafing", "leafless_twigs", "relief", "lea f"])
+def test_names_that_do_not(name: str) -> None:
+    assert not says_leaf(name)
+
+
+def test_given_names_choose_objects_and_materials() -> None:
+    parts = [Part("tree", "green", 10), Part("tree", "brown", 10), Part("crown", "x", 5), Part("rock", "", 3)]
+    choice = choose_leaves(parts, ["green", "crown"], never)
+    assert choice.indices == (0, 2)
+    assert choice.reason == "'tree' (material 'green'), 'crown': named by the user ('green', 'crown')."
+
+
+def test_given_name_of_an_object_takes_all_its_slots() -> None:
+    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "bark", 5)]
+    assert choose_leaves(parts, ["tree"], never).indices == (0, 1)
+
+
+def test_given_name_of_an_instancer_takes_what_it_places() -> None:
+    parts = [Part("card", "a", 10, "crown"), Part("card", "a", 10, "hedge")]
+    assert choose_leaves(parts, ["crown"], never).indices == (0,)
+
+
+def test_given_names_are_exact_and_an_unknown_one_lists_what_there_is() -> None:
+    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "", 5)]
+    with pytest.raises(LeavesError) as caught:
+        choose_leaves(parts, ["leaf", "Leaf"], never)
+    assert str(caught.value) == (
+        "no object or material is named 'Leaf'; objects: 'tree', 'rock'; materials: 'leaf', 'bark'"
+    )
+
+
+def test_telling_material_splits_an_object() -> None:
+    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10)]
+    choice = choose_leaves(parts, None, never)
+    assert choice.indices == (0,)
+    assert choice.reason == "'tree' (material 'leaf'): the names say leaf, leaves, foliage, needle or frond."
+
+
+def test_telling_material_is_finer_than_a_telling_object() -> None:
+    parts = [Part("oak_leaves", "leaf_a", 10), Part("oak_leaves", "bark", 10), Part("leaves.001", "bark", 4)]
+    assert choose_leaves(parts, [], never).indices == (0, 2)
+
+
+def test_telling_object_and_instancer() -> None:
+    parts = [Part("Foliage", "a", 10), Part("trunk", "b", 10), Part("card", "c", 10, "leaves")]
+    choice = choose_leaves(parts, None, never)
+    assert choice.indices == (0, 2)
+    assert choice.reason.startswith("'Foliage', 'card': the names say")
+
+
+def test_many_small_components_are_leaves() -> None:
+    parts = [Part("a", "", 40), Part("b", "", 960)]
+    choice = choose_leaves(parts, None, sizes([2] * 20, [60] * 16))
+    assert choice.indices == (0,)
+    assert choice.reason == "'a': 20 small components (the median has 2 triangles), and no name says leaf."
+
+
+def test_twigs_are_coarser_than_leaves() -> None:
+    # As in the ez-tree oak: 5320 cards of 2 triangles, 140 twigs of mostly 6.
+    parts = [Part("a", "", 840), Part("b", "", 10640)]
+    assert choose_leaves(parts, None, sizes([6] * 140, [2] * 5320)).indices == (1,)
+
+
+def test_parts_of_one_kind_are_counted_together() -> None:
+    # As in the Shapespark tree: five kinds of twig cards with few components each, and a trunk.
+    parts = [Part(name, "", 1) for name in "abct"]
+    assert choose_leaves(parts, None, sizes([8] * 8, [16, 8, 8, 8], [8] * 5, [222])).indices == (0, 1, 2)
+
+
+@pytest.mark.parametrize("of_parts", [([2] * 15, [400]), ([33] * 100, [400]), ([], [12])])
+def test_few_or_large_components_need_a_name(of_parts: tuple[list[int], ...]) -> None:
+    parts = [Part("a", "m", 1), Part("b", "", 1)]
+    with pytest.raises(LeavesError) as caught:
+        choose_leaves(parts, None, sizes(*of_parts))
+    assert str(caught.value) == (
+        "no object or material name says leaf, and no part is made of many small components; "
+        "name the leaves; objects: 'a', 'b'; materials: 'm'"
+    )
+
+
+def test_a_thousand_names_still_make_one_line() -> None:
+    parts = [Part(f"object{i}", "", 1) for i in range(1000)]
+    with pytest.raises(LeavesError) as caught:
+        choose_leaves(parts, ["x"], never)
+    assert str(caught.value).endswith("'object11' and 988 more; materials: none")
+
+
+def test_component_sizes() -> None:
+    # Two triangles share vertices 0 and 2; a third touches vertex 4's place only by coordinates; the fourth is alone.
+    points = np.array(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0], [0, 2, 0], [1, 2, 0], [9, 9, 9], [8, 9, 9], [9, 8, 9]],
+        np.float32,
+    )
+    triangles = np.array([[7, 8, 9], [0, 1, 2], [0, 2, 3], [4, 5, 6]])
+    assert sorted(component_sizes(triangles, points)) == [1, 3]
+
+
+def test_component_sizes_of_a_long_strip_and_a_fan() -> None:
+    # The orders of numbers that need most passes: a path in shuffled order and a fan about the highest number.
+    order = np.random.default_rng(1).permutation(2000)
+    strip = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
+    fan = np.stack([np.full(999, 3000), np.arange(2000, 2999), np.arange(2001, 3000)], axis=1)
+    points = np.arange(3001 * 3, dtype=np.float32).reshape(-1, 3)
+    assert sorted(component_sizes(np.concatenate([strip, fan]), points)) == [999, 1998]
+
+
+def test_component_sizes_of_nothing() -> None:
+    assert component_sizes(np.zeros((0, 3), int), np.zeros((0, 3))).tolist() == []

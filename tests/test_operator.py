@@ -1,0 +1,133 @@
+"""The operator in a scene: what it adds, what it refuses, and that a refusal changes nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+
+import addon
+import leafcloud
+from addon.settings import BakeSettings
+from addon.ui import operators
+
+KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+
+
+@pytest.fixture(autouse=True)
+def _registered(_fresh_scene: None) -> Iterator[None]:
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture
+def selected_shrub(shrub: Path) -> list[bpy.types.Object]:
+    """The shrub's objects, selected, with settings that bake it quickly."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels = 128, 1
+    return list(bpy.context.selected_objects)
+
+
+def counts() -> dict[str, int]:
+    return {kind: len(getattr(bpy.data, kind)) for kind in KINDS}
+
+
+def refused(words: str) -> None:
+    """Runs the operator, which has to refuse with these words and change nothing."""
+    before, visible = counts(), [obj.visible_get() for obj in bpy.context.scene.objects]
+    with pytest.raises(RuntimeError, match=words) as refusal:
+        bpy.ops.leafcloud.bake()
+    assert len(str(refusal.value).strip().splitlines()) == 1
+    assert counts() == before
+    assert [obj.visible_get() for obj in bpy.context.scene.objects] == visible
+
+
+def test_the_settings_start_as_those_of_the_command_line() -> None:
+    assert bpy.context.scene.leafcloud.to_settings() == BakeSettings()
+    assert bpy.context.scene.leafcloud.leaf_names() is None
+
+
+def test_effects_and_leaves_can_be_chosen() -> None:
+    settings = bpy.context.scene.leafcloud
+    settings.leaves = "needles, twig cards ,"
+    settings.effect_choice, settings.chosen_effects = "some", {"pruning", "transitions"}
+    assert settings.leaf_names() == ["needles", "twig cards"]
+    assert settings.to_settings().effects == "transitions,pruning"
+    settings.chosen_effects = set()
+    assert settings.to_settings().effects == "none"
+
+
+def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub: list[bpy.types.Object]) -> None:
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    collection = bpy.context.scene.collection.children["leaves"]
+    assert {obj.name for obj in collection.objects} == {
+        "leaves_LOD0", "leaves_LOD0_wood", "leaves_LOD1", "leaves_LOD1_wood", "leaves_LOD2"
+    }  # fmt: skip
+    assert not any(obj.visible_get() for obj in selected_shrub)
+    assert all(obj.hide_render for obj in selected_shrub)
+    assert bpy.context.window_manager.leafcloud.stage == ""
+
+
+def test_a_second_bake_gets_names_of_its_own(selected_shrub: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    for obj in selected_shrub:
+        obj.hide_set(False)
+        obj.select_set(True)
+    bpy.ops.leafcloud.bake()
+    names = {collection.name for collection in bpy.context.scene.collection.children}
+    assert {"leaves", "leaves_2"} <= names
+    assert "leaves_2_LOD0" in bpy.data.objects
+
+
+def test_a_bake_writes_files_where_a_folder_is_given(selected_shrub: list[bpy.types.Object], tmp_path: Path) -> None:
+    bpy.context.scene.leafcloud.directory = str(tmp_path)
+    bpy.ops.leafcloud.bake()
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
+    assert report["files"] == [
+        "leaves.glb", "leaves_LOD0.glb", "leaves_LOD1.glb", "leaves_LOD2.glb", "preview.png", "report.json"
+    ]  # fmt: skip
+    assert not [name for name, _ in bpy.data.objects["leaves_LOD0"].data.attributes.items() if name.startswith("_")]
+
+
+def test_nothing_selected_is_refused(selected_shrub: list[bpy.types.Object]) -> None:
+    bpy.ops.object.select_all(action="DESELECT")
+    assert not bpy.ops.leafcloud.bake.poll()
+    refused("Nothing is selected")
+
+
+def test_leaves_that_are_not_there_are_refused(selected_shrub: list[bpy.types.Object]) -> None:
+    bpy.context.scene.leafcloud.leaves = "petals"
+    refused("petals")
+
+
+def test_a_mesh_without_faces_is_refused() -> None:
+    bare = bpy.data.objects.new("leaves", bpy.data.meshes.new("leaves"))
+    bpy.context.scene.collection.objects.link(bare)
+    bare.select_set(True)
+    refused("no faces")
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused(selected_shrub: list[bpy.types.Object], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    bpy.context.scene.leafcloud.directory = str(tmp_path / "file")
+    refused("file")
+
+
+def test_a_running_bake_ends_with_the_add_on(selected_shrub: list[bpy.types.Object]) -> None:
+    corners = [(0.0, 0.0, float(z)) for z in range(3000)]
+    triangles = [(0, i, i + 1) for i in range(1, 2999)]
+    corners = [(x + 0.01 * i % 1.0, 0.1 * i, z) for i, (x, _, z) in enumerate(corners)]
+    job = leafcloud.start_chain(leafcloud.Foliage(corners, triangles))
+    operators._running.append(job)
+    assert not bpy.ops.leafcloud.bake.poll()
+    operators.cancel_running()
+    assert job.done
+    assert bpy.ops.leafcloud.bake.poll()
