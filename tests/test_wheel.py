@@ -84,7 +84,7 @@ def test_chain(foliage: Foliage) -> None:
     assert cross.targets.shape == (0, 3, 3)
     planes = first.cloud.planes[first.cloud.parents]
     on_plane = np.einsum("tcd,td->tc", first.targets, planes[:, :3]) - planes[:, 3:]
-    np.testing.assert_allclose(on_plane, 0.0, atol=1e-12)
+    assert np.abs(on_plane).max() <= 0.04 * foliage.radius / 4096  # what keeps the depth order
     np.testing.assert_allclose(first.pivots, positions_of_leaves(), atol=1e-12)
     assert first.base_color.shape == (256, 256, 4)
     assert second.base_color.shape == (128, 128, 4)

@@ -17,6 +17,11 @@ use crate::groups::{Groups, number_by_appearance};
 /// Where the next level takes over: just before a = 1, where leaves of one plane would lose their depth order.
 pub const HAND_OVER: f64 = 0.998;
 
+/// The share of its height over the plane that a point keeps at a = 1. Leaves that overlap on exactly one plane have no depth order: they flicker
+/// in a depth buffer, and a ray that passes a transparent texel of one passes all of them (a pine loses 6 % of its coverage in Cycles). This
+/// little is enough for an order, and less than 1e-5 R at ε = 0.04.
+pub const DEPTH_ORDER: f64 = 1.0 / 4096.0;
+
 /// Where a level lies at a = 1, in the foliage's local frame; one entry a triangle.
 #[derive(Clone, Debug)]
 pub struct Projection {
@@ -124,7 +129,8 @@ impl Lay {
 
     fn target(&self, point: DVec3) -> DVec3 {
         let projected = self.plane.project(point);
-        projected + self.steepest * (self.excess * self.steepest.dot(projected - self.pivot))
+        let order = self.plane.normal * (self.plane.height(point) * DEPTH_ORDER);
+        projected + order + self.steepest * (self.excess * self.steepest.dot(projected - self.pivot))
     }
 }
 
@@ -172,7 +178,7 @@ mod tests {
     fn orthogonal_projection_keeps_the_cosine() {
         let (foliage, cloud) = tilted(0.8, 0.3);
         let projection = Projection::new(&foliage, &cloud, 1.0);
-        assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-12);
+        assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-6, "but for the depth order");
         assert!(projection.in_plane_motion(&foliage, &cloud) < 1e-12);
     }
 
@@ -181,9 +187,13 @@ mod tests {
         for (cosine, limit, expected) in [(0.8, 2.0, 1.0), (0.5, 2.0, 1.0), (0.4, 1.5, 0.6)] {
             let (foliage, cloud) = tilted(cosine, 0.3);
             let projection = Projection::new(&foliage, &cloud, limit);
-            assert!((area(&projection.targets, &foliage) - expected).abs() < 1e-12, "cos {cosine}");
-            for target in projection.targets.iter().flatten().chain(&projection.pivot_targets) {
-                assert!(cloud.planes[0].height(*target).abs() < 1e-12);
+            assert!((area(&projection.targets, &foliage) - expected).abs() < 1e-6, "cos {cosine}");
+            let height = |p: &DVec3| cloud.planes[0].height(*p);
+            for (t, targets) in projection.targets.iter().enumerate() {
+                for (from, to) in foliage.corners(t).iter().zip(targets) {
+                    assert!((height(to) - height(from) * DEPTH_ORDER).abs() < 1e-15);
+                }
+                assert!(height(&projection.pivot_targets[t]).abs() < 1e-15);
             }
             // The square keeps its side along x and its centre.
             let caller = |p: DVec3| foliage.frame().to_caller(p);

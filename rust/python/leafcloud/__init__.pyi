@@ -157,7 +157,8 @@ class Level:
         """``texels`` over the page's texels."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) where each corner of the level before lies at a = 1. Empty (0, 3, 3) for the cross."""
+        """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height over
+        it, which keeps the depth order of leaves that overlap. Empty (0, 3, 3) for the cross."""
     @property
     def pivots(self) -> NDArray[np.float64]:
         """(t, 3) the pivot of each triangle's leaf."""

@@ -154,7 +154,7 @@ impl Shared {
     }
 }
 
-#[pyclass(name = "Job", module = "leafcloud", frozen)]
+#[pyclass(name = "Job", module = "leafcloud", frozen, generic)]
 pub struct PyJob(Arc<Shared>);
 
 impl PyJob {
