@@ -76,7 +76,11 @@ impl Projection {
     pub fn in_plane_motion(&self, foliage: &Foliage, cloud: &Cloud) -> f64 {
         let motion = |t: usize| {
             let plane = cloud.planes[cloud.parents[t] as usize];
-            let moved = foliage.corners(t).into_iter().zip(self.targets[t]).map(|(p, q)| plane.project(p).distance(q));
+            let moved = foliage
+                .corners(t)
+                .into_iter()
+                .zip(self.targets[t])
+                .map(|(p, q)| plane.project(p).distance(plane.project(q)));
             moved.fold(0.0, f64::max)
         };
         (0..foliage.triangle_count()).map(motion).fold(0.0, f64::max)
