@@ -44,6 +44,10 @@ bench: ## measure the speed of the core
 	@tools/prerequisites.sh rust
 	cargo bench --package leafcloud
 
+.PHONY: measure
+measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap
+	.venv/bin/python tools/measure.py $(ARGS)
+
 .PHONY: lint
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
 	@tools/prerequisites.sh rust lint

@@ -16,6 +16,7 @@ import os
 import sys
 import tempfile
 import time
+import typing
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields
@@ -343,6 +344,17 @@ def _arguments() -> list[str]:
     return given[given.index("--") + 1 :] if "--" in given else given[1:]
 
 
+def _release_modules() -> None:
+    """Lets Python free Blender's modules at exit; bpy 4.2 crashes when one is still held then.
+
+    `typing` caches what its generics were made of: here classes of Blender's glTF exporter, whose methods refer to bpy.
+    """
+    for clear_cache in getattr(typing, "_cleanups", ()):
+        clear_cache()
+
+
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
-    sys.exit(main(_arguments()))
+    status = main(_arguments())
+    _release_modules()
+    sys.exit(status)

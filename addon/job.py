@@ -25,7 +25,7 @@ def wait(job: leafcloud.Job[_T], progress: Progress) -> _T:
             try:
                 return job.result(timeout=POLL_SECONDS)
             except TimeoutError:
-                progress(job.stage, job.fraction)
+                progress(job.stage or "start", job.fraction)  # It has no name before the first stage.
     except BaseException:
         job.cancel()
         raise

@@ -13,6 +13,7 @@ import addon
 import leafcloud
 from addon.settings import BakeSettings
 from addon.ui import operators
+from addon.ui.properties import bake_settings, leaf_names
 
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
 
@@ -50,18 +51,18 @@ def refused(words: str) -> None:
 
 
 def test_the_settings_start_as_those_of_the_command_line() -> None:
-    assert bpy.context.scene.leafcloud.to_settings() == BakeSettings()
-    assert bpy.context.scene.leafcloud.leaf_names() is None
+    assert bake_settings(bpy.context.scene.leafcloud) == BakeSettings()
+    assert leaf_names(bpy.context.scene.leafcloud) is None
 
 
 def test_effects_and_leaves_can_be_chosen() -> None:
     settings = bpy.context.scene.leafcloud
     settings.leaves = "needles, twig cards ,"
     settings.effect_choice, settings.chosen_effects = "some", {"pruning", "transitions"}
-    assert settings.leaf_names() == ["needles", "twig cards"]
-    assert settings.to_settings().effects == "transitions,pruning"
+    assert leaf_names(settings) == ["needles", "twig cards"]
+    assert bake_settings(settings).effects == "transitions,pruning"
     settings.chosen_effects = set()
-    assert settings.to_settings().effects == "none"
+    assert bake_settings(settings).effects == "none"
 
 
 def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub: list[bpy.types.Object]) -> None:

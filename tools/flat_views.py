@@ -18,6 +18,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Vector
+from numpy.typing import NDArray
 
 
 def directions(count: int) -> Iterator[Vector]:
@@ -73,7 +74,7 @@ def set_up_camera(size: int, samples: int, radius: float) -> bpy.types.Object:
     return camera
 
 
-def picture(path: str, size: int) -> np.ndarray:
+def picture(path: str, size: int) -> NDArray[np.float32]:
     bpy.context.scene.render.filepath = path
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(path)

@@ -54,8 +54,8 @@ def greatest_deviation(node: Node) -> float:
     """
     greatest = 0.0
     for primitive in node.primitives:
-        position = node.to_world(primitive.attributes["POSITION"])
-        target = node.to_world(primitive.attributes["POSITION"] + primitive.targets[0]["POSITION"])
+        rest, motion = (v["POSITION"].astype(float) for v in (primitive.attributes, primitive.targets[0]))
+        position, target = node.to_world(rest), node.to_world(rest + motion)
         corners, targets = position[primitive.indices], target[primitive.indices]
         cross = np.cross(targets[:, 1] - targets[:, 0], targets[:, 2] - targets[:, 0])
         length = np.linalg.norm(cross, axis=1)

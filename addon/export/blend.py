@@ -36,7 +36,7 @@ def make_self_contained() -> None:
     """Removes what nothing uses, and packs images that lie in files: what is saved then needs nothing beside it."""
     bpy.data.orphans_purge(do_recursive=True)
     for image in bpy.data.images:
-        if image.packed_file is None and image.source in {"FILE", "TILED"} and image.has_data:
+        if image.packed_file is None and image.source == "FILE" and Path(bpy.path.abspath(image.filepath)).is_file():
             image.pack()
 
 

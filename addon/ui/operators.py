@@ -15,6 +15,7 @@ from ..pipeline import file_name, finish, prepare, start, view_of, write
 from ..scene import SceneError
 from ..scene.extract import extract
 from ..settings import SettingsError
+from .properties import bake_settings, leaf_names
 
 _REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -104,8 +105,8 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
         """Reads the scene and starts the core."""
         settings = context.scene.leafcloud
         self._sources = tuple(context.selected_objects)
-        tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=settings.leaf_names())
-        self._prepared = prepare(tree, settings.to_settings())
+        tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=leaf_names(settings))
+        self._prepared = prepare(tree, bake_settings(settings))
         self._job = start(self._prepared)
         _running.append(self._job)
 

@@ -1,4 +1,8 @@
-"""The settings as Blender's properties, with the limits and defaults of `BakeSettings`."""
+"""The settings as Blender's properties, with the limits and defaults of `BakeSettings`.
+
+The property groups have no methods: Blender 4.2 never lets go of a group's class, and by a method's globals that would
+keep bpy itself alive at exit, which crashes.
+"""
 
 from __future__ import annotations
 
@@ -101,30 +105,32 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
     )
 
-    def to_settings(self) -> BakeSettings:
-        """The settings as a bake takes them."""
-        effects = self.effect_choice
-        if effects == "some":
-            effects = ",".join(name for name in EFFECTS if name in self.chosen_effects) or "none"
-        return BakeSettings(
-            epsilon=round(self.epsilon, _DIGITS),
-            candidates=self.candidates,
-            levels=self.levels,
-            seed=self.seed,
-            texture_size=self.texture_size,
-            cross=self.cross,
-            effects=effects,
-            engine=self.engine,
-            pixels=round(self.pixels, _DIGITS),
-        )
-
-    def leaf_names(self) -> list[str] | None:
-        """The names given as leaves; None to let them be found."""
-        return [name.strip() for name in self.leaves.split(",") if name.strip()] or None
-
 
 class LeafcloudStatus(bpy.types.PropertyGroup):
     """What the bake that runs now is doing; `stage` is empty while none runs."""
 
     stage: StringProperty(options={"SKIP_SAVE"})
     fraction: FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)
+
+
+def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
+    """The settings as a bake takes them."""
+    effects = properties.effect_choice
+    if effects == "some":
+        effects = ",".join(name for name in EFFECTS if name in properties.chosen_effects) or "none"
+    return BakeSettings(
+        epsilon=round(properties.epsilon, _DIGITS),
+        candidates=properties.candidates,
+        levels=properties.levels,
+        seed=properties.seed,
+        texture_size=properties.texture_size,
+        cross=properties.cross,
+        effects=effects,
+        engine=properties.engine,
+        pixels=round(properties.pixels, _DIGITS),
+    )
+
+
+def leaf_names(properties: LeafcloudSettings) -> list[str] | None:
+    """The names given as leaves; None to let them be found."""
+    return [name.strip() for name in properties.leaves.split(",") if name.strip()] or None

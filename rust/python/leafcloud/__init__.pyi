@@ -101,7 +101,8 @@ class Cloud:
         """(t,) the plane of each triangle."""
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """(t,) the greatest distance of the triangle's vertices to its plane, caller's units; never above ``epsilon`` × R."""
+        """(t,) the greatest distance of the triangle's vertices to its plane, caller's units; never above ``epsilon``
+        × R."""
     @property
     def epsilon(self) -> float:
         """The bound, as a share of R."""
@@ -131,7 +132,8 @@ class Level:
         """The fitter's name, or "cross"."""
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(b, 4, 3) counter-clockwise seen from the side that shows the texture; lower left, lower right, upper right, upper left."""
+        """(b, 4, 3) counter-clockwise seen from the side that shows the texture; lower left, lower right, upper
+        right, upper left."""
     @property
     def uvs(self) -> NDArray[np.float32]:
         """(b, 4, 2)"""
@@ -140,7 +142,8 @@ class Level:
         """(b,) the plane of each billboard."""
     @property
     def two_sided(self) -> bool:
-        """Whether the two sides show different textures: then billboards come as pairs of single-sided quads, else each is double-sided."""
+        """Whether the two sides show different textures: then billboards come as pairs of single-sided quads, else
+        each is double-sided."""
     @property
     def ranks(self) -> NDArray[np.float32]:
         """(b,) the billboards' own places in the pruning order, in [0, 1)."""
@@ -157,7 +160,8 @@ class Level:
         """``texels`` over the page's texels."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height over
+        """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height
+        over
         it, which keeps the depth order of leaves that overlap. Empty (0, 3, 3) for the cross."""
     @property
     def pivots(self) -> NDArray[np.float64]:
@@ -170,10 +174,12 @@ class Level:
         """The greatest distance that a vertex moves within its plane, share of R."""
     @property
     def mean_deviation(self) -> float:
-        """Area-weighted mean deviation from the level before (the cross: of the vertices, from the nearer plane), share of R."""
+        """Area-weighted mean deviation from the level before (the cross: of the vertices, from the nearer plane),
+        share of R."""
     @property
     def max_deviation_leaves(self) -> float:
-        """Upper bound of the distance between a leaf's point and its place on this level along the normals passed, share of R."""
+        """Upper bound of the distance between a leaf's point and its place on this level along the normals passed,
+        share of R."""
     @property
     def coverage(self) -> float:
         """Rendered coverage over that of the leaves, mean of the judge's views."""
@@ -207,7 +213,8 @@ class Job(Generic[_T]):
         """The best complete result so far; ``None`` until there is one."""
     def cancel(self) -> None: ...
     def result(self, timeout: float | None = None) -> _T:
-        """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds, ``TimeoutError``."""
+        """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds,
+        ``TimeoutError``."""
 
 def fit(
     foliage: Foliage,
@@ -223,7 +230,8 @@ def fit(
     """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
 
     ``epsilon`` in (0, 1]; ``candidates`` ≥ 1, planes tried per billboard; ``whole_leaves`` keeps the triangles of a
-    leaf on one plane whenever one plane holds them all; ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared relative
+    leaf on one plane whenever one plane holds them all; ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared
+    relative
     deviation when a leaf chooses among the planes that hold it (0: the nearest plane).
     """
 
@@ -257,7 +265,8 @@ def build_chain(
 ) -> Chain:
     """Fits, packs and bakes every level.
 
-    Level i has ``epsilon`` · 2.5^(i−1) (of the leaves' R) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the cross only.
+    Level i has ``epsilon`` · 2.5^(i−1) (of the leaves' R) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
+    cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
     """
 
@@ -288,7 +297,8 @@ def render(
     up: Sequence[float] = (0.0, 0.0, 1.0),
     samples: int = 4,
 ) -> NDArray[np.uint8]:
-    """An orthographic, flat-lit picture (size, size, 4): base colours seen against ``direction`` (from the centre to the eye)."""
+    """An orthographic, flat-lit picture (size, size, 4): base colours seen against ``direction`` (from the centre to
+    the eye)."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Writes an (h, w, 4) sRGB image; the same bytes for the same pixels."""
@@ -298,18 +308,20 @@ def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:
     contains one of ``names`` (default: leaf, leaves, foliage, needle, frond). Z up."""
 
 def keep(distance: float, start: float, half: float = 0.5) -> float:
-    """λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at ``distance``; ``start`` d₀ > 0, ``half`` h in (0, ½]."""
+    """λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at ``distance``; ``start`` d₀ > 0, ``half`` h in
+    (0, ½]."""
 
 def leaf_scale(rank: float, keep: float) -> float:
     """The ramp r in [0, 1]: 1 for the first 95 % of the drawn leaves, linear to 0 at rank = λ."""
 
 def area_scale(ranks: ArrayLike, areas: ArrayLike, keep: float) -> float:
-    """s = √(ΣA / Σ A·r²): the linear factor that keeps the covered area when the leaves with ``ranks`` and ``areas`` are pruned to λ."""
+    """s = √(ΣA / Σ A·r²): the linear factor that keeps the covered area when the leaves with ``ranks`` and ``areas``
+    are pruned to λ."""
 
 def transition(distance: float, start: float, end: float) -> float:
     """a: 0 up to ``start``, 1 from ``end``, linear between."""
 
 def switch_distance(deviation: float, pixels: float, resolution: float, field_of_view: float) -> float:
-    """The distance from which ``deviation`` (caller's units) is seen smaller than ``pixels``; vertical resolution in pixels and
+    """The distance from which ``deviation`` (caller's units) is seen smaller than ``pixels``; vertical resolution in
+    pixels and
     field of view in radians of a perspective camera."""
-
