@@ -20,6 +20,11 @@ ROOT = Path(__file__).resolve().parent.parent
 BAKE = ROOT / "bake.py"
 QUICK = ("--texture-size", "256")
 
+DEPTH_ORDER = 1.0 / 4096.0
+"""The share of its height above the plane that a point keeps at a = 1."""
+ROUNDING = 1e-5
+"""Share of R: what single precision in the files, and planes from the corners of small billboards, may add."""
+
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
@@ -216,9 +221,10 @@ def planes(node: Node) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArray[np.float64]:
-    """(t,) for each triangle the way along the normal from where it is to where it morphs to.
+    """(t,) for each triangle the greatest distance of its corners to the plane that it morphs to.
 
-    Its plane is one of the next level's, on which all three corners come to lie; none is infinitely far.
+    That plane is one of the next level's, on which all three corners come to lie, but for the hair of their height that
+    keeps leaves on one plane in their depth order; a triangle with no such plane is infinitely far.
     """
     normals, offsets = planes(following)
     result = []
@@ -226,9 +232,9 @@ def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArra
         rest, moved = world(level, primitive), world(level, primitive, 0)
         best = np.full(len(rest), math.inf)
         for normal, offset in zip(normals, offsets, strict=True):
-            lies_on = (np.abs(moved @ normal - offset) <= 1e-5 * radius).all(axis=1)
-            way = np.abs((moved - rest) @ normal).max(axis=1)
-            best = np.where(lies_on, np.minimum(best, way), best)
+            heights, left = np.abs(rest @ normal - offset), np.abs(moved @ normal - offset)
+            lies_on = (left <= DEPTH_ORDER * heights + ROUNDING * radius).all(axis=1)
+            best = np.where(lies_on, np.minimum(best, heights.max(axis=1)), best)
         result.append(best)
     return np.concatenate(result)
 
@@ -244,8 +250,8 @@ def test_a_bake_keeps_its_bound_and_is_valid(
     for number, epsilon in [(0, 0.04), (1, 0.1)]:
         level, following = nodes[f"{name}_LOD{number}"], nodes[f"{name}_LOD{number + 1}"]
         found = deviations_on_parents(level, following, radius)
-        assert found.max() <= epsilon * radius * (1.0 + 1e-5), f"LOD {number}"
-        assert found.max() == pytest.approx(report["levels"][number + 1]["max_deviation"] * radius, rel=1e-4)
+        assert found.max() <= (epsilon + ROUNDING) * radius, f"LOD {number}"
+        assert found.max() == pytest.approx(report["levels"][number + 1]["max_deviation"] * radius, rel=1e-3)
     assert not nodes[f"{name}_LOD2"].primitives[0].targets
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
@@ -281,7 +287,7 @@ def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp
     levels = [nodes[f"far_LOD{number}"] for number in range(4)]
     for number, epsilon in [(0, 0.04), (1, 0.1)]:
         found = deviations_on_parents(levels[number], levels[number + 1], radius)
-        assert found.max() <= epsilon * radius * (1.0 + 1e-4)
+        assert found.max() <= (epsilon + ROUNDING) * radius
     corners = np.concatenate([world(levels[0], primitive) for primitive in levels[0].primitives]).reshape(-1, 3)
     z_up = np.column_stack([corners[:, 0], -corners[:, 2], corners[:, 1]])
     for bound in (np.min, np.max):

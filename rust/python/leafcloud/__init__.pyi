@@ -224,7 +224,7 @@ def fit(
     candidates: int = 600,
     seed: int = 0,
     whole_leaves: bool = True,
-    facing: float = 0.5,
+    facing: float = 1.0,
     progress: Progress | None = None,
 ) -> Cloud:
     """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
@@ -243,7 +243,7 @@ def start_fit(
     candidates: int = 600,
     seed: int = 0,
     whole_leaves: bool = True,
-    facing: float = 0.5,
+    facing: float = 1.0,
 ) -> Job[Cloud]: ...
 def build_chain(
     foliage: Foliage,
@@ -260,7 +260,7 @@ def build_chain(
     candidates: int = 600,
     seed: int = 0,
     whole_leaves: bool = True,
-    facing: float = 0.5,
+    facing: float = 1.0,
     progress: Progress | None = None,
 ) -> Chain:
     """Fits, packs and bakes every level.
@@ -285,7 +285,7 @@ def start_chain(
     candidates: int = 600,
     seed: int = 0,
     whole_leaves: bool = True,
-    facing: float = 0.5,
+    facing: float = 1.0,
 ) -> Job[Chain]: ...
 def render(
     parts: Sequence[Foliage],

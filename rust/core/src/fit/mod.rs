@@ -71,7 +71,7 @@ pub struct FitSettings {
 
 impl Default for FitSettings {
     fn default() -> Self {
-        Self { method: Method::Stochastic, epsilon: 0.04, candidates: 600, seed: 0, whole_leaves: true, facing: 0.5 }
+        Self { method: Method::Stochastic, epsilon: 0.04, candidates: 600, seed: 0, whole_leaves: true, facing: 1.0 }
     }
 }
 
