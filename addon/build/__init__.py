@@ -1,0 +1,1 @@
+"""From the core's arrays to Blender's objects: meshes, morphs, materials, the node group, the levels."""

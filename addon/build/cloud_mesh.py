@@ -1,0 +1,187 @@
+"""Meshes from arrays: the leaves in pruning order with every vertex on one billboard, the clouds, the wood.
+
+Everything is a gather: a `Split` or a `Quads` says at which corner of the source each vertex of the new mesh is found,
+and every value per corner follows by indexing. So positions, texture coordinates and normals come through bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..placement import Placement
+from ..scene.extract import Geometry
+from ..versions import set_corner_normals
+
+UV_NAME = "UVMap"
+COLOR_NAME = "Color"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Faces of three or four corners. `v` vertices, `c` corners, `f` faces.
+
+    positions (v, 3); corners (c,) the vertex of each corner, face by face; sizes (f,) corners of each face;
+    material_ids (f,); uvs (c, 2), normals (c, 3) unit vectors, colors (c, 4) linear, or None. Without normals
+    faces are flat.
+    """
+
+    positions: NDArray[np.float32]
+    corners: NDArray[np.int32]
+    sizes: NDArray[np.int32]
+    material_ids: NDArray[np.int32]
+    uvs: NDArray[np.float32] | None = None
+    normals: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class LayerNames:
+    """The names under which a mesh stores its texture coordinates and its colours; the first of each is active."""
+
+    uv_maps: tuple[str, ...] = (UV_NAME,)
+    colors: tuple[str, ...] = (COLOR_NAME,)
+
+
+@dataclass(frozen=True)
+class Split:
+    """Triangles (t, 3) whose vertices were split by a key: `corners` (t, 3) the new vertices, `first` (v,) for
+    each of them the corner of the source, counted through all triangles, at which it was seen first."""
+
+    corners: NDArray[np.int32]
+    first: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Quads:
+    """Billboards as faces: four corners where both triangles (0, 1, 2) and (0, 2, 3) have one key, else twice three.
+
+    `first` (v,) the corner of each vertex, counted through all triangles, six a billboard: no two corners share one.
+    `sizes` (f,); `billboards` (f,) the billboard of each face.
+    """
+
+    first: NDArray[np.int64]
+    sizes: NDArray[np.int32]
+    billboards: NDArray[np.int32]
+
+
+def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]]) -> Split:
+    """Gives every vertex one key: one that triangles with several `keys` (t,) share is split.
+
+    Triangles on the same three vertices are parted too: Blender's mesh validation, which runs in its glTF exporter,
+    would throw all but one away. Vertices that no triangle uses are left out.
+    """
+    copies = _copies(triangles)
+    parts = np.asarray(keys, np.int64) * (int(copies.max(initial=0)) + 1) + copies
+    count = int(parts.max(initial=0)) + 1
+    labels = triangles.astype(np.int64) * count + parts[:, None]
+    _, first, inverse = np.unique(labels.ravel(), return_index=True, return_inverse=True)
+    return Split(inverse.reshape(-1, 3).astype(np.int32), first)
+
+
+def quads(keys: NDArray[np.integer[Any]], placement: Placement) -> Quads:
+    """Billboards as faces, `keys` (b, 2) those of their two triangles; wound so that the front stays the front."""
+    whole = keys[:, 0] == keys[:, 1]
+    quad = placement.wind(np.array([[0, 1, 2, 5]])).ravel()
+    pair = placement.wind(np.array([[0, 1, 2], [3, 4, 5]])).ravel()
+    corners = np.where(whole[:, None], np.concatenate([quad, [-1, -1]]), pair) + 6 * np.arange(len(keys))[:, None]
+    used = np.ones_like(corners, dtype=bool)
+    used[whole, 4:] = False
+    faces = np.where(whole, 1, 2)
+    billboards = np.repeat(np.arange(len(keys), dtype=np.int32), faces)
+    return Quads(corners[used].astype(np.int64), np.where(whole[billboards], 4, 3).astype(np.int32), billboards)
+
+
+def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> Surface:
+    """The triangles `order` of `geometry`; `split` is that of `geometry.triangles[order]`."""
+    vertices = geometry.triangles[order].ravel()[split.first]
+
+    def per_corner(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+        return None if values is None else values[order].reshape(-1, values.shape[-1])
+
+    return Surface(
+        positions=geometry.positions[vertices],
+        corners=split.corners.ravel(),
+        sizes=np.full(len(order), 3, np.int32),
+        material_ids=geometry.material_ids[order],
+        uvs=per_corner(geometry.uvs),
+        normals=per_corner(geometry.normals),
+        colors=per_corner(geometry.colors),
+    )
+
+
+def quad_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: Quads) -> Surface:
+    """Billboards with `corners` (b, 4, 3) and `uvs` (b, 4, 2) as `faces`, all of the first material."""
+    return Surface(
+        positions=two_triangles(corners).reshape(-1, 3)[faces.first],
+        corners=np.arange(len(faces.first), dtype=np.int32),
+        sizes=faces.sizes,
+        material_ids=np.zeros(len(faces.sizes), np.int32),
+        uvs=two_triangles(uvs).reshape(-1, 2)[faces.first],
+    )
+
+
+def two_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values at the corners of billboards (b, 4, …) at the corners of their two triangles (b, 6, …)."""
+    return values[:, [0, 1, 2, 0, 2, 3]]
+
+
+def create_mesh(
+    name: str,
+    surface: Surface,
+    materials: Sequence[bpy.types.Material | None],
+    layers: LayerNames = LayerNames(),
+) -> bpy.types.Mesh:
+    """A new mesh of `surface`, its faces in the same order."""
+    mesh = bpy.data.meshes.new(name)
+    starts = np.concatenate([[0], np.cumsum(surface.sizes[:-1])]).astype(np.int32)
+    mesh.vertices.add(len(surface.positions))
+    mesh.vertices.foreach_set("co", surface.positions.ravel())
+    mesh.loops.add(len(surface.corners))
+    mesh.loops.foreach_set("vertex_index", surface.corners)
+    mesh.polygons.add(len(surface.sizes))
+    mesh.polygons.foreach_set("loop_start", starts)
+    for material in materials:
+        mesh.materials.append(material)
+    mesh.polygons.foreach_set("material_index", surface.material_ids)
+    if surface.uvs is not None:
+        for layer in layers.uv_maps:
+            add_uv_map(mesh, layer, surface.uvs)
+    if surface.colors is not None:
+        for layer in layers.colors:
+            attribute = mesh.color_attributes.new(layer, "FLOAT_COLOR", "CORNER")
+            attribute.data.foreach_set("color", surface.colors.ravel())
+    mesh.update(calc_edges=True)
+    if surface.normals is not None:
+        set_corner_normals(mesh, surface.normals)
+    else:
+        mesh.polygons.foreach_set("use_smooth", np.zeros(len(surface.sizes), bool))
+    return mesh
+
+
+def add_uv_map(mesh: bpy.types.Mesh, name: str, uvs: NDArray[np.float32]) -> str:
+    """Adds a UV map with `uvs` (c, 2); gives its name, which Blender may have changed to keep names apart."""
+    layer = mesh.uv_layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
+    return layer.name
+
+
+def _copies(triangles: NDArray[np.int32]) -> NDArray[np.int64]:
+    """(t,) how many triangles before each have the same three vertices.
+
+    Compared by a 64-bit hash of the three: two triangles that collide are parted needlessly, and nothing else happens.
+    """
+    a, b, c = np.sort(triangles, axis=1).astype(np.uint64).T
+    label = (a * np.uint64(0x9E3779B97F4A7C15) + b) * np.uint64(0xD6E8FEB86659FD93) + c
+    order = np.argsort(label, kind="stable")
+    place = np.arange(len(label))
+    starts = np.ones(len(label), bool)
+    starts[1:] = label[order[1:]] != label[order[:-1]]
+    copies = np.empty(len(label), np.int64)
+    copies[order] = place - np.maximum.accumulate(np.where(starts, place, 0))
+    return copies

@@ -1,0 +1,290 @@
+"""The levels as objects: LOD 0 from the tree's own leaves, the clouds from the chain, the wood beside each."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..placement import Placement
+from ..plan.reach import Reach
+from ..scene.extract import Geometry, Tree
+from . import morphs
+from .cloud_mesh import Surface, create_mesh, quad_surface, quads, split_vertices, triangle_surface
+from .lod_nodes import NEVER, LodSettings, add_lod_modifier
+from .materials import atlas_image, atlas_material, layer_names
+from .morphs import Pruning, Transition
+from .rollback import removed_on_failure
+
+EXTRAS = "leafcloud"
+"""The custom property, and so the key in glTF's extras, of objects and meshes."""
+PREFIX_STEPS = 64
+"""The table of prefixes has one entry per λ = 0, 1/64 … 1."""
+
+
+@dataclass
+class Costs:
+    """Seconds and bytes that each effect has cost so far."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    bytes: dict[str, int] = field(default_factory=dict)
+
+    @contextmanager
+    def spent_on(self, effect: str, nbytes: int) -> Iterator[None]:
+        """Adds the time of the block, and `nbytes`, to those of `effect`."""
+        begin = time.perf_counter()
+        yield
+        self.seconds[effect] = self.seconds.get(effect, 0.0) + time.perf_counter() - begin
+        self.bytes[effect] = self.bytes.get(effect, 0) + nbytes
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the levels are to be built: the name of all, the tree's place, which effects are on, when levels are drawn.
+
+    centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
+    for each level with the leaves first, are in world units.
+    """
+
+    name: str
+    placement: Placement
+    centre: tuple[float, float, float]
+    transitions: bool
+    pruning: bool
+    switch_distances: tuple[float, ...]
+    reaches: tuple[Reach, ...]
+
+    @property
+    def follows_camera(self) -> bool:
+        return self.transitions or self.pruning
+
+
+@dataclass(frozen=True)
+class BuiltLevel:
+    """One level in Blender. `triangles` counts those of the object, without the wood."""
+
+    number: int
+    object: bpy.types.Object
+    wood: bpy.types.Object | None
+    triangles: int
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A level's mesh before it is one: its faces in pruning order, the rank of each, and what its vertices need."""
+
+    surface: Surface
+    ranks: NDArray[np.float32]
+    pruning: Pruning | None = None
+    transition: Transition | None = None
+
+
+def build_levels(
+    tree: Tree, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan, costs: Costs
+) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
+    """Makes a collection of all levels, not yet in any scene.
+
+    Everything lies at the tree's matrix, in the tree's coordinates. Without transitions and pruning nothing follows the
+    camera: then only LOD 0 is shown. When anything fails, what was made is removed again.
+    """
+    with removed_on_failure():
+        collection = bpy.data.collections.new(plan.name)
+        wood = None if tree.wood is None else _wood_mesh(f"{plan.name}_wood", tree.wood)
+        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, wood, plan)]
+        behind = chain.levels
+        for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
+            obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
+            levels.append(_add_level(collection, obj, number, wood if level.cloud is not None else None, plan))
+    return collection, levels
+
+
+def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
+    """For each material in use its index and how many triangles, from the first, have a rank below λ = 0, 1/64 … 1.
+
+    `ranks` (f,) rise among the faces of a material.
+    """
+    keep = np.arange(PREFIX_STEPS + 1, dtype=np.float32) / np.float32(PREFIX_STEPS)
+    table = []
+    for material in np.unique(surface.material_ids):
+        faces = np.flatnonzero(surface.material_ids == material)
+        triangles = np.concatenate([[0], np.cumsum(surface.sizes[faces] - 2)])
+        prefixes = triangles[np.searchsorted(ranks[faces], keep, side="left")]
+        table.append({"material": int(material), "triangles": prefixes.tolist()})
+    return table
+
+
+def _add_level(
+    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: bpy.types.Mesh | None, plan: Plan
+) -> BuiltLevel:
+    """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
+    obj.matrix_world = Matrix(plan.placement.matrix.tolist())
+    reach = plan.reaches[number]
+    members = [obj]
+    if wood is not None:
+        members.append(bpy.data.objects.new(f"{obj.name}_wood", wood))
+        members[1].parent = obj
+    for member in members:
+        collection.objects.link(member)
+        if plan.follows_camera:
+            settings = _lod_settings(reach, plan)
+            wooden = replace(settings, start=NEVER, end=NEVER, prune_start=NEVER)
+            add_lod_modifier(member, settings if member is obj else wooden)
+        else:
+            member.hide_viewport = member.hide_render = number > 0
+    triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
+    return BuiltLevel(number, obj, members[1] if wood is not None else None, triangles)
+
+
+def _lod_settings(reach: Reach, plan: Plan) -> LodSettings:
+    """The node group's inputs. In the chain of billboards all leaves are kept until the level vanishes: d₀ is there."""
+
+    def own(distance: float) -> float:
+        return min(distance / plan.placement.scale, NEVER)
+
+    return LodSettings(
+        start=own(reach.start),
+        end=own(reach.end),
+        prune_start=own(reach.vanish),
+        appear=own(reach.appear),
+        vanish=own(reach.vanish),
+        centre=plan.centre,
+    )
+
+
+def _leaf_object(
+    tree: Tree, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan, costs: Costs
+) -> bpy.types.Object:
+    shape = _leaf_shape(tree.leaves, foliage, chain, plan)
+    materials = tree.leaves.materials
+    mesh = create_mesh(f"{plan.name}_LOD0", shape.surface, materials, layer_names(materials))
+    return _object(mesh, shape, {"level": 0, "switch_distance": 0.0}, plan.reaches[0], costs)
+
+
+def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan) -> _Shape:
+    """The leaves by material, within each by rank, each leaf whole."""
+    level = chain.levels[0]
+    leaf_ids = foliage.leaf_ids
+    ranks = chain.ranks[leaf_ids]
+    order = np.lexsort((leaf_ids, ranks, geometry.material_ids))
+    parents = _parents(level)[order] if plan.transitions else np.zeros(len(order), np.int32)
+    split = split_vertices(geometry.triangles[order], parents)
+    of_vertex = order[split.first // 3]
+    corner_of_vertex = 3 * of_vertex + split.first % 3
+    targets = plan.placement.wind(level.targets).reshape(-1, 3)
+    return _Shape(
+        surface=triangle_surface(geometry, order, split),
+        ranks=ranks[order],
+        pruning=_pruning(ranks[of_vertex], level, of_vertex, plan),
+        transition=_transition(parents[split.first // 3], targets[corner_of_vertex], level, of_vertex, plan),
+    )
+
+
+def _cloud_or_none(level: leafcloud.Level | None) -> leafcloud.Level | None:
+    """The level if it is a cloud: the cross has no parents, nothing morphs to it."""
+    return level if level is not None and level.cloud is not None else None
+
+
+def _cloud_object(
+    level: leafcloud.Level, following: leafcloud.Level | None, number: int, plan: Plan, costs: Costs
+) -> bpy.types.Object:
+    name = f"{plan.name}_LOD{number}"
+    image = atlas_image(name, level.base_color)
+    cutoff = level.alpha_cutoff
+    material = atlas_material(name, image, alpha_cutoff=cutoff, double_sided=not level.two_sided)
+    shape = _cloud_shape(level, following, plan)
+    mesh = create_mesh(name, shape.surface, [material])
+    extras = {
+        "level": number,
+        "switch_distance": plan.switch_distances[number],
+        "max_deviation": level.max_deviation_leaves,
+        "alpha_cutoff": cutoff,
+    }
+    return _object(mesh, shape, extras, plan.reaches[number], costs)
+
+
+def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:
+    """The billboards by rank; `following` is the cloud that they morph to, if any."""
+    order = np.argsort(level.ranks, kind="stable")
+    keys = np.zeros((len(order), 2), np.int32)
+    if following is not None and plan.transitions:
+        keys = _parents(following).reshape(-1, 2)[order]
+    faces = quads(keys, plan.placement)
+    surface = quad_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
+    ranks = level.ranks[order]
+    if following is None:
+        return _Shape(surface, ranks[faces.billboards])
+    of_vertex = 2 * order[faces.first // 6] + faces.first % 6 // 3
+    targets = following.targets.reshape(-1, 6, 3)[order].reshape(-1, 3)
+    return _Shape(
+        surface=surface,
+        ranks=ranks[faces.billboards],
+        pruning=_pruning(ranks[faces.first // 6], following, of_vertex, plan),
+        transition=_transition(keys.ravel()[faces.first // 3], targets[faces.first], following, of_vertex, plan),
+    )
+
+
+def _parents(level: leafcloud.Level) -> NDArray[np.int32]:
+    """(t,) the plane of `level`, which is a cloud, for each triangle of the level before."""
+    assert level.cloud is not None
+    return level.cloud.parents.astype(np.int32)
+
+
+def _pruning(
+    ranks: NDArray[np.float32], following: leafcloud.Level, triangles: NDArray[np.int64], plan: Plan
+) -> Pruning | None:
+    """For vertices with `ranks`, each on one of the `triangles` whose pivots `following` holds."""
+    if not plan.pruning:
+        return None
+    return Pruning(ranks, plan.placement.to_tree(following.pivots[triangles]))
+
+
+def _transition(
+    billboards: NDArray[np.int32],
+    targets: NDArray[np.float64],
+    following: leafcloud.Level,
+    triangles: NDArray[np.int64],
+    plan: Plan,
+) -> Transition | None:
+    if not plan.transitions:
+        return None
+    pivot_targets = plan.placement.to_tree(following.pivot_targets[triangles])
+    return Transition(billboards, plan.placement.to_tree(targets), pivot_targets)
+
+
+def _object(
+    mesh: bpy.types.Mesh, shape: _Shape, extras: dict[str, Any], reach: Reach, costs: Costs
+) -> bpy.types.Object:
+    obj = bpy.data.objects.new(mesh.name, mesh)
+    if shape.pruning is not None:
+        with costs.spent_on("pruning", shape.pruning.nbytes):
+            morphs.add_pruning(mesh, shape.pruning)
+            mesh[EXTRAS] = _pruning_extras(mesh, shape)
+    if shape.transition is not None:
+        with costs.spent_on("transitions", shape.transition.nbytes):
+            morphs.add_transition(obj, shape.transition)
+        extras = {**extras, "transition_start": reach.start, "transition_end": reach.end}
+    obj[EXTRAS] = extras
+    return obj
+
+
+def _pruning_extras(mesh: bpy.types.Mesh, shape: _Shape) -> dict[str, Any]:
+    """The table of prefixes with the materials' names instead of their numbers."""
+    names = [material.name if material is not None else "" for material in mesh.materials]
+    table = prefix_table(shape.surface, shape.ranks)
+    return {"keep_steps": PREFIX_STEPS, "prefixes": [{**row, "material": names[row["material"]]} for row in table]}
+
+
+def _wood_mesh(name: str, wood: Geometry) -> bpy.types.Mesh:
+    order = np.arange(len(wood.triangles))
+    split = split_vertices(wood.triangles, np.zeros(len(order), np.int32))
+    surface = triangle_surface(wood, order, split)
+    return create_mesh(name, surface, wood.materials, layer_names(wood.materials))

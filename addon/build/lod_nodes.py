@@ -1,0 +1,366 @@
+"""The node group that lets a level follow the camera: it moves leaves onto their billboards, prunes and hides them.
+
+The laws (Lacewell et al.'s transition, Gomez' pruning after Cook et al.), with d the distance from the scene's active
+camera to the level's centre in the object's own coordinates:
+
+    a = clamp((d − start) / (end − start), 0, 1)                 transition
+    λ = min((d₀/d)^(log_h ½), 1)                                 share of leaves kept, d₀ = prune start, h = prune half
+    r = clamp((λ − rank) / (λ·min(0.05, 1 − λ)), 0, 1)           ramp: the last leaves kept grow in and out
+    s = √(ΣA / Σ(A·r²))                                          keeps the covered area, A the areas at rest
+    p' = pivot(a) + (p(a) − pivot(a))·s·r                        for leaves of rank below λ; the others are deleted
+
+The branches are switched, not multiplied by 0 or 1: at a = 0 and λ = 1 the output is the input, bit for bit and at no
+cost, and the sums over all faces are taken only where something is pruned.
+
+Known limits: the distance is that of the object, so all instances of one object (a collection instance, an instance on
+points) look alike. Normals do not morph. Blender 4.2 keeps custom normals encoded against the mesh's own: there they
+turn with the leaves that move, and its Delete Geometry node drops them, so that once leaves are pruned the mesh shows
+its own normals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import bpy
+
+from ..versions import InputValue, set_modifier_input
+
+GROUP_NAME = "Leafcloud LOD"
+NEVER = 1e9
+"""A distance that no camera reaches."""
+
+_LAYOUT_KEY = "leafcloud_lod_layout"
+_LAYOUT = 1
+"""Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
+
+_RAMP = 0.05
+"""ρ at most: the share of the leaves drawn that is growing in or out."""
+_BLOCK = 1024.0
+"""Faces that are summed at a time."""
+_TINY = 1e-30
+"""What stands for 0 in a divisor or a logarithm."""
+
+_Operand: TypeAlias = bpy.types.NodeSocket | float | str | None
+"""What a node's input gets: a link, a constant, or nothing."""
+
+
+@dataclass(frozen=True)
+class LodSettings:
+    """When a level is drawn, moved and pruned. Distances are in the object's own units (world distance / object scale).
+
+    start, end: the transition a runs from 0 to 1 between them; a step at `start` when `end` is not greater. ≥ 0.
+    prune_start: d₀, from where on leaves are pruned. > 0.
+    prune_half: h in (0, ½]; half of the leaves are left at d₀/h.
+    appear, vanish: the level is drawn for appear ≤ distance < vanish.
+    centre: the point that the distance to the camera is taken from, in the object's coordinates.
+
+    Raises `ValueError` for a value that is outside its range or not finite.
+    """
+
+    start: float
+    end: float
+    prune_start: float = NEVER
+    prune_half: float = 0.5
+    appear: float = 0.0
+    vanish: float = NEVER
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end", "appear", "vanish"):
+            _require(name, getattr(self, name), lambda value: value >= 0.0, "at least 0")
+        _require("prune_start", self.prune_start, lambda value: value > 0.0, "greater than 0")
+        _require("prune_half", self.prune_half, lambda value: 0.0 < value <= 0.5, "greater than 0 and at most 0.5")
+        for coordinate in self.centre:
+            _require("centre", coordinate, math.isfinite, "finite")
+
+
+def lod_group() -> bpy.types.NodeTree:
+    """The node group of this file: the one that is there, else a new one."""
+    for tree in bpy.data.node_groups:
+        if tree.library is None and tree.get(_LAYOUT_KEY) == _LAYOUT:
+            return tree
+    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
+    tree[_LAYOUT_KEY] = _LAYOUT
+    tree.is_modifier = True
+    _add_interface(tree)
+    _add_nodes(tree)
+    return tree
+
+
+def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.NodesModifier:
+    """Adds the group to `obj` as a modifier. It needs neither the add-on nor Python from then on."""
+    modifier = obj.modifiers.new(GROUP_NAME, "NODES")
+    modifier.node_group = lod_group()
+    values: dict[str, InputValue] = {
+        "Start": settings.start,
+        "End": settings.end,
+        "Prune Start": settings.prune_start,
+        "Prune Half": settings.prune_half,
+        "Appear": settings.appear,
+        "Vanish": settings.vanish,
+        "Centre": settings.centre,
+    }
+    for name, value in values.items():
+        set_modifier_input(modifier, name, value)
+    return modifier
+
+
+def set_manual(modifier: bpy.types.NodesModifier, *, transition: float, keep: float) -> None:
+    """Makes the level ignore the camera: always drawn, at `transition` a and with the share `keep` λ, each in [0, 1].
+
+    Raises `ValueError` for a value outside.
+    """
+    _require("transition", transition, lambda value: 0.0 <= value <= 1.0, "in [0, 1]")
+    _require("keep", keep, lambda value: 0.0 <= value <= 1.0, "in [0, 1]")
+    set_modifier_input(modifier, "Manual", True)
+    set_modifier_input(modifier, "Transition", transition)
+    set_modifier_input(modifier, "Keep", keep)
+
+
+def _require(name: str, value: float, holds: Callable[[float], bool], limit: str) -> None:
+    if not (math.isfinite(value) and holds(value)):
+        raise ValueError(f"{name} is {value}, it must be {limit}")
+
+
+def _add_interface(tree: bpy.types.NodeTree) -> None:
+    """Declares the group's inputs. Their names are a promise to files and scripts; their panels are not."""
+    interface = tree.interface
+
+    def declare(panel: Any, name: str, kind: str, description: str, **properties: Any) -> None:
+        socket = interface.new_socket(
+            name, description=description, in_out="INPUT", socket_type=f"NodeSocket{kind}", parent=panel
+        )
+        for key, value in properties.items():
+            setattr(socket, key, value)
+
+    length = {"subtype": "DISTANCE", "min_value": 0.0}
+    share = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
+
+    interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+
+    panel = interface.new_panel("Transition to Billboards")
+    declare(panel, "Start", "Float", "Distance up to which leaves stay in place", default_value=NEVER, **length)
+    declare(panel, "End", "Float", "Distance from which leaves lie on billboards", default_value=NEVER, **length)
+
+    panel = interface.new_panel("Pruning")
+    declare(panel, "Prune Start", "Float", "Distance up to which all leaves are drawn", default_value=NEVER, **length)
+    half = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 0.5, "default_value": 0.5}
+    declare(panel, "Prune Half", "Float", "Half of the leaves are left at Prune Start divided by this", **half)
+
+    panel = interface.new_panel("Visibility")
+    declare(panel, "Appear", "Float", "Distance from which the level is drawn", default_value=0.0, **length)
+    declare(panel, "Vanish", "Float", "Distance from which the level is no longer drawn", default_value=NEVER, **length)
+    declare(panel, "Centre", "Vector", "Point that the distance to the camera is taken from", subtype="XYZ")
+
+    panel = interface.new_panel("By Hand")
+    declare(panel, "Manual", "Bool", "Ignore the camera: always draw, with the two values below")
+    declare(panel, "Transition", "Float", "0: leaves in place, 1: on their billboards", default_value=0.0, **share)
+    declare(panel, "Keep", "Float", "Share of the leaves that is drawn", default_value=1.0, **share)
+
+
+class _Section:
+    """A labelled frame of the group, in which nodes are placed as they are made: right of what they use, below others.
+
+    The functions that make nodes take sockets and constants, and return the socket of the result, so that they nest
+    like the formula they stand for.
+    """
+
+    _COLUMN_WIDTH = 220.0
+    _ROW_GAP = 40.0
+
+    def __init__(self, tree: bpy.types.NodeTree, label: str, origin: tuple[float, float]) -> None:
+        self._tree = tree
+        self._columns: dict[str, int] = {}
+        self._bottoms: dict[int, float] = {}
+        self._frame = tree.nodes.new("NodeFrame")
+        self._frame.label = label
+        self._frame.location = origin
+
+    def node(self, kind: str, *operands: _Operand, label: str = "", **properties: Any) -> bpy.types.Node:
+        """A node with `operands` on its enabled inputs, in order; `None` leaves one as it is."""
+        node = self._tree.nodes.new(kind)
+        node.label = label
+        for key, value in properties.items():
+            setattr(node, key, value)
+        inputs = [socket for socket in node.inputs if socket.enabled]
+        for socket, operand in zip(inputs, operands, strict=False):
+            if isinstance(operand, bpy.types.NodeSocket):
+                self._tree.links.new(operand, socket)
+            elif operand is not None:
+                socket.default_value = operand
+        self._place(node, operands)
+        return node
+
+    def result(self, kind: str, *operands: _Operand, label: str = "", **properties: Any) -> bpy.types.NodeSocket:
+        """The first enabled output of such a node."""
+        node = self.node(kind, *operands, label=label, **properties)
+        return next(socket for socket in node.outputs if socket.enabled)
+
+    def group_input(self, name: str) -> bpy.types.NodeSocket:
+        """The group's input `name`, on a node of its own that shows nothing else."""
+        node = self._tree.nodes.new("NodeGroupInput")
+        for socket in node.outputs:
+            socket.hide = socket.name != name
+        self._place(node, ())
+        return node.outputs[name]
+
+    def math(self, operation: str, *operands: _Operand, label: str = "", clamp: bool = False) -> bpy.types.NodeSocket:
+        return self.result("ShaderNodeMath", *operands, label=label, operation=operation, use_clamp=clamp)
+
+    def vector(self, operation: str, *operands: _Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("ShaderNodeVectorMath", *operands, label=label, operation=operation)
+
+    def mix(self, factor: _Operand, a: _Operand, b: _Operand, label: str) -> bpy.types.NodeSocket:
+        """The vector (1 − factor)·a + factor·b."""
+        return self.result("ShaderNodeMix", factor, a, b, label=label, data_type="VECTOR")
+
+    def compare(self, a: _Operand, operation: str, b: _Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("FunctionNodeCompare", a, b, label=label, operation=operation)
+
+    def logic(self, a: _Operand, operation: str, b: _Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("FunctionNodeBooleanMath", a, b, label=label, operation=operation)
+
+    def switch(
+        self, kind: str, condition: _Operand, otherwise: _Operand, then: _Operand, label: str
+    ) -> bpy.types.NodeSocket:
+        """`then` where `condition` holds, else `otherwise`; the branch that is not taken is not evaluated."""
+        return self.result("GeometryNodeSwitch", condition, otherwise, then, label=label, input_type=kind)
+
+    def attribute(self, kind: str, name: str) -> bpy.types.NodeSocket:
+        """The point attribute `name`; 0 on a mesh that has none."""
+        return self.result("GeometryNodeInputNamedAttribute", name, label=name, data_type=kind)
+
+    def vector_attribute(self, name: str, missing: _Operand) -> bpy.types.NodeSocket:
+        """The point attribute `name`; `missing` on a mesh that has none."""
+        node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")
+        value, exists = node.outputs["Attribute"], node.outputs["Exists"]
+        return self.switch("VECTOR", exists, missing, value, label=f"{name}, if there")
+
+    def _place(self, node: bpy.types.Node, operands: tuple[_Operand, ...]) -> None:
+        used = [operand.node.name for operand in operands if isinstance(operand, bpy.types.NodeSocket)]
+        column = max((self._columns[name] + 1 for name in used if name in self._columns), default=0)
+        top = self._bottoms.get(column, 0.0)
+        self._columns[node.name] = column
+        self._bottoms[column] = top - _drawn_height(node) - self._ROW_GAP
+        node.parent = self._frame
+        node.location = (column * self._COLUMN_WIDTH, top)
+
+
+def _drawn_height(node: bpy.types.Node) -> float:
+    """About how high the node is drawn: Blender knows it only after it was drawn in an editor."""
+    rows = 2.0  # header and one menu
+    for socket in (*node.inputs, *node.outputs):
+        if socket.enabled and not socket.hide:
+            rows += 3.0 if socket.type == "VECTOR" and not socket.is_output and not socket.is_linked else 1.0
+    return rows * 24.0
+
+
+def _add_nodes(tree: bpy.types.NodeTree) -> None:
+    distance = _distance(_Section(tree, "Distance d to the camera", (-2800.0, 0.0)))
+    drawn = _drawn(_Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
+    transition = _transition(_Section(tree, "Transition a", (-1500.0, 0.0)), distance)
+    keep = _keep(_Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
+    point, pivot = _moved(_Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
+    growth = _growth(_Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), keep)
+
+    section = _Section(tree, "Only what is needed", (3200.0, 0.0))
+    geometry = section.group_input("Geometry")
+    moved = section.result("GeometryNodeSetPosition", geometry, None, point, label="Move")
+    moving = section.compare(transition, "GREATER_THAN", 0.0, label="a > 0")
+    whole = section.switch("GEOMETRY", moving, geometry, moved, label="Move where a > 0")
+
+    lost = section.compare(section.attribute("FLOAT", "leaf_rank"), "GREATER_EQUAL", keep, label="rank ≥ λ")
+    kept = section.result("GeometryNodeDeleteGeometry", geometry, lost, label="Prune", domain="POINT", mode="ALL")
+    arm = section.vector("SUBTRACT", point, pivot, label="Point from pivot")
+    grown = section.vector("MULTIPLY_ADD", arm, growth, pivot, label="Grow about pivot")
+    pruned = section.result("GeometryNodeSetPosition", kept, None, grown, label="Move and grow")
+    pruning = section.compare(keep, "LESS_THAN", 1.0, label="λ < 1")
+    level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
+
+    section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
+
+
+def _distance(section: _Section) -> bpy.types.NodeSocket:
+    """d, in the object's coordinates; 0 without a camera, so that the level is drawn whole and at rest."""
+    camera = section.result("GeometryNodeInputActiveCamera")
+    info = section.node("GeometryNodeObjectInfo", camera, label="Camera seen from here", transform_space="RELATIVE")
+    # Only the Object Info of no object has the scale 0.
+    size = section.vector("LENGTH", info.outputs["Scale"])
+    exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
+    distance = section.vector("DISTANCE", info.outputs["Location"], section.group_input("Centre"))
+    return section.switch("FLOAT", exists, 0.0, distance, label="Distance d")
+
+
+def _drawn(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Manual, or appear ≤ d < vanish."""
+    appeared = section.compare(distance, "GREATER_EQUAL", section.group_input("Appear"), label="d ≥ appear")
+    present = section.compare(distance, "LESS_THAN", section.group_input("Vanish"), label="d < vanish")
+    near = section.logic(appeared, "AND", present)
+    return section.logic(near, "OR", section.group_input("Manual"), label="Drawn")
+
+
+def _transition(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """a = clamp((d − start) / (end − start), 0, 1)"""
+    start = section.group_input("Start")
+    span = section.math("SUBTRACT", section.group_input("End"), start)
+    span = section.math("MAXIMUM", span, _TINY, label="A step at least")
+    by_camera = section.math("DIVIDE", section.math("SUBTRACT", distance, start), span, label="By camera", clamp=True)
+    by_hand = section.result("ShaderNodeClamp", section.group_input("Transition"), label="By hand")
+    return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="a")
+
+
+def _keep(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """λ = min((d₀/d)^(log_h ½), 1), as (d₀ / max(d, d₀))^(log_h ½): exactly 1 up to d₀, and defined at d = 0."""
+    start = section.math("MAXIMUM", section.group_input("Prune Start"), _TINY, label="d₀")
+    half = section.math("MAXIMUM", section.group_input("Prune Half"), _TINY)
+    half = section.math("MINIMUM", half, 0.5, label="h")
+    exponent = section.math("LOGARITHM", 0.5, half, label="log_h ½")
+    nearness = section.math("DIVIDE", start, section.math("MAXIMUM", distance, start), label="d₀ / max(d, d₀)")
+    by_camera = section.math("POWER", nearness, exponent, label="By camera")
+    by_hand = section.result("ShaderNodeClamp", section.group_input("Keep"), label="By hand")
+    return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="λ")
+
+
+def _moved(section: _Section, transition: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """p(a) and pivot(a)."""
+    position = section.result("GeometryNodeInputPosition")
+    pivot = section.attribute("FLOAT_VECTOR", "leaf_pivot")
+    point_target = section.vector_attribute("leaf_target", missing=position)
+    pivot_target = section.vector_attribute("leaf_pivot_target", missing=pivot)
+    point = section.mix(transition, position, point_target, label="Point at a")
+    return point, section.mix(transition, pivot, pivot_target, label="Pivot at a")
+
+
+def _growth(section: _Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """s·r, with the ramp r per leaf and s = √(ΣA / Σ(A·r²)) over the faces of the geometry that comes in, at rest."""
+    rest = section.math("SUBTRACT", 1.0, keep, label="1 − λ")
+    width = section.math("MULTIPLY", section.math("MINIMUM", rest, _RAMP, label="ρ"), keep, label="ρ·λ")
+    before_end = section.math("SUBTRACT", keep, section.attribute("FLOAT", "leaf_rank"), label="λ − rank")
+    ramp = section.math("DIVIDE", before_end, width, label="Ramp r", clamp=True)
+
+    area = section.result("GeometryNodeInputMeshFaceArea", label="A")
+    drawn_area = section.math("MULTIPLY", area, section.math("MULTIPLY", ramp, ramp, label="r²"), label="A·r²")
+    areas = section.result("ShaderNodeCombineXYZ", area, drawn_area, label="A, A·r²")
+    total = _sum_over_faces(section, areas)
+    sums = section.node("ShaderNodeSeparateXYZ", total, label="ΣA, ΣA·r²").outputs
+    scale = section.math("SQRT", section.math("DIVIDE", sums["X"], sums["Y"]), label="Scale s")
+    return section.math("MULTIPLY", scale, ramp, label="s·r")
+
+
+def _sum_over_faces(section: _Section, values: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The sum of the vectors `values` over all faces of the geometry that comes in.
+
+    In blocks, because Blender 4.2 adds one by one in f32: off by 0.4 % over a million faces, by 8 % over eight million.
+    """
+    index = section.result("GeometryNodeInputIndex")
+    block = section.math("FLOOR", section.math("DIVIDE", index, _BLOCK), label="Block")
+    first = section.compare(section.math("MODULO", index, _BLOCK), "LESS_THAN", 0.5, label="First of its block?")
+    faces = {"data_type": "FLOAT_VECTOR", "domain": "FACE"}
+    blocks = section.node("GeometryNodeAccumulateField", values, block, label="Sum of the block", **faces)
+    operands = (section.group_input("Geometry"), first, blocks.outputs["Total"])
+    return section.node("GeometryNodeAttributeStatistic", *operands, label="Sum of all blocks", **faces).outputs["Sum"]
