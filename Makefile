@@ -48,6 +48,11 @@ bench: ## measure the speed of the core
 measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap
 	.venv/bin/python tools/measure.py $(ARGS)
 
+.PHONY: docs
+docs: setup ## make the pictures of the documentation anew
+	.venv/bin/python bake.py --input "$(INPUT)" --out out/docs
+	cp out/docs/preview.png docs/pine.png
+
 .PHONY: lint
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
 	@tools/prerequisites.sh rust lint

@@ -1,7 +1,7 @@
 //! Scoring a plane: the projected area of the pieces that it holds, eight pieces at a time.
 //!
 //! Pieces lie in structure-of-arrays blocks of eight lanes; a lane with fewer vertices than its block repeats one, a lane without a piece
-//! is never held. Sorted by their number of vertices, pieces waste few slots. One scan costs 9 flops per vertex slot, 6 per
+//! has no area. Sorted by their number of vertices, pieces waste few slots. One scan costs 9 flops per vertex slot, 6 per
 //! area slot.
 //!
 //! Error bound: heights are sums of three products of numbers ≤ 1 in f32, so within 4 · 2⁻²⁴ of their value in f64: a piece that close
@@ -68,7 +68,7 @@ impl Blocks {
             for slot in 0..longest(|p| p.vertices.len()) {
                 built.vertices.push(Lanes3::gather(|lane| match lanes.get(lane) {
                     Some(p) => p.vertices[slot.min(p.vertices.len() - 1)].as_vec3(),
-                    None => Vec3::INFINITY,
+                    None => Vec3::ZERO,
                 }));
             }
             for slot in 0..longest(|p| p.areas.len()) {
