@@ -48,6 +48,13 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; --help lists the flags")
 
 
+def _folder(name: str) -> Path:
+    """A folder's path; an empty name, of a variable that is not set, would be the current folder."""
+    if not name:
+        raise argparse.ArgumentTypeError("the folder's name is empty")
+    return Path(name)
+
+
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line. Raises `UsageError`; `--help` prints all flags and ends the program."""
     from addon.settings import EFFECTS, ENGINES, BakeSettings
@@ -69,7 +76,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         help="objects or materials that are leaves (default: found by names such as leaf or needle, else by shape)",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="the folder that the files go to; it is made if need be"
+        "--out", type=_folder, metavar="DIR", help="the folder that the files go to; it is made if need be"
     )
     parser.add_argument(
         "--epsilon",
@@ -147,6 +154,8 @@ def main(arguments: Sequence[str]) -> int:
     try:
         options = parse(arguments)
         settings = _settings(options)
+        if options.json and not options.plan_only:
+            raise UsageError("--json is for --plan-only: add that, or leave it out")
         if options.out is None and not options.plan_only:
             raise UsageError("--out DIR is missing: name the folder that the files go to")
     except UsageError as error:
@@ -265,6 +274,8 @@ def _refusing(directory: Path) -> Iterator[None]:
     """Turns what the system says while `directory` is written to into a `Refusal`."""
     try:
         yield
+    except (FileExistsError, NotADirectoryError) as error:
+        raise Refusal(f"cannot write to {directory}: {error.filename} is not a folder; choose another --out") from error
     except OSError as error:
         remedy = "make room there, or choose another folder with --out"
         raise Refusal(f"cannot write to {directory}: {error.strerror or error}; {remedy}") from error

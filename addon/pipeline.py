@@ -74,8 +74,16 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     radius = prepared.foliage.radius
     deviations = [level.max_deviation_leaves * radius for level in levels]
     pixels = prepared.settings.pixels
-    seen = [leafcloud.switch_distance(d, pixels, view.resolution, view.field_of_view) for d in deviations]
-    switch_distances = rising([0.0, *seen])
+
+    def seen(length: float, pixels: float) -> float:
+        return leafcloud.switch_distance(length, pixels, view.resolution, view.field_of_view)
+
+    # A level takes over where its deviation is seen smaller than the setting's pixels, and its texels than one.
+    distances = [
+        max(seen(deviation, pixels), seen(level.texel_size, 1.0))
+        for level, deviation in zip(levels, deviations, strict=True)
+    ]
+    switch_distances = rising([0.0, *distances])
     transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
     morphs = [transitions and level.cloud is not None for level in levels]
     plan = Plan(

@@ -16,7 +16,7 @@ EFFECT_CHOICES = ("auto", "all", "none")
 """What may stand in place of a list of effects."""
 
 MOST_LEVELS = 8
-SMALLEST_TEXTURE = 16
+SMALLEST_TEXTURE = 64
 LARGEST_TEXTURE = 16384
 MOST_CANDIDATES = 1_000_000
 LARGEST_SEED = 2**63 - 1
@@ -35,7 +35,7 @@ class BakeSettings:
     levels: number of clouds behind the leaves; 1 … 8.
     method: the fitter.
     seed: of every random choice; ≥ 0.
-    texture_size: side of level 1's atlas in texels, halved with every level, not below 16; 16 … 16384.
+    texture_size: side of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
     cross: whether two crossed billboards of the whole tree follow behind the clouds.
     effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
     engine: which engine the glTF files are meant for.

@@ -33,8 +33,14 @@ def clear_scene(scene: bpy.types.Scene) -> None:
 
 
 def make_self_contained() -> None:
-    """Removes what nothing uses, and packs images that lie in files: what is saved then needs nothing beside it."""
+    """Removes what nothing uses, takes over what is linked from libraries, and packs images that lie in files: what is
+    saved then needs nothing beside it."""
     bpy.data.orphans_purge(do_recursive=True)
+    for block in bpy.data.user_map():
+        if block.library is not None:
+            block.make_local()
+    for library in list(bpy.data.libraries):
+        bpy.data.libraries.remove(library)
     for image in bpy.data.images:
         if image.packed_file is None and image.source == "FILE" and Path(bpy.path.abspath(image.filepath)).is_file():
             image.pack()

@@ -17,8 +17,8 @@ WIDEST = 1600
 LARGEST_CELL = 384
 SMALLEST_CELL = 8
 GAP = 16
-GROUND = (232, 232, 230)
-"""sRGB."""
+GROUND = (204, 214, 224)
+"""sRGB: a pale sky. Not a grey, since what has no material is grey."""
 DIRECTION = (0.45, -1.0, 0.2)
 """From the tree to the eye."""
 

@@ -31,6 +31,10 @@ impl SheetSettings {
         Self { size, gutter: (size / 512).max(2), back_sides }
     }
 
+    fn sides(self) -> usize {
+        if self.back_sides { 2 } else { 1 }
+    }
+
     fn check(self) -> Result<()> {
         if (16..=16_384).contains(&self.size) {
             return Ok(());
@@ -81,22 +85,20 @@ impl Sheet {
     /// A page size outside its range; more outlines than fit at one texel each.
     pub fn pack(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
         settings.check()?;
+        if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size * settings.size {
+            return Err(too_many(outlines.len(), settings.size));
+        }
         let area: f64 = outlines.iter().map(|o| o.size().x * o.size().y).sum();
         let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
-        let sides = if settings.back_sides { 2.0 } else { 1.0 };
         let size = settings.size as f64;
-        let mut density = (size / (area * sides).sqrt()).min(size / longest.max(f64::MIN_POSITIVE));
+        let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(f64::MIN_POSITIVE));
         loop {
             if let Some(packed) = place(outlines, density, settings) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));
             }
             density *= 0.98;
             if density * longest < 1.0 {
-                return Err(Error::invalid(format!(
-                    "{} billboards do not fit on a texture of {} texels a side; raise the texture size or epsilon",
-                    outlines.len(),
-                    settings.size
-                )));
+                return Err(too_many(outlines.len(), settings.size));
             }
         }
     }
@@ -124,6 +126,13 @@ impl Sheet {
         self.texels() as f64 / (self.size * self.size) as f64
     }
 
+    /// The side of a texel, local units: the same all over the page.
+    #[must_use]
+    pub fn texel(&self) -> f64 {
+        let [a, b, ..] = self.billboards[0].corners;
+        a.distance(b) / self.billboards[0].region.width as f64
+    }
+
     /// Texture coordinates of a billboard's corners: origin in the page's lower left corner, v up.
     #[must_use]
     pub fn uvs(&self, billboard: &Billboard) -> [[f32; 2]; 4] {
@@ -132,6 +141,12 @@ impl Sheet {
         let at = |column: usize, row: usize| [(column as f64 / size) as f32, (1.0 - row as f64 / size) as f32];
         [at(x, y + height), at(x + width, y + height), at(x + width, y), at(x, y)]
     }
+}
+
+fn too_many(billboards: usize, size: usize) -> Error {
+    Error::invalid(format!(
+        "{billboards} billboards do not fit on a texture of {size} texels a side; raise the texture size or epsilon"
+    ))
 }
 
 /// The rectangle of least area around what each plane of the cloud shows.
@@ -168,6 +183,10 @@ fn texels(length: f64, density: f64) -> usize {
 fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<Vec<Placed>> {
     let border = 2 * settings.gutter;
     let dimensions = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
+    let area: usize = outlines.iter().map(dimensions).map(|(width, height)| width * height).sum();
+    if area * settings.sides() > settings.size * settings.size {
+        return None;
+    }
     let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
     let items = outlines.iter().enumerate().flat_map(|(plane, outline)| {
         let (width, height) = dimensions(outline);

@@ -2,7 +2,7 @@
 
 Conventions, the same in every function:
 
-* positions and distances are in the caller's units and coordinates, angles do not occur;
+* positions and distances are in the caller's units and coordinates, angles in radians;
 * shares (deviations, ``epsilon``) are fractions of the radius ``R`` of the foliage's bounding sphere
   (centre of the axis-aligned box, farthest vertex);
 * texture coordinates have their origin in the lower left corner, v up (Blender's convention);
@@ -156,6 +156,9 @@ class Level:
     def texels(self) -> int:
         """Texels of the page that lie in billboards."""
     @property
+    def texel_size(self) -> float:
+        """The side of a texel on the billboards, caller's units; the same all over the level."""
+    @property
     def occupancy(self) -> float:
         """``texels`` over the page's texels."""
     @property
@@ -210,7 +213,7 @@ class Job(Generic[_T]):
     def done(self) -> bool: ...
     @property
     def best(self) -> _T | None:
-        """The best complete result so far; ``None`` until there is one."""
+        """The best complete result so far; ``None`` until there is one (for today's fitter: until it is done)."""
     def cancel(self) -> None: ...
     def result(self, timeout: float | None = None) -> _T:
         """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds,

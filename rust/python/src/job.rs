@@ -157,6 +157,13 @@ impl Shared {
 #[pyclass(name = "Job", module = "leafcloud", frozen, generic)]
 pub struct PyJob(Arc<Shared>);
 
+impl Drop for PyJob {
+    /// Nobody is left to take the result.
+    fn drop(&mut self) {
+        self.cancel();
+    }
+}
+
 impl PyJob {
     fn start(work: Work) -> PyResult<Self> {
         let shared = Arc::new(Shared::default());

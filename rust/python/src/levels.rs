@@ -164,6 +164,11 @@ impl PyLevel {
     }
 
     #[getter]
+    fn texel_size(&self) -> f64 {
+        self.level().sheet.texel() * self.level().frame.radius
+    }
+
+    #[getter]
     fn occupancy(&self) -> f64 {
         self.level().sheet.occupancy()
     }

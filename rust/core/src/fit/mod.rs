@@ -75,14 +75,17 @@ impl Default for FitSettings {
     }
 }
 
+/// Below this, f64 cannot tell whether a triangle lies on its own plane.
+const MIN_EPSILON: f64 = 1e-9;
+
 impl FitSettings {
     /// # Errors
     /// The first setting that is outside its range.
     pub fn check(&self) -> Result<()> {
         let Self { epsilon, candidates, facing, .. } = *self;
-        if !(epsilon > 0.0 && epsilon <= 1.0) {
+        if !(MIN_EPSILON..=1.0).contains(&epsilon) {
             return Err(Error::invalid(format!(
-                "epsilon is {epsilon}; it must be above 0 and at most 1 (a share of R)"
+                "epsilon is {epsilon}; it must be above 0 (at least {MIN_EPSILON}) and at most 1 (a share of R)"
             )));
         }
         if !(1..=10_000_000).contains(&candidates) {

@@ -13,6 +13,9 @@ use crate::geometry::Plane;
 
 const EXACT_VERTICES: usize = 12;
 
+/// Directions of area vectors that are told apart in one piece; a leaf of more (a hedge in one mesh) is summed less, never searched longer.
+const MOST_DIRECTIONS: usize = 64;
+
 /// Area vectors closer in direction than this (sine of the angle) are summed: they project alike.
 const PARALLEL: f64 = 1e-6;
 
@@ -71,7 +74,9 @@ impl Piece {
         let vertices = distinct(corners.iter().flatten().copied());
         let areas = merge_parallel(corners.iter().map(|&c| area_vector(c)));
         let own = thin_enough(&vertices, &areas, bound);
-        Self { vertices, areas, own, triangles: triangles.to_vec() }
+        let piece = Self { vertices, areas, own, triangles: triangles.to_vec() };
+        debug_assert!(triangles.len() > 1 || piece.held_by(&own, bound), "a triangle has a plane of its own");
+        piece
     }
 
     /// Whether all vertices lie within `bound` of the plane.
@@ -102,7 +107,8 @@ fn merge_parallel(areas: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
     let mut merged: Vec<DVec3> = Vec::new();
     for area in areas.filter(|a| *a != DVec3::ZERO) {
         let parallel = |m: &&mut DVec3| m.cross(area).length() <= PARALLEL * m.length() * area.length();
-        match merged.iter_mut().find(parallel) {
+        let searched = merged.len().min(MOST_DIRECTIONS);
+        match merged[..searched].iter_mut().find(parallel) {
             Some(m) => *m += if m.dot(area) < 0.0 { -area } else { area },
             None => merged.push(area),
         }
@@ -113,7 +119,8 @@ fn merge_parallel(areas: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
 /// The plane in the middle of a slab around the points: the first look at the area vectors when that holds them within
 /// `bound`, else the thinnest that was found.
 fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
-    let from_areas = areas.iter().filter_map(|a| a.try_normalize());
+    let stride = areas.len().div_ceil(MOST_DIRECTIONS).max(1);
+    let from_areas = areas.iter().step_by(stride).filter_map(|a| a.try_normalize());
     let (mut best, mut half) = (Plane { normal: DVec3::Z, distance: 0.0 }, f64::INFINITY);
     let mut consider = |normal: DVec3| {
         let heights = points.iter().map(|p| normal.dot(*p));
@@ -135,9 +142,9 @@ fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
                     reached = consider(normal);
                 }
             }
-            if reached == f64::INFINITY {
-                // All on one line: any plane through it.
-                reached = a.try_normalize().map_or(reached, |along| consider(along.any_orthonormal_vector()));
+            // A sliver's cross products are rounding noise; a plane along its longest edge holds what is as thin as that.
+            if let Some(along) = a.try_normalize() {
+                reached = consider(along.any_orthonormal_vector());
             }
         }
     }

@@ -5,13 +5,22 @@ use glam::DVec3;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
+/// SplitMix64's finaliser (Steele, Lea, Flood 2014): PCG streams whose seeds and numbers differ by little begin alike without it.
+const fn mixed(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
 /// Uniform numbers from one stream.
 pub struct Stream(Pcg32);
 
 impl Stream {
     /// The stream of `candidate` in `round`.
     pub fn new(seed: u64, round: usize, candidate: usize) -> Self {
-        Self(Pcg32::new(seed, ((round as u64) << 32) | candidate as u64))
+        let stream = ((round as u64) << 32) | candidate as u64;
+        Self(Pcg32::new(mixed(seed ^ mixed(stream)), stream))
     }
 
     /// Uniform in [−1, 1), 32 bits.

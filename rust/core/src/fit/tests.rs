@@ -115,10 +115,53 @@ fn triangles_without_area_find_a_plane() {
 }
 
 #[test]
+fn slivers_in_any_direction_find_a_plane() {
+    // The midpoint of an edge, at coordinates that are exact: no area at all, or one of rounding noise in the local frame.
+    let place = |i: u32| {
+        DVec3::new(f64::from(i * 577 % 1024), f64::from(i * 331 % 1024), f64::from(i * 769 % 1024)) / 256.0 - 2.0
+    };
+    let corners: Vec<_> = (1..400).map(|i| [place(i), (place(i) + place(i + 7)) / 2.0, place(i + 7)]).collect();
+    let foliage = soup(&[corners.clone(), vec![triangle_at(DVec3::splat(0.123), DVec3::Z)]].concat());
+    let cloud = fit(&foliage, &FitSettings { candidates: 1, ..settings(0.01) }, Progress::silent()).unwrap();
+    assert_held(&foliage, &cloud, 0.01 * foliage.frame().radius);
+}
+
+#[test]
+fn one_leaf_of_many_directions_is_no_trouble() {
+    let corners: Vec<_> = (0..20_000)
+        .map(|i| {
+            let t = f64::from(i) * 0.7;
+            triangle_at(
+                DVec3::new(t.cos() * 3.0, t.sin() * 3.0, f64::from(i) * 1e-4),
+                DVec3::new(t.sin(), 1.0, t.cos()),
+            )
+        })
+        .collect();
+    let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
+    let triangles = (0..20_000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let one = Attributes { leaf_ids: vec![7; 20_000], ..Attributes::default() };
+    let foliage = Foliage::new(&positions, triangles, one, vec![]).unwrap();
+    let cloud = fit(&foliage, &FitSettings { candidates: 4, ..settings(0.3) }, Progress::silent()).unwrap();
+    assert_held(&foliage, &cloud, 0.3 * foliage.frame().radius);
+}
+
+#[test]
+fn seeds_are_independent() {
+    // The first numbers of neighbouring seeds and candidates share nothing.
+    let first = |seed: u64, candidate: usize| Stream::new(seed, 0, candidate).signed();
+    for candidate in 1..1000 {
+        for other in 1..4 {
+            assert!((first(other, candidate - 1) - first(0, candidate)).abs() > 1e-7);
+        }
+    }
+}
+
+#[test]
 fn settings_are_checked() {
     let foliage = soup(&[triangle_at(DVec3::ZERO, DVec3::Z)]);
     let wrong = [
         settings(0.0),
+        settings(1e-12),
         settings(-1.0),
         settings(f64::NAN),
         settings(1.5),

@@ -63,7 +63,7 @@ impl Foliage {
             || Error::invalid(format!("all {} triangles have zero area; check the scale of the mesh", triangles.len()));
         let frame = Frame::of(corners).ok_or_else(degenerate)?;
         let local: Vec<DVec3> = positions.iter().map(|&p| frame.to_local(p)).collect();
-        if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])) == DVec3::ZERO) {
+        if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])).length() == 0.0) {
             return Err(degenerate());
         }
         let (leaf_ids, leaf_count) = if attributes.leaf_ids.is_empty() {

@@ -14,9 +14,6 @@ use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 /// What names foliage when nothing else was asked for.
 pub const DEFAULT_NAMES: [&str; 5] = ["leaf", "leaves", "foliage", "needle", "frond"];
 
-/// Nodes deeper than this are a cycle or malice.
-const MAX_DEPTH: usize = 256;
-
 /// Reads the parts whose names contain one of `names`, whatever their case.
 ///
 /// # Errors
@@ -32,10 +29,11 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots = scene.iter().flat_map(gltf::Scene::nodes);
-    let mut open: Vec<(gltf::Node, DMat4, usize)> = roots.map(|n| (n, DMat4::IDENTITY, 0)).collect();
-    while let Some((node, parent, depth)) = open.pop() {
-        if depth > MAX_DEPTH {
-            return Err(fail(format!("nodes are nested more than {MAX_DEPTH} deep")));
+    let mut open: Vec<(gltf::Node, DMat4)> = roots.map(|n| (n, DMat4::IDENTITY)).collect();
+    let mut visited = vec![false; document.nodes().len()];
+    while let Some((node, parent)) = open.pop() {
+        if std::mem::replace(&mut visited[node.index()], true) {
+            return Err(fail(format!("node {} is reached twice; glTF nodes form trees", node.index())));
         }
         let local = glam::Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
         let matrix = parent * local;
@@ -47,7 +45,7 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
                 }
             }
         }
-        open.extend(node.children().map(|child| (child, matrix, depth + 1)));
+        open.extend(node.children().map(|child| (child, matrix)));
     }
     if soup.triangles.is_empty() {
         return Err(fail(format!("no triangles of a node, mesh or material named like {}", names.join(", "))));
@@ -92,7 +90,10 @@ impl Soup {
             |i: u32| uvs.as_ref().and_then(|u| u.get(i as usize)).map_or(Vec2::ZERO, |u| Vec2::new(u[0], 1.0 - u[1]));
         let color =
             |i: u32| colors.as_ref().and_then(|c| c.get(i as usize)).map_or(Vec4::ONE, |&c| Vec4::from_array(c));
-        for corners in indices.as_chunks::<3>().0 {
+        let mirrored = matrix.determinant() < 0.0;
+        for &[a, b, c] in indices.as_chunks::<3>().0 {
+            // A mirrored node shows the front of its triangles where they wind the other way.
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
             self.triangles.push(corners.map(|i| first + i));
             self.attributes.uvs.push(corners.map(uv));
             self.attributes.colors.push(corners.map(color));

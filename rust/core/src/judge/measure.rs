@@ -9,11 +9,12 @@ const REACH: usize = 4;
 /// What one picture is beside another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// See [`coverage`].
+    /// Sum of alpha over that of the base; 1 when the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha > ½.
     pub overlap: f64,
-    /// Mean FLIP over mid-grey, within 4 pixels of either silhouette; in [0, 1].
+    /// Mean FLIP over mid-grey, within 4 pixels of either silhouette; in [0, 1]. The mean over the views has three digits: FLIP's own
+    /// arithmetic uses the platform's `pow`, so that more would differ between machines.
     pub error: f64,
 }
 
@@ -26,43 +27,50 @@ impl Judgement {
     pub fn mean(of: &[Self]) -> Self {
         assert!(!of.is_empty(), "the judge looks at least once");
         let mean = |figure: fn(&Self) -> f64| of.iter().map(figure).sum::<f64>() / of.len() as f64;
-        Self { coverage: mean(|j| j.coverage), overlap: mean(|j| j.overlap), error: mean(|j| j.error) }
+        let error = (mean(|j| j.error) * 1000.0).round() / 1000.0;
+        Self { coverage: mean(|j| j.coverage), overlap: mean(|j| j.overlap), error }
     }
 }
 
-/// Sum of alpha over that of the base; 1 when both are empty.
-pub fn coverage(base: &Image, other: &Image) -> f64 {
-    let alpha = |image: &Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>();
-    match (alpha(base), alpha(other)) {
-        (0.0, 0.0) => 1.0,
-        (base, other) => other / base,
-    }
+/// Sum of alpha over that of the bases, all pictures together; 1 when the bases are empty.
+pub fn coverage<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
+    let alpha = |image: &Image| image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>();
+    let (base, other) = pairs.fold((0, 0), |(base, other), (a, b)| (base + alpha(a), other + alpha(b)));
+    if base == 0 { 1.0 } else { other as f64 / base as f64 }
+}
+
+/// Intersection over union of alpha > ½, all pictures together; 1 when all are empty.
+pub fn overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
+    let inside = |p: &[u8; 4]| p[3] > 127;
+    let pixels = pairs.flat_map(|(a, b)| a.pixels().iter().zip(b.pixels()));
+    let (both, either) = pixels.fold((0u64, 0u64), |(both, either), (a, b)| {
+        (both + u64::from(inside(a) && inside(b)), either + u64::from(inside(a) || inside(b)))
+    });
+    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
+/// A code laid over mid-grey with its alpha.
+fn over_grey(code: u8, alpha: u8) -> u8 {
+    let (code, alpha) = (u32::from(code), u32::from(alpha));
+    ((code * alpha + 128 * (255 - alpha) + 127) / 255) as u8
 }
 
 /// Compares two pictures of one size.
 #[must_use]
 pub fn compare(base: &Image, other: &Image) -> Judgement {
-    let inside = |image: &Image| image.pixels().iter().map(|p| p[3] > 127).collect::<Vec<bool>>();
-    let (a, b) = (inside(base), inside(other));
-    let count = |keep: fn(bool, bool) -> bool| a.iter().zip(&b).filter(|(a, b)| keep(**a, **b)).count() as f64;
-    let (both, either) = (count(|a, b| a && b), count(|a, b| a || b));
-    Judgement {
-        coverage: coverage(base, other),
-        overlap: if either > 0.0 { both / either } else { 1.0 },
-        error: flip_near(base, other, &a, &b),
-    }
+    let pair = || std::iter::once((base, other));
+    Judgement { coverage: coverage(pair()), overlap: overlap(pair()), error: flip_near(base, other) }
 }
 
-fn flip_near(base: &Image, other: &Image, a: &[bool], b: &[bool]) -> f64 {
+fn flip_near(base: &Image, other: &Image) -> f64 {
     let (width, height) = (base.width() as u32, base.height() as u32);
-    let over_grey = |image: &Image| -> Vec<u8> {
-        let blend =
-            |c: u8, alpha: u8| (u32::from(c) * u32::from(alpha) + 128 * (255 - u32::from(alpha))).div_ceil(255) as u8;
-        image.pixels().iter().flat_map(|p| [0, 1, 2].map(|i| blend(p[i], p[3]))).collect()
+    let shown = |image: &Image| -> Vec<u8> {
+        image.pixels().iter().flat_map(|p| [0, 1, 2].map(|i| over_grey(p[i], p[3]))).collect()
     };
-    let picture = |image| nv_flip::FlipImageRgb8::with_data(width, height, &over_grey(image));
+    let picture = |image| nv_flip::FlipImageRgb8::with_data(width, height, &shown(image));
     let errors = nv_flip::flip(picture(base), picture(other), nv_flip::DEFAULT_PIXELS_PER_DEGREE).to_vec();
-    let either: Vec<bool> = a.iter().zip(b).map(|(a, b)| *a || *b).collect();
+    let pixels = base.pixels().iter().zip(other.pixels());
+    let either: Vec<bool> = pixels.map(|(a, b)| a[3].max(b[3]) > 127).collect();
     let near = grown(&either, base.width(), base.height());
     let (sum, count) = errors
         .iter()

@@ -65,24 +65,38 @@ impl Judge {
         Ok(Self { views, pictures })
     }
 
-    /// The mean over the views of the coverage of `level` over that of the base.
+    /// What can be decided by: coverage and overlap over all views, exact on any machine.
     ///
     /// # Errors
     /// A picture without pixels.
-    pub fn coverage(&self, level: &Foliage) -> Result<f64> {
-        let one = |(view, base)| Ok(measure::coverage(base, &render(&[level], view)?));
-        let ratios: Vec<f64> = self.views.iter().zip(&self.pictures).map(one).collect::<Result<_>>()?;
-        Ok(ratios.iter().sum::<f64>() / ratios.len() as f64)
+    pub fn glance(&self, level: &Foliage) -> Result<Glance> {
+        let pictures = self.look_at(level)?;
+        let pairs = || self.pictures.iter().zip(&pictures);
+        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
 
-    /// The means over the views of what `level` looks like.
+    /// What is reported of `level`: coverage over all views, overlap and error as means over them.
     ///
     /// # Errors
     /// A picture without pixels.
     pub fn judge(&self, level: &Foliage) -> Result<Judgement> {
-        let rows = self.views.iter().map(|v| render(&[level], v)).collect::<Result<Vec<_>>>()?;
+        let pictures = self.look_at(level)?;
         let judged: Vec<Judgement> =
-            self.pictures.par_iter().zip(&rows).map(|(base, other)| compare(base, other)).collect();
-        Ok(Judgement::mean(&judged))
+            self.pictures.par_iter().zip(&pictures).map(|(base, other)| compare(base, other)).collect();
+        let coverage = measure::coverage(self.pictures.iter().zip(&pictures));
+        Ok(Judgement { coverage, ..Judgement::mean(&judged) })
     }
+
+    fn look_at(&self, level: &Foliage) -> Result<Vec<Image>> {
+        self.views.iter().map(|view| render(&[level], view)).collect()
+    }
+}
+
+/// Two exact figures of one thing beside another.
+#[derive(Clone, Copy, Debug)]
+pub struct Glance {
+    /// Sum of alpha over that of the base; 1 when the base is empty.
+    pub coverage: f64,
+    /// Intersection over union of alpha > ½.
+    pub overlap: f64,
 }
