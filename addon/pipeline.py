@@ -47,7 +47,12 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
     foliage, leaf_warnings = _foliage(tree.leaves, placement)
     wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement)
     effects = plan_effects(settings, Facts(leaves=foliage.leaf_count, engine=settings.engine))
-    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings]))
+    blended = [
+        f"material {material.name!r} is blended: the glTF files cut it out at an alpha of 0.5"
+        for material in tree.leaves.materials
+        if material is not None and gltf.is_blended(material)
+    ]
+    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings, *blended]))
     return Prepared(tree, settings, placement, foliage, wood, effects, warnings)
 
 
@@ -122,7 +127,8 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
     name = baked.collection.name
     with Staging(directory) as staging:
         seconds = []
-        with gltf.engine_attributes(baked.levels, baked.prepared.settings.engine):
+        engine = baked.prepared.settings.engine
+        with gltf.engine_attributes(baked.levels, engine), gltf.masked_leaves(baked.levels):
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()

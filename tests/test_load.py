@@ -111,6 +111,15 @@ def test_gltf_coordinates_that_are_not_finite(tmp_path: Path, kind: str, bad: fl
     )
 
 
+def test_obj_without_the_file_of_its_materials(tmp_path: Path) -> None:
+    path = tmp_path / "tree.obj"
+    path.write_text("mtllib my tree.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(SceneError, match=r"my tree\.mtl is not there, tree\.obj names its materials in it"):
+        load(path)
+    (tmp_path / "my tree.mtl").write_text("newmtl leaves\n")
+    load(path)
+
+
 @pytest.mark.parametrize(
     ("line", "shown"), [("v 1 nan 0", "1, nan, 0"), ("v 1 0 -Inf", "1, 0, -inf"), ("v 1e39 0 0", "inf, 0, 0")]
 )

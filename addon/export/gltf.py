@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..build.cloud_mesh import add_uv_map
 from ..build.levels import BuiltLevel
 from ..build.morphs import add_point_attribute
+from ..scene.surface import read_surface
 from .errors import ExportError, reason
 
 FALLBACK_SETS = (2, 3)
@@ -48,6 +49,42 @@ def engine_attributes(levels: Sequence[BuiltLevel], engine: str) -> Iterator[Non
     finally:
         for mesh, name in added:
             mesh.attributes.remove(mesh.attributes[name])
+
+
+@contextmanager
+def masked_leaves(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Cuts blended leaf materials out at an alpha of ½ for the time of the export.
+
+    Crossing cards that are blended have no depth order in engines, and would change their look where the first cloud,
+    which is cut out, takes over.
+    """
+    materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
+    cuts = [cut for material in materials if is_blended(material) for cut in _cut_out(material.node_tree)]
+    try:
+        yield
+    finally:
+        for tree, threshold in cuts:
+            source, target = threshold.inputs[0].links[0].from_socket, threshold.outputs[0].links[0].to_socket
+            tree.nodes.remove(threshold)
+            tree.links.new(source, target)
+
+
+def is_blended(material: bpy.types.Material) -> bool:
+    """Whether the material's alpha is read as coverage."""
+    return read_surface(material).alpha_mode == "BLEND"
+
+
+def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
+    """Puts a threshold before the alpha of each Principled BSDF of a material's own tree; gives those nodes."""
+    cuts = []
+    for node in [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED" and node.inputs["Alpha"].is_linked]:
+        threshold = tree.nodes.new("ShaderNodeMath")
+        threshold.operation = "GREATER_THAN"
+        threshold.inputs[1].default_value = 0.5
+        tree.links.new(node.inputs["Alpha"].links[0].from_socket, threshold.inputs[0])
+        tree.links.new(threshold.outputs[0], node.inputs["Alpha"])
+        cuts.append((tree, threshold))
+    return cuts
 
 
 def export_collection(collection: bpy.types.Collection, path: Path) -> None:

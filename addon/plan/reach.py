@@ -7,9 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 HAND_OVER = 0.998
-"""The a at which the next level takes over: exactly at 1 overlapping leaves are coplanar and would flicker."""
+"""The a at which the next level takes over: at 1 itself overlapping leaves have next to no depth order left."""
 START_SHARE = 0.5
 """A transition begins at this share of the distance at which it ends."""
+
+
+LEAST_STEP = 1.25
+"""A level takes over at least this many times as far away as the one before."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Reach:
 def reaches(switch_distances: Sequence[float], morphs: Sequence[bool]) -> tuple[Reach, ...]:
     """The reach of every level; level i takes over at `switch_distances[i]`, and morphs to the next if `morphs[i]`.
 
-    The distances do not fall from level to level, and the first is 0. A level that morphs hands over shortly before its
+    The distances rise from level to level, and the first is 0. A level that morphs hands over shortly before its
     transition ends, so the next appears that much earlier than its switch distance.
     """
     result: list[Reach] = []
@@ -50,8 +54,8 @@ def reaches(switch_distances: Sequence[float], morphs: Sequence[bool]) -> tuple[
 
 
 def rising(distances: Sequence[float]) -> tuple[float, ...]:
-    """The distances, each at least as great as the one before: a coarser level never takes over before a finer one."""
+    """The distances, each greater than the one before by a factor: every level is drawn for a while."""
     result: list[float] = []
     for distance in distances:
-        result.append(max(distance, result[-1]) if result else distance)
+        result.append(max(distance, LEAST_STEP * result[-1]) if result else distance)
     return tuple(result)

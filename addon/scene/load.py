@@ -23,6 +23,7 @@ from . import SceneError
 
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _FLOAT = 5126
+_OBJ_LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
 # What float32 may not hold: "nan", "inf", "1e39". Most lines have none of it and are not parsed.
 _SUSPICIOUS = re.compile(rb"nan|inf|e\+?(?:3[89]|[4-9]\d|\d{3})", re.IGNORECASE)
@@ -136,10 +137,17 @@ def _gltf_buffer(path: Path, buffer: dict[str, Any], body: bytes) -> bytes | Non
 
 
 def _check_obj(path: Path) -> None:
-    """Refuses an OBJ file whose vertices are not finite."""
+    """Refuses an OBJ file whose vertices are not finite, or whose materials are not there."""
     content = path.read_bytes()
-    if not _SUSPICIOUS.search(content):
-        return
+    if _SUSPICIOUS.search(content):
+        _check_obj_vertices(path, content)
+    for match in _OBJ_LIBRARY.finditer(content):
+        library = path.parent / match[1].strip().decode(errors="surrogateescape")
+        if not library.is_file():
+            raise SceneError(f"{library} is not there, {path.name} names its materials in it; put the file there")
+
+
+def _check_obj_vertices(path: Path, content: bytes) -> None:
     for number, match in enumerate(_OBJ_VERTEX.finditer(content)):
         if _SUSPICIOUS.search(match[1]):
             coordinates = np.array([_number(word) for word in match[1].split()[:3]], np.float64)

@@ -105,12 +105,16 @@ def gather(
 
     Curves, texts and the like count with the meshes that they make. The order is that of the objects' names, whatever
     the order of evaluation. Also gives a sentence for each thing left out.
-    Raises `SceneError` for an object whose own matrix is singular.
+    Raises `SceneError` for an object whose own matrix is singular or not finite.
     """
     shown, unseen = _shown(depsgraph, objects)
     standing: list[Copies] = []
     dropped: list[str] = []
     for copies in sorted(shown, key=lambda copies: (copies.owner_name, copies.object_name)):
+        if not np.isfinite(copies.owner_matrix).all():
+            raise SceneError(
+                f"the matrix of object {copies.owner_name!r} is not finite; repair its location, rotation and scale"
+            )
         flat = are_singular(np.array([copies.owner_matrix, *copies.matrices]))
         if flat[0]:
             scale = ", ".join(f"{length:g}" for length in np.linalg.norm(copies.owner_matrix[:3, :3], axis=0))

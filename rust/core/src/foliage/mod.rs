@@ -179,7 +179,16 @@ fn check_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
     }
 }
 
+/// Coordinates beyond this would overflow single precision where files and Blender hold them.
+const FARTHEST: f64 = 1e37;
+
 fn check_finite(positions: &[DVec3]) -> Result<()> {
+    if let Some(i) = positions.iter().position(|p| p.is_finite() && p.abs().max_element() > FARTHEST) {
+        return Err(Error::invalid(format!(
+            "vertex {i} lies at {}, farther than {FARTHEST:e} from the origin; remove it or repair the mesh",
+            positions[i]
+        )));
+    }
     match positions.iter().position(|p| !p.is_finite()) {
         Some(i) => Err(Error::invalid(format!(
             "vertex {i} lies at {}, which is not finite; remove it or repair the mesh",
