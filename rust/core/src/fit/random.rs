@@ -5,7 +5,7 @@ use glam::DVec3;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
-/// SplitMix64's finaliser (Steele, Lea, Flood 2014): PCG streams whose seeds and numbers differ by little begin alike without it.
+/// The finaliser of `SplitMix64` (Steele, Lea, Flood 2014): PCG streams whose seeds and numbers differ by little begin alike without it.
 const fn mixed(x: u64) -> u64 {
     let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
