@@ -42,7 +42,8 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 .PHONY: bench
 bench: ## measure the speed of the core
 	@tools/prerequisites.sh rust
-	cargo bench --package leafcloud
+	@mkdir -p docs/bench
+	cargo bench --quiet --package leafcloud | tee docs/bench/fit.md
 
 .PHONY: measure
 measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap
