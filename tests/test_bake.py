@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from command_line import QUICK, bake, run, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
-
-ROOT = Path(__file__).resolve().parent.parent
-BAKE = ROOT / "bake.py"
-QUICK = ("--texture-size", "256")
 
 DEPTH_ORDER = 1.0 / 4096.0
 """The share of its height above the plane that a point keeps at a = 1."""
@@ -30,29 +26,6 @@ LEVEL_KEYS = {
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
     "seconds",
 }  # fmt: skip
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(BAKE), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
-
-
-def bake(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
-    """A bake that has to work; its report."""
-    done = run("--input", source, "--out", out, *arguments)
-    assert done.returncode == 0, done.stderr
-    return json.loads((out / "report.json").read_text(encoding="utf-8"))
-
-
-def refusal(out: Path, *arguments: object) -> str:
-    """A bake that has to be refused: in one line, with nothing left in its folder. Gives the line."""
-    done = run("--out", out, *arguments)
-    assert done.returncode not in (0, -6, -11)
-    assert not out.is_dir() or not list(out.iterdir())
-    lines = done.stderr.splitlines()
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("bake.py: ")
-    return lines[0].removeprefix("bake.py: ")
 
 
 @pytest.fixture(scope="module")
@@ -419,115 +392,44 @@ def test_help_tells_every_default() -> None:
         assert f"(default: {default})" in text
 
 
-# What is refused
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--epsilon", "0"], ["--epsilon", "0.0", "greater than 0"]),
-        (["--epsilon", "-1"], ["--epsilon", "-1.0", "greater than 0"]),
-        (["--candidates", "0"], ["--candidates", "0", "from 1"]),
-        (["--levels", "two"], ["--levels", "'two'", "--help"]),
-        (["--effects", "glitter"], ["--effects", "'glitter'", "transitions"]),
-        (["--engine", "quake"], ["--engine", "'quake'", "godot"]),
-        (["--frobnicate"], ["--frobnicate", "--help"]),
-    ],
-)
-def test_a_wrong_command_line_is_refused(arguments: list[str], words: list[str], shrub: Path, tmp_path: Path) -> None:
-    line = refusal(tmp_path / "out", "--input", shrub, *arguments)
-    assert all(word in line for word in words), line
-
-
-def test_a_bake_without_a_folder_is_refused(shrub: Path) -> None:
-    done = run("--input", shrub)
-    assert (done.returncode, done.stderr) == (
-        2,
-        "bake.py: --out DIR is missing: name the folder that the files go to\n",
-    )
-
-
-def saved(path: Path) -> Path:
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    return path
-
-
-def leaf_object(positions: list[tuple[float, float, float]], faces: list[tuple[int, ...]]) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new("leaves")
-    mesh.from_pydata(positions, [], faces)
-    obj = bpy.data.objects.new("leaves", mesh)
-    bpy.context.scene.collection.objects.link(obj)
-    return obj
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    assert "nothing.glb" in refusal(tmp_path / "out", "--input", tmp_path / "nothing.glb")
-
-
-def test_a_file_that_is_no_scene_is_refused(tmp_path: Path) -> None:
-    for name in ("tree.fbx", "tree.glb", "tree.blend"):
-        (tmp_path / name).write_text("no tree")
-        assert name in refusal(tmp_path / "out", "--input", tmp_path / name)
-
-
-def test_an_empty_scene_is_refused(tmp_path: Path) -> None:
-    refusal(tmp_path / "out", "--input", saved(tmp_path / "empty.blend"))
-
-
-def test_leaves_that_are_not_there_are_refused(shrub: Path, tmp_path: Path) -> None:
-    line = refusal(tmp_path / "out", "--input", shrub, "--leaves", "petals")
-    assert "petals" in line
-    assert "leaves" in line
-
-
-def test_a_mesh_without_faces_is_refused(tmp_path: Path) -> None:
-    leaf_object([(0, 0, 0), (1, 0, 0)], [])
-    refusal(tmp_path / "out", "--input", saved(tmp_path / "bare.blend"))
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_coordinates_that_are_not_finite_are_refused(value: float, tmp_path: Path) -> None:
-    obj = leaf_object([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    obj.data.vertices.foreach_set("co", [0, 0, 0, 1, 0, value, 0, 1, 0])
-    assert "finite" in refusal(tmp_path / "out", "--input", saved(tmp_path / "broken.blend"))
-
-
-def test_triangles_without_area_are_refused(tmp_path: Path) -> None:
-    leaf_object([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)])
-    assert "area" in refusal(tmp_path / "out", "--input", saved(tmp_path / "flat.blend"))
-
-
-def test_a_missing_texture_is_refused(shrub: Path, tmp_path: Path) -> None:
+def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: Path, tmp_path: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
-    (image,) = (
-        image for image in bpy.data.objects["leaves"].active_material.node_tree.nodes if image.type == "TEX_IMAGE"
-    )
-    image.image.unpack(method="REMOVE")
-    image.image.filepath = "//gone.png"
-    assert "gone.png" in refusal(tmp_path / "out", "--input", saved(tmp_path / "untextured.blend"))
+    tree = bpy.data.objects["leaves"].active_material.node_tree
+    surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    texture = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    tree.links.new(texture.outputs["Alpha"], surface.inputs["Alpha"])
+    report = bake(saved(tmp_path / "blended.blend"), tmp_path / "out", *QUICK, "--levels", 1, "--no-cross")
+    assert any("'leaves' is blended" in warning for warning in report["warnings"])
+    for name in ("blended.glb", "blended_LOD0.glb"):
+        (primitive,) = read_glb(tmp_path / "out" / name)["blended_LOD0"].primitives
+        assert primitive.material["alphaMode"] == "MASK"
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "blended.blend"))
+    material = bpy.data.objects["blended_LOD0"].active_material
+    alpha = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs["Alpha"]
+    assert alpha.links[0].from_node.type == "TEX_IMAGE"
 
 
-def test_a_folder_that_cannot_be_made_is_refused(shrub: Path, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    line = refusal(tmp_path / "file" / "out", "--input", shrub)
-    assert str(tmp_path / "file" / "out") in line
-    assert "--out" in line
+def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    library = saved(tmp_path / "library.blend")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["leaves"]
+    bpy.context.scene.collection.objects.link(bpy.data.objects["leaves"])
+    bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
+    library.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
+    assert not bpy.data.libraries
+    material = bpy.data.objects["scene_LOD0"].active_material
+    texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+    assert texture.image.packed_file is not None
 
 
-def test_a_folder_that_is_full_is_refused_and_left_as_it_was(shrub: Path, tmp_path: Path) -> None:
-    """No file may grow over some size: to the program it is as if the disk were full."""
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "report.json").write_text("of an earlier bake")
-    limited = (
-        "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)); "
-        f"sys.argv[0] = {str(BAKE)!r}; runpy.run_path(sys.argv[0], run_name='__main__')"
-    )
-    command = [sys.executable, "-c", limited, "--input", str(shrub), "--out", str(out), *QUICK, "--levels", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
-    assert done.returncode == 1
-    *progress, line = done.stderr.splitlines()
-    assert all(stage.endswith("…") for stage in progress)
-    assert line.startswith(f"bake.py: cannot write to {out}: shrub_LOD0.glb: File too large; ")
-    assert [file.name for file in out.iterdir()] == ["report.json"]
-    assert (out / "report.json").read_text() == "of an earlier bake"
+def test_leaves_in_one_plane_take_turns_too(tmp_path: Path) -> None:
+    mesh = bpy.data.meshes.new("leaves")
+    corners = [(x + dx, y + dy, 0.0) for x in range(5) for y in range(5) for dx, dy in ((0, 0), (0.5, 0), (0, 0.5))]
+    mesh.from_pydata(corners, [], [(i, i + 1, i + 2) for i in range(0, 75, 3)])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("leaves", mesh))
+    report = bake(saved(tmp_path / "flat.blend"), tmp_path / "out", *QUICK)
+    distances = [level["switch_distance"] for level in report["levels"]]
+    assert all(nearer < farther for nearer, farther in pairwise(distances))
