@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
+from .realise import first_not_finite
 
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _FLOAT = 5126
@@ -163,10 +164,9 @@ def _number(word: bytes) -> float:
 
 
 def _check_finite(path: Path, where: str, positions: NDArray[np.float32], first: int = 0) -> None:
-    finite = np.isfinite(positions).all(axis=1)
-    if not finite.all():
-        index = int(np.argmin(finite))
-        shown = ", ".join(f"{value:g}" for value in positions[index])
+    bad = first_not_finite(positions)
+    if bad is not None:
+        index, shown = bad
         raise SceneError(
             f"{path}: vertex {first + index} of {where} lies at ({shown}), which is not finite; export it again"
         )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
-from .realise import are_singular
+from .realise import are_singular, first_not_finite
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -37,10 +37,9 @@ class Copies:
     def positions(self) -> NDArray[np.float32]:
         """(v, 3); raises `SceneError` for coordinates that are not finite."""
         positions = _read(self.mesh.attributes["position"].data, "vector", 3, np.float32)
-        finite = np.isfinite(positions).all(axis=1)
-        if not finite.all():
-            index = int(np.argmin(finite))
-            shown = ", ".join(f"{value:g}" for value in positions[index])
+        bad = first_not_finite(positions)
+        if bad is not None:
+            index, shown = bad
             raise SceneError(
                 f"object {self.object_name!r}: vertex {index} lies at ({shown}), which is not finite; move or delete it"
             )

@@ -29,6 +29,15 @@ class Triangles:
     """(t,)"""
 
 
+def first_not_finite(positions: NDArray[np.float32]) -> tuple[int, str] | None:
+    """The first of the points (v, 3) that has a coordinate which is not finite, and the point in words."""
+    finite = np.isfinite(positions).all(axis=1)
+    if finite.all():
+        return None
+    index = int(np.argmin(finite))
+    return index, ", ".join(f"{value:g}" for value in positions[index])
+
+
 def are_singular(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) whether each of (n, 4, 4) flattens space, as far as single precision can tell, or is not finite."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
