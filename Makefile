@@ -43,7 +43,7 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 bench: ## measure the speed of the core
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
-	cargo bench --quiet --package leafcloud | tee docs/bench/fit.md
+	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud | tee docs/bench/fit.md
 
 .PHONY: measure
 measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap

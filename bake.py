@@ -106,7 +106,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         action="store_false",
         help="leave out the last level, two crossed billboards of the whole tree",
     )
-    parser.add_argument("--method", default=default.method, metavar="NAME", help="the fitter (default: %(default)s)")
+    _add_fit_arguments(parser, default)
     parser.add_argument(
         "--seed", type=int, default=default.seed, metavar="NUMBER", help="of every random choice (default: %(default)s)"
     )
@@ -146,7 +146,111 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--plan-only", action="store_true", help="print which effects the bake would carry, and why; write nothing"
     )
     parser.add_argument("--json", action="store_true", help="print the plan of --plan-only as JSON instead of a table")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    options.views = tuple(options.views or ())
+    return options
+
+
+def _add_fit_arguments(parser: argparse.ArgumentParser, default: BakeSettings) -> None:
+    """How planes are found, how many, and what their outlines look like."""
+    from addon.settings import EFFORTS, METHODS
+
+    parser.add_argument(
+        "--method",
+        default=default.method,
+        metavar="NAME",
+        help=f"the fitter: {', '.join(METHODS)} (default: %(default)s); kmeans needs --max-billboards",
+    )
+    parser.add_argument(
+        "--effort",
+        default=default.effort,
+        metavar="NAME",
+        help=f"how long the method stochastic searches: {', '.join(EFFORTS)} (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--max-billboards",
+        type=int,
+        metavar="COUNT",
+        help="at most so many on level 1, at the smallest error bound found that does; --epsilon is then not used",
+    )
+    parser.add_argument(
+        "--max-texels",
+        type=int,
+        metavar="COUNT",
+        help="level 1 needs at most so many, each an eighth of the error bound long, at the smallest bound found "
+        "that does, but not below --epsilon; at least 256",
+    )
+    parser.add_argument(
+        "--max-size",
+        type=float,
+        metavar="SHARE",
+        help="how far a billboard's leaves may lie from where it was found, as a share of R (default: anywhere)",
+    )
+    parser.add_argument(
+        "--compact", type=float, metavar="SHARE", help="part billboards at gaps of this share of R (default: never)"
+    )
+    parser.add_argument(
+        "--gather",
+        type=float,
+        default=default.gather,
+        metavar="WEIGHT",
+        help="how much leaves prefer billboards whose middle is near: billboards become smaller, and less of them is "
+        "empty; 0 or more, 1 is noticeable (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--max-corners",
+        type=int,
+        default=default.max_corners,
+        metavar="COUNT",
+        help="corners of a billboard's outline, 3 to 16; 4 gives rectangles (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--whole-leaves",
+        action="store_true",
+        help="keep every leaf on one billboard at the cost of more billboards (default: wherever one holds it)",
+    )
+    parser.add_argument(
+        "--vertical",
+        type=float,
+        default=default.vertical,
+        metavar="SHARE",
+        help="what a billboard that lies flat loses when it is chosen, 0 to 1 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--views",
+        action="append",
+        type=_direction,
+        metavar="X,Y,Z",
+        help="a likely direction of view in the scene, for --facing-views; may be given again (--views=-1,0,0 where it "
+        "begins with a minus)",
+    )
+    parser.add_argument(
+        "--facing-views",
+        type=float,
+        default=default.facing_views,
+        metavar="SHARE",
+        help="what a billboard loses that none of --views sees face-on, 0 to 1 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--image-epsilon",
+        type=float,
+        metavar="RADIANS",
+        help="greatest angle by which a vertex may be seen to move, with --viewing-distance",
+    )
+    parser.add_argument(
+        "--viewing-distance",
+        type=float,
+        metavar="SHARE",
+        help="how near a viewer comes to the crown's centre, as a share of R above 1, with --image-epsilon",
+    )
+
+
+def _direction(text: str) -> tuple[float, float, float]:
+    """Three numbers with commas between."""
+    numbers = [float(part) for part in text.split(",")]
+    if len(numbers) != 3 or not any(numbers):
+        raise ValueError(text)
+    return numbers[0], numbers[1], numbers[2]
 
 
 def main(arguments: Sequence[str]) -> int:

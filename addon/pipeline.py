@@ -34,7 +34,7 @@ from .plan.effects import Facts, is_on, plan_effects, settle_back_sides
 from .plan.reach import View, reaches, rising
 from .scene.describe import describe_material
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
-from .settings import BakeSettings
+from .settings import BakeSettings, fit_options
 
 
 def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
@@ -66,10 +66,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         cross=settings.cross,
         texture_size=settings.texture_size,
         back_sides=is_on(prepared.effects, "back_sides"),
-        method=settings.method,
-        epsilon=settings.epsilon,
-        candidates=settings.candidates,
-        seed=settings.seed,
+        **fit_options(settings),
     )
 
 

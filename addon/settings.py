@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Literal, TypedDict, get_args
 
-Method = Literal["stochastic"]
+Method = Literal["stochastic", "density", "kmeans"]
+Effort = Literal["literal", "default", "final", "best"]
 
 METHODS = get_args(Method)
+EFFORTS = get_args(Effort)
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = ("billboards",)
 EFFECTS = ("transitions", "pruning", "back_sides")
@@ -34,6 +36,18 @@ class BakeSettings:
     candidates: planes tried per billboard; ≥ 1.
     levels: number of clouds behind the leaves; 1 … 8.
     method: the fitter.
+    effort: how long the method stochastic searches.
+    max_billboards: level 1 has at most so many, at the smallest epsilon found that does; `epsilon` is then not used.
+    max_texels: the same for texels as long as epsilon / 8, but not below `epsilon`.
+    max_size: how far a billboard's leaves may lie from where it was found, as a share of R; at least epsilon.
+    compact: billboards are parted at gaps of this share of R.
+    gather: how much leaves prefer billboards whose middle is near: smaller billboards, less of them empty; ≥ 0.
+    max_corners: corners of a billboard's outline, 4 for rectangles; 3 … 16.
+    whole_leaves: whether leaves stay on one billboard at the cost of more billboards.
+    vertical: what a billboard that lies flat loses when it is chosen; 0 … 1.
+    views: likely directions of view; facing_views: what a billboard loses that none of them sees face-on; 0 … 1.
+    image_epsilon, viewing_distance: no vertex moves by more than this angle, in radians, seen from no nearer than this
+        distance, a share of R above 1; both or neither.
     seed: of every random choice; ≥ 0.
     texture_size: side of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
     cross: whether two crossed billboards of the whole tree follow behind the clouds.
@@ -49,6 +63,19 @@ class BakeSettings:
     candidates: int = 600
     levels: int = 2
     method: Method = "stochastic"
+    effort: Effort = "default"
+    max_billboards: int | None = None
+    max_texels: int | None = None
+    max_size: float | None = None
+    compact: float | None = None
+    gather: float = 0.0
+    max_corners: int = 4
+    whole_leaves: bool = False
+    vertical: float = 0.0
+    views: tuple[tuple[float, float, float], ...] = ()
+    facing_views: float = 0.0
+    image_epsilon: float | None = None
+    viewing_distance: float | None = None
     seed: int = 0
     texture_size: int = 2048
     cross: bool = True
@@ -66,6 +93,26 @@ class BakeSettings:
         self._require("texture_size", texture, f"from {SMALLEST_TEXTURE} to {LARGEST_TEXTURE} texels")
         self._require("pixels", 0.0 < self.pixels < math.inf, "greater than 0 and finite")
         self._require("method", self.method in METHODS, f"one of {', '.join(METHODS)}")
+        self._require("effort", self.effort in EFFORTS, f"one of {', '.join(EFFORTS)}")
+        counted = self.max_billboards is None or self.max_billboards >= 1
+        self._require("max_billboards", counted, "at least 1")
+        needs_count = self.method != "kmeans" or self.max_billboards is not None
+        self._require("max_billboards", needs_count, "given: the method kmeans has it as its input")
+        self._require("max_texels", self.max_texels is None or self.max_texels >= 256, "at least 256")
+        sized = self.max_size is None or self.epsilon <= self.max_size <= 2.0
+        self._require("max_size", sized, f"from epsilon ({self.epsilon}) to 2")
+        self._require("compact", self.compact is None or 0.0 < self.compact <= 2.0, "greater than 0 and at most 2")
+        self._require("gather", 0.0 <= self.gather <= 1e6, "from 0 to 1000000")
+        self._require("max_corners", 3 <= self.max_corners <= 16, "from 3 to 16")
+        self._require("vertical", 0.0 <= self.vertical <= 1.0, "from 0 to 1")
+        self._require("facing_views", 0.0 <= self.facing_views <= 1.0, "from 0 to 1")
+        angle = self.image_epsilon
+        self._require("image_epsilon", angle is None or 0.0 < angle <= 1.0, "greater than 0 and at most 1 (radians)")
+        distance = self.viewing_distance
+        self._require("viewing_distance", distance is None or 1.0 < distance <= 1e6, "greater than 1 (a share of R)")
+        self._require(
+            "viewing_distance", (distance is None) == (angle is None), "given with --image-epsilon, or not at all"
+        )
         self._require("engine", self.engine in ENGINES, f"one of {', '.join(ENGINES)}")
         self._require("chain", self.chain in CHAINS, f"one of {', '.join(CHAINS)}")
         known = self.effects in EFFECT_CHOICES or set(effect_names(self.effects)) <= set(EFFECTS)
@@ -77,6 +124,33 @@ class BakeSettings:
             return
         value, default = getattr(self, name), next(field.default for field in fields(self) if field.name == name)
         raise SettingsError(f"{flag(name)} is {value!r}, it must be {limit}; the default is {default!r}")
+
+
+def fit_options(settings: BakeSettings) -> FitOptions:
+    """The settings that are the fitter's, as the wheel takes them."""
+    return FitOptions(**{name: getattr(settings, name) for name in FitOptions.__annotations__})  # type: ignore[typeddict-item]
+
+
+class FitOptions(TypedDict):
+    """The names that `BakeSettings` and the wheel have in common; what they mean stands in both."""
+
+    epsilon: float
+    candidates: int
+    method: Method
+    effort: Effort
+    max_billboards: int | None
+    max_texels: int | None
+    max_size: float | None
+    compact: float | None
+    gather: float
+    max_corners: int
+    whole_leaves: bool
+    vertical: float
+    views: tuple[tuple[float, float, float], ...]
+    facing_views: float
+    image_epsilon: float | None
+    viewing_distance: float | None
+    seed: int
 
 
 def flag(name: str) -> str:

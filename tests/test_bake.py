@@ -229,6 +229,32 @@ def test_a_bake_keeps_its_bound_and_is_valid(
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
+def test_the_fitters_options_reach_the_files(
+    shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    fit = ("--max-billboards", 20, "--effort", "final", "--max-corners", 6, "--compact", 0.5)
+    report = bake(shrub, tmp_path, *QUICK, *fit)
+    first, second = report["levels"][1:3]
+    assert first["epsilon"] > 0.04
+    assert second["epsilon"] == pytest.approx(2.5 * first["epsilon"])
+    # Six corners are four triangles, and both sides of a pair have them.
+    for level in (first, second):
+        assert level["triangles"] in (4 * level["billboards"], 8 * level["billboards"])
+    nodes = read_glb(tmp_path / "shrub.glb")
+    radius = report["input"]["radius"]
+    for number, level in [(0, first), (1, second)]:
+        found = deviations_on_parents(nodes[f"shrub_LOD{number}"], nodes[f"shrub_LOD{number + 1}"], radius)
+        assert found.max() <= (level["epsilon"] + ROUNDING) * radius
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+@pytest.mark.parametrize("method", [("density",), ("kmeans", "--max-billboards", 16)])
+def test_other_methods_bake(method: tuple[object, ...], shrub: Path, tmp_path: Path) -> None:
+    report = bake(shrub, tmp_path, *QUICK, "--method", *method)
+    assert [level["method"] for level in report["levels"][1:3]] == [method[0]] * 2
+    assert all(level["max_deviation"] <= level["epsilon"] for level in report["levels"][1:3])
+
+
 def placed_shrub(shrub: Path, *, mirrored: bool, sheared: bool) -> bpy.types.Object:
     """Puts the shrub's leaves far away, turned and scaled, and alone; single-sided, so that their fronts matter."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))

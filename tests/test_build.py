@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.build import levels as built_levels
-from addon.build.cloud_mesh import Surface, create_mesh, quads, split_vertices
+from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
 from addon.build.levels import Costs, Plan, build_levels, prefix_table
 from addon.build.materials import atlas_image, atlas_material
 from addon.placement import Placement
@@ -199,14 +199,22 @@ def test_triangles_on_the_same_vertices_are_parted() -> None:
 
 
 def test_a_billboard_is_one_quad_unless_its_triangles_part() -> None:
-    faces = quads(np.array([[4, 4], [1, 2]]), IDENTITY)
+    faces = fans(np.array([[4, 4], [1, 2]]), IDENTITY)
     assert faces.sizes.tolist() == [4, 3, 3]
     assert faces.first.tolist() == [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
     assert faces.billboards.tolist() == [0, 1, 1]
 
 
+def test_an_outline_of_more_corners_is_one_polygon_or_a_fan() -> None:
+    faces = fans(np.array([[4, 4, 4], [1, 1, 2]]), IDENTITY)
+    assert faces.sizes.tolist() == [5, 3, 3, 3]
+    # Corners 0 … 4 of a fan: its triangles are (0, 1, 2), (0, 2, 3), (0, 3, 4).
+    assert faces.first.tolist() == [0, 1, 2, 5, 8, *range(9, 18)]
+    assert faces.billboards.tolist() == [0, 1, 1, 1]
+
+
 def test_faces_of_a_mirrored_tree_are_wound_the_other_way() -> None:
-    faces = quads(np.array([[4, 4], [1, 2]]), MIRRORED)
+    faces = fans(np.array([[4, 4], [1, 2]]), MIRRORED)
     assert faces.first.tolist() == [0, 5, 2, 1, 6, 8, 7, 9, 11, 10]
 
 

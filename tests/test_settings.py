@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 
+import numpy as np
 import pytest
 
-from addon.settings import BakeSettings, SettingsError
+import leafcloud
+from addon.settings import BakeSettings, SettingsError, fit_options
 
 
 def test_the_defaults_are_those_of_the_promised_command_line() -> None:
@@ -35,7 +38,17 @@ def test_the_defaults_are_those_of_the_promised_command_line() -> None:
         ("texture_size", 8),
         ("pixels", 0.0),
         ("pixels", math.inf),
-        ("method", "kmeans"),
+        ("method", "guess"),
+        ("effort", "huge"),
+        ("max_billboards", 0),
+        ("max_texels", 10),
+        ("max_size", 0.01),
+        ("compact", 0.0),
+        ("max_corners", 2),
+        ("vertical", 1.5),
+        ("facing_views", -0.1),
+        ("image_epsilon", 2.0),
+        ("viewing_distance", 0.5),
         ("engine", "quake"),
         ("chain", "both"),
         ("effects", "transitions,glitter"),
@@ -54,3 +67,21 @@ def test_a_value_outside_its_range_is_refused(name: str, value: object) -> None:
 @pytest.mark.parametrize("effects", ["auto", "all", "none", "pruning", "transitions, back_sides"])
 def test_effects_may_be_a_choice_or_a_list(effects: str) -> None:
     assert BakeSettings(effects=effects).effects == effects
+
+
+def test_settings_that_need_each_other() -> None:
+    with pytest.raises(SettingsError, match="kmeans"):
+        BakeSettings(method="kmeans")
+    with pytest.raises(SettingsError, match="--image-epsilon"):
+        BakeSettings(viewing_distance=2.0)
+    assert BakeSettings(method="kmeans", max_billboards=20).max_billboards == 20
+
+
+def test_the_fitters_options_are_the_wheels() -> None:
+    documented = inspect.signature(BakeSettings)
+    options = fit_options(BakeSettings(max_billboards=7))
+    assert options["max_billboards"] == 7
+    assert set(options) <= set(documented.parameters)
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    foliage = leafcloud.Foliage(positions, np.array([[0, 1, 2]]))
+    assert len(leafcloud.fit(foliage, **options).planes) == 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import threading
 import time
 from typing import Any
@@ -59,10 +61,70 @@ def test_epsilon_holds_for_every_vertex(foliage: Foliage, epsilon: float) -> Non
 
 
 def test_whole_leaves_and_parted_ones(foliage: Foliage) -> None:
-    parents = leafcloud.fit(foliage).parents.reshape(-1, 2)
+    whole = leafcloud.fit(foliage, whole_leaves=True)
+    parents = whole.parents.reshape(-1, 2)
     assert (parents[:, 0] == parents[:, 1]).all()
-    parted = leafcloud.fit(foliage, whole_leaves=False)
-    assert len(parted.planes) <= len(leafcloud.fit(foliage).planes)
+    parted = leafcloud.fit(foliage)
+    assert len(parted.planes) <= len(whole.planes)
+
+
+def test_methods_and_efforts(foliage: Foliage) -> None:
+    literal, last = (len(leafcloud.fit(foliage, effort=effort).planes) for effort in ("literal", "final"))
+    assert last <= literal
+    assert len(leafcloud.fit(foliage, method="density").planes) > 1
+    clustered = leafcloud.fit(foliage, method="kmeans", max_billboards=9)
+    assert len(clustered.planes) == 9
+    assert clustered.max_deviation <= clustered.epsilon
+
+
+def test_budgets_make_epsilon_the_result(foliage: Foliage) -> None:
+    few = leafcloud.fit(foliage, max_billboards=20)
+    assert len(few.planes) <= 20
+    assert few.epsilon > 0.04
+    assert leafcloud.fit(foliage, max_texels=50_000).epsilon > 0.04
+
+
+def test_shapes_and_preferences(foliage: Foliage) -> None:
+    plain = leafcloud.fit(foliage)
+    assert len(leafcloud.fit(foliage, max_size=0.3).planes) > len(plain.planes)
+    assert len(leafcloud.fit(foliage, compact=0.1).planes) > len(plain.planes)
+    upright = leafcloud.fit(foliage, vertical=0.95, facing=0.0)
+    assert np.abs(upright.planes[:, 2]).mean() < np.abs(plain.planes[:, 2]).mean()
+    seen = leafcloud.fit(foliage, views=[(1, 0, 0)], facing_views=0.95, facing=0.0)
+    assert np.abs(seen.planes[:, 0]).mean() > np.abs(plain.planes[:, 0]).mean()
+    near = leafcloud.fit(foliage, image_epsilon=0.01, viewing_distance=1.5)
+    assert near.max_deviation <= 0.015
+
+
+def test_a_job_has_an_answer_before_its_end(foliage: Foliage) -> None:
+    job = leafcloud.start_fit(foliage, effort="best")
+    deadline = time.monotonic() + 60
+    while job.best is None and time.monotonic() < deadline:
+        time.sleep(0.001)
+    job.cancel()
+    with contextlib.suppress(leafcloud.CancelledError):
+        job.result()
+    assert job.best is not None
+    assert len(job.best.parents) == 400
+    assert job.best.max_deviation <= 0.04
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 8])
+def test_outlines_have_as_many_corners_as_asked(foliage: Foliage, corners: int) -> None:
+    chain = leafcloud.build_chain(foliage, texture_size=256, levels=2, max_corners=corners)
+    first, second, cross = chain.levels
+    count = len(first.corners)
+    assert first.corners.shape == (count, corners, 3)
+    assert first.uvs.shape == (count, corners, 2)
+    assert cross.corners.shape == (2, 4, 3)
+    assert second.targets.shape == ((corners - 2) * count, 3, 3)
+    assert first.foliage().triangle_count == (corners - 2) * count
+    # Convex, and wound about the plane's normal.
+    assert first.cloud is not None
+    normals = first.cloud.planes[first.plane_ids, :3]
+    edges = np.roll(first.corners, -1, axis=1) - first.corners
+    turns = np.einsum("bcd,bd->bc", np.cross(edges, np.roll(edges, -1, axis=1)), normals)
+    assert turns.min() >= -1e-9
 
 
 def test_seeds_repeat(foliage: Foliage) -> None:
@@ -102,6 +164,20 @@ def positions_of_leaves() -> np.ndarray:
     return np.repeat(positions.reshape(-1, 4, 3).mean(axis=1), 2, axis=0)
 
 
+def test_ctrl_c_ends_a_long_fit(foliage: Foliage) -> None:
+    threading.Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        leafcloud.fit(foliage, effort="best", epsilon=0.005)
+    assert time.monotonic() - started < 30
+
+
+def test_progress_is_called_on_the_caller_s_thread(foliage: Foliage) -> None:
+    threads: set[int] = set()
+    leafcloud.fit(foliage, progress=lambda *_: threads.add(threading.get_ident()))
+    assert threads == {threading.get_ident()}
+
+
 def test_progress_is_told_and_cancels(foliage: Foliage) -> None:
     told: list[tuple[str, float]] = []
     leafcloud.fit(foliage, progress=lambda stage, fraction: told.append((stage, fraction)))
@@ -125,7 +201,7 @@ def test_other_threads_run_while_the_core_works(foliage: Foliage) -> None:
 
     thread = threading.Thread(target=tick)
     thread.start()
-    leafcloud.fit(foliage, candidates=20_000)
+    leafcloud.fit(foliage, effort="literal", candidates=20_000)
     stop.set()
     thread.join()
     assert ticks > 5
@@ -143,7 +219,7 @@ def test_job(foliage: Foliage) -> None:
 
 
 def test_job_cancels_soon_and_times_out(foliage: Foliage) -> None:
-    job = leafcloud.start_fit(foliage, candidates=10_000_000)
+    job = leafcloud.start_fit(foliage, effort="literal", candidates=10_000_000)
     with pytest.raises(TimeoutError, match=r"0\.05"):
         job.result(timeout=0.05)
     assert not job.done
@@ -171,6 +247,19 @@ def test_job_keeps_its_error(foliage: Foliage) -> None:
         ({"epsilon": "wide"}, "epsilon is wide"),
         ({"candidates": 0}, "candidates is 0"),
         ({"candidates": -1}, "candidates is -1"),
+        ({"effort": "huge"}, "effort .huge. is unknown"),
+        ({"method": "kmeans"}, "kmeans needs max_billboards"),
+        ({"max_billboards": 0}, "max_billboards is 0"),
+        ({"max_texels": 1}, "max_texels is 1"),
+        ({"max_corners": 2}, "max_corners is 2"),
+        ({"max_size": 0.01}, "max_size is 0.01"),
+        ({"compact": 0.0}, "compact is 0"),
+        ({"vertical": 2.0}, "vertical is 2"),
+        ({"views": [(0, 0, 0)]}, "no finite length"),
+        ({"views": 3}, "views is 3"),
+        ({"image_epsilon": 0.1}, "need each other"),
+        ({"image_epsilon": 0.1, "viewing_distance": 0.5}, "viewing_distance is 0.5"),
+        ({"penalty": -1.0}, "penalty is -1"),
         ({"facing": -1}, "facing is -1"),
         ({"method": "guess"}, "stochastic"),
         ({"quality": 3}, "unknown option quality"),

@@ -1,6 +1,6 @@
 """Meshes from arrays: the leaves in pruning order with every vertex on one billboard, the clouds, the wood.
 
-Everything is a gather: a `Split` or a `Quads` says at which corner of the source each vertex of the new mesh is found,
+Everything is a gather: a `Split` or `Fans` say at which corner of the source each vertex of the new mesh is found,
 and every value per corner follows by indexing. So positions, texture coordinates and normals come through bit for bit.
 """
 
@@ -24,7 +24,7 @@ COLOR_NAME = "Color"
 
 @dataclass(frozen=True)
 class Surface:
-    """Faces of three or four corners. `v` vertices, `c` corners, `f` faces.
+    """Faces of three or more corners. `v` vertices, `c` corners, `f` faces.
 
     positions (v, 3); corners (c,) the vertex of each corner, face by face; sizes (f,) corners of each face;
     material_ids (f,); uvs (c, 2), normals (c, 3) unit vectors, colors (c, 4) linear, or None. Without normals
@@ -58,10 +58,10 @@ class Split:
 
 
 @dataclass(frozen=True)
-class Quads:
-    """Billboards as faces: four corners where both triangles (0, 1, 2) and (0, 2, 3) have one key, else twice three.
+class Fans:
+    """Billboards as faces: one where all triangles (0, 1, 2), (0, 2, 3) … of its fan have one key, else a face each.
 
-    `first` (v,) the corner of each vertex, counted through all triangles, six a billboard: no two corners share one.
+    `first` (v,) the corner of each vertex, counted through all triangles: no two corners share one.
     `sizes` (f,); `billboards` (f,) the billboard of each face.
     """
 
@@ -84,17 +84,20 @@ def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]])
     return Split(inverse.reshape(-1, 3).astype(np.int32), first)
 
 
-def quads(keys: NDArray[np.integer[Any]], placement: Placement) -> Quads:
-    """Billboards as faces, `keys` (b, 2) those of their two triangles; wound so that the front stays the front."""
-    whole = keys[:, 0] == keys[:, 1]
-    quad = placement.wind(np.array([[0, 1, 2, 5]])).ravel()
-    pair = placement.wind(np.array([[0, 1, 2], [3, 4, 5]])).ravel()
-    corners = np.where(whole[:, None], np.concatenate([quad, [-1, -1]]), pair) + 6 * np.arange(len(keys))[:, None]
+def fans(keys: NDArray[np.integer[Any]], placement: Placement) -> Fans:
+    """Billboards as faces, `keys` (b, m) those of the m triangles of each; wound so that the front stays the front."""
+    count = keys.shape[1]
+    whole = (keys == keys[:, :1]).all(axis=1)
+    triangles = np.arange(3 * count).reshape(count, 3)
+    polygon = placement.wind(np.concatenate([[0, 1], triangles[:, 2]])[None]).ravel()
+    padded = np.concatenate([polygon, np.full(2 * count - 2, -1)])
+    parts = placement.wind(triangles).ravel()
+    corners = np.where(whole[:, None], padded, parts) + 3 * count * np.arange(len(keys))[:, None]
     used = np.ones_like(corners, dtype=bool)
-    used[whole, 4:] = False
-    faces = np.where(whole, 1, 2)
-    billboards = np.repeat(np.arange(len(keys), dtype=np.int32), faces)
-    return Quads(corners[used].astype(np.int64), np.where(whole[billboards], 4, 3).astype(np.int32), billboards)
+    used[whole, len(polygon) :] = False
+    billboards = np.repeat(np.arange(len(keys), dtype=np.int32), np.where(whole, 1, count))
+    sizes = np.where(whole[billboards], len(polygon), 3).astype(np.int32)
+    return Fans(corners[used].astype(np.int64), sizes, billboards)
 
 
 def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> Surface:
@@ -115,20 +118,21 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
     )
 
 
-def quad_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: Quads) -> Surface:
-    """Billboards with `corners` (b, 4, 3) and `uvs` (b, 4, 2) as `faces`, all of the first material."""
+def fan_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: Fans) -> Surface:
+    """Billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as `faces`, all of the first material."""
     return Surface(
-        positions=two_triangles(corners).reshape(-1, 3)[faces.first],
+        positions=as_triangles(corners).reshape(-1, 3)[faces.first],
         corners=np.arange(len(faces.first), dtype=np.int32),
         sizes=faces.sizes,
         material_ids=np.zeros(len(faces.sizes), np.int32),
-        uvs=two_triangles(uvs).reshape(-1, 2)[faces.first],
+        uvs=as_triangles(uvs).reshape(-1, 2)[faces.first],
     )
 
 
-def two_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values at the corners of billboards (b, 4, …) at the corners of their two triangles (b, 6, …)."""
-    return values[:, [0, 1, 2, 0, 2, 3]]
+def as_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values at the c corners of billboards (b, c, …) at the corners of their c − 2 triangles (b, 3 c − 6, …)."""
+    second = np.arange(1, values.shape[1] - 1)
+    return values[:, np.stack([np.zeros_like(second), second, second + 1], axis=1).ravel()]
 
 
 def create_mesh(

@@ -19,7 +19,7 @@ from ..placement import Placement
 from ..plan.reach import Reach
 from ..scene.extract import Geometry, Tree
 from . import morphs
-from .cloud_mesh import Surface, create_mesh, quad_surface, quads, split_vertices, triangle_surface
+from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .lod_nodes import NEVER, LodSettings, add_lod_modifier
 from .materials import atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
@@ -214,20 +214,22 @@ def _cloud_object(
 def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:
     """The billboards by rank; `following` is the cloud that they morph to, if any."""
     order = np.argsort(level.ranks, kind="stable")
-    keys = np.zeros((len(order), 2), np.int32)
+    count = level.corners.shape[1] - 2
+    keys = np.zeros((len(order), count), np.int32)
     if following is not None and plan.transitions:
-        keys = _parents(following).reshape(-1, 2)[order]
-    faces = quads(keys, plan.placement)
-    surface = quad_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
+        keys = _parents(following).reshape(-1, count)[order]
+    faces = fans(keys, plan.placement)
+    surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     if following is None:
         return _Shape(surface, ranks[faces.billboards])
-    of_vertex = 2 * order[faces.first // 6] + faces.first % 6 // 3
-    targets = following.targets.reshape(-1, 6, 3)[order].reshape(-1, 3)
+    billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
+    of_vertex = count * order[billboards] + corners // 3
+    targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
     return _Shape(
         surface=surface,
         ranks=ranks[faces.billboards],
-        pruning=_pruning(ranks[faces.first // 6], following, of_vertex, plan),
+        pruning=_pruning(ranks[billboards], following, of_vertex, plan),
         transition=_transition(keys.ravel()[faces.first // 3], targets[faces.first], following, of_vertex, plan),
     )
 

@@ -21,6 +21,14 @@ _EFFECT_ITEMS = [(name, name.replace("_", " ").title(), "") for name in EFFECTS]
 _ENGINE_ITEMS = [(name, name.title(), "") for name in ENGINES]
 
 
+_EFFORT_ITEMS = [
+    ("literal", "Literal", "The published algorithm, for comparison"),
+    ("default", "Default", "All offsets of all directions, greedily: a fraction of a second"),
+    ("final", "Final", "Then a search for fewer billboards: seconds"),
+    ("best", "Best", "The same, ten times as long"),
+]
+
+
 class LeafcloudSettings(bpy.types.PropertyGroup):
     """What the next bake of this scene is asked to do."""
 
@@ -73,6 +81,27 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         max=MOST_CANDIDATES,
         soft_max=2000,
     )
+    effort: EnumProperty(
+        name="Effort",
+        description="How long to search for few billboards",
+        items=_EFFORT_ITEMS,
+        default=_DEFAULTS.effort,
+    )
+    max_billboards: IntProperty(
+        name="Most Billboards",
+        description="At most so many on the first level, at the smallest error bound found; 0: as the error bound asks",
+        default=0,
+        min=0,
+        max=_LARGEST_INT,
+        soft_max=1000,
+    )
+    max_corners: IntProperty(
+        name="Corners",
+        description="Corners of a billboard's outline: 4 gives rectangles, more leave less of it empty",
+        default=_DEFAULTS.max_corners,
+        min=3,
+        max=16,
+    )
     seed: IntProperty(
         name="Seed", description="Of every random choice", default=_DEFAULTS.seed, min=0, max=_LARGEST_INT
     )
@@ -122,6 +151,9 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
         epsilon=round(properties.epsilon, _DIGITS),
         candidates=properties.candidates,
         levels=properties.levels,
+        effort=properties.effort,
+        max_billboards=properties.max_billboards or None,
+        max_corners=properties.max_corners,
         seed=properties.seed,
         texture_size=properties.texture_size,
         cross=properties.cross,

@@ -1,10 +1,70 @@
-//! Items sorted into groups by a key: one array of items and one of where each group begins.
+//! Rows of different lengths in one array, and items sorted into such rows by a key.
+
+/// Rows of any lengths: one array of values and one of where each row begins.
+#[derive(Clone, Debug)]
+pub struct Rows<T> {
+    starts: Vec<u32>,
+    values: Vec<T>,
+}
 
 /// Items 0 … n − 1, grouped by key 0 … k − 1; within a group in ascending order.
-#[derive(Clone, Debug)]
-pub struct Groups {
-    starts: Vec<usize>,
-    items: Vec<u32>,
+pub type Groups = Rows<u32>;
+
+impl<T> Default for Rows<T> {
+    fn default() -> Self {
+        Self { starts: vec![0], values: Vec::new() }
+    }
+}
+
+impl<T> Rows<T> {
+    /// How many rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The values of one row.
+    #[must_use]
+    #[inline]
+    pub fn get(&self, row: usize) -> &[T] {
+        &self.values[self.starts[row] as usize..self.starts[row + 1] as usize]
+    }
+
+    /// All rows in order.
+    #[must_use]
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> + '_ {
+        (0..self.len()).map(|row| self.get(row))
+    }
+
+    /// One more row at the end.
+    ///
+    /// # Panics
+    /// When there are 2³² values: callers count in u32.
+    pub fn push(&mut self, row: impl IntoIterator<Item = T>) {
+        self.values.extend(row);
+        self.starts.push(u32::try_from(self.values.len()).expect("fewer than 2³² values"));
+    }
+}
+
+impl<T: Copy> Rows<T> {
+    /// The rows with these numbers, in their order.
+    #[must_use]
+    pub fn select(&self, rows: impl ExactSizeIterator<Item = usize> + Clone) -> Self {
+        let mut starts = Vec::with_capacity(rows.len() + 1);
+        let mut values = Vec::with_capacity(rows.clone().map(|row| self.get(row).len()).sum());
+        starts.push(0);
+        for row in rows {
+            values.extend_from_slice(self.get(row));
+            starts.push(values.len() as u32);
+        }
+        Self { starts, values }
+    }
 }
 
 impl Groups {
@@ -19,36 +79,12 @@ impl Groups {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut items = vec![0; keys.len()];
+        let mut values = vec![0; keys.len()];
         for (item, &key) in (0u32..).zip(keys) {
-            items[next[key as usize]] = item;
+            values[next[key as usize] as usize] = item;
             next[key as usize] += 1;
         }
-        Self { starts, items }
-    }
-
-    /// How many groups.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    /// Whether there is no group.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The items of one group.
-    #[must_use]
-    pub fn get(&self, group: usize) -> &[u32] {
-        &self.items[self.starts[group]..self.starts[group + 1]]
-    }
-
-    /// All groups in order.
-    #[must_use]
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[u32]> + '_ {
-        (0..self.len()).map(|group| self.get(group))
+        Self { starts, values }
     }
 }
 
@@ -73,6 +109,16 @@ mod tests {
         let groups = Groups::by_key(&[2, 0, 2, 3, 0], 4);
         assert_eq!(groups.iter().collect::<Vec<_>>(), [&[1, 4][..], &[], &[0, 2], &[3]]);
         assert!(Groups::by_key(&[], 0).is_empty());
+    }
+
+    #[test]
+    fn rows_are_chosen_in_any_order() {
+        let mut rows = Rows::default();
+        rows.push(['a', 'b']);
+        rows.push([]);
+        rows.push(['c']);
+        let chosen = rows.select([2, 0, 2].into_iter());
+        assert_eq!(chosen.iter().collect::<Vec<_>>(), [&['c'][..], &['a', 'b'], &['c']]);
     }
 
     #[test]

@@ -13,6 +13,7 @@
 //! order, and transcendental functions come from `libm`, not from the platform.
 
 pub mod cloud;
+mod color;
 pub mod error;
 pub mod fit;
 pub mod foliage;
@@ -21,6 +22,7 @@ pub mod gltf;
 pub mod groups;
 pub mod judge;
 pub mod lod;
+pub mod outlines;
 pub mod progress;
 pub mod prune;
 pub mod sheet;

@@ -7,11 +7,8 @@
 use crunch::{Item, Rect, Rotation};
 use glam::{DVec2, DVec3};
 
-use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use crate::geometry::{Outline, Plane, minimum_rectangle};
-use crate::groups::Groups;
-use crate::transition::Projection;
+use crate::geometry::{Outline, Plane};
 
 /// How a sheet is laid out.
 #[derive(Clone, Copy, Debug)]
@@ -57,14 +54,16 @@ pub struct Region {
 }
 
 /// A plane's outline and its place on the page.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Billboard {
     /// The plane of the cloud.
     pub plane: u32,
     /// Whether it shows the side that the plane's normal points away from.
     pub back: bool,
-    /// Local frame; lower left, lower right, upper right, upper left, counter-clockwise seen from the side that it shows.
+    /// Of the region, local frame; lower left, lower right, upper right, upper left, counter-clockwise seen from the side that it shows.
     pub corners: [DVec3; 4],
+    /// The outline's corners within the region, counter-clockwise seen from the side that it shows: (0, 0) lower left, (1, 1) upper right.
+    pub outline: Vec<DVec2>,
     /// Where its texture lies.
     pub region: Region,
 }
@@ -106,10 +105,17 @@ impl Sheet {
     fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: SheetSettings) -> Self {
         let billboards = packed.iter().map(|p| {
             let plane = planes[p.plane as usize];
-            let outline = if p.turned { outlines[p.plane as usize].turned() } else { outlines[p.plane as usize] };
-            let front = corners(&plane, &outline, p.region, density);
-            let corners = if p.back { [front[1], front[0], front[3], front[2]] } else { front };
-            Billboard { plane: p.plane, back: p.back, corners, region: p.region }
+            let outline = &outlines[p.plane as usize];
+            let outline = if p.turned { outline.turned() } else { outline.clone() };
+            let corners = corners(&plane, &outline, p.region, density);
+            let front = Billboard {
+                plane: p.plane,
+                back: false,
+                corners,
+                outline: within_region(&outline, p.region, density),
+                region: p.region,
+            };
+            if p.back { front.mirrored() } else { front }
         });
         Self { size: settings.size, billboards: billboards.collect() }
     }
@@ -133,13 +139,42 @@ impl Sheet {
         a.distance(b) / self.billboards[0].region.width as f64
     }
 
-    /// Texture coordinates of a billboard's corners: origin in the page's lower left corner, v up.
-    #[must_use]
-    pub fn uvs(&self, billboard: &Billboard) -> [[f32; 2]; 4] {
+    /// Texture coordinates of the corners of a billboard's outline: origin in the page's lower left corner, v up.
+    pub fn uvs(&self, billboard: &Billboard) -> impl Iterator<Item = [f32; 2]> {
         let Region { x, y, width, height } = billboard.region;
         let size = self.size as f64;
-        let at = |column: usize, row: usize| [(column as f64 / size) as f32, (1.0 - row as f64 / size) as f32];
-        [at(x, y + height), at(x + width, y + height), at(x + width, y), at(x, y)]
+        billboard.outline.iter().map(move |p| {
+            let column = x as f64 + p.x * width as f64;
+            let row = (y + height) as f64 - p.y * height as f64;
+            [(column / size) as f32, (1.0 - row / size) as f32]
+        })
+    }
+
+    /// Corners of each outline: the same for all of a sheet.
+    #[must_use]
+    pub fn outline_corners(&self) -> usize {
+        self.billboards[0].outline.len()
+    }
+}
+
+impl Billboard {
+    /// The corners of the outline, local frame.
+    pub fn outline_corners(&self) -> impl Iterator<Item = DVec3> {
+        let [origin, right, _, up] = self.corners;
+        self.outline.iter().map(move |p| origin + (right - origin) * p.x + (up - origin) * p.y)
+    }
+
+    /// The same billboard seen from its other side.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let [a, b, c, d] = self.corners;
+        let outline = self.outline.iter().map(|p| DVec2::new(1.0 - p.x, p.y));
+        // A rectangle's corners begin at the lower left again, which was the lower right.
+        let mut outline: Vec<DVec2> = outline.rev().collect();
+        // Fans start at the first corner, which is not next to a cut edge: it stays the first.
+        let turn = if outline.len() == 4 { 2 } else { 1 };
+        outline.rotate_right(turn);
+        Self { back: !self.back, corners: [b, a, d, c], outline, ..self.clone() }
     }
 }
 
@@ -147,23 +182,6 @@ fn too_many(billboards: usize, size: usize) -> Error {
     Error::invalid(format!(
         "{billboards} billboards do not fit on a texture of {size} texels a side; raise the texture size or epsilon"
     ))
-}
-
-/// The rectangle of least area around what each plane of the cloud shows.
-#[must_use]
-pub fn outlines(cloud: &Cloud, projection: &Projection) -> Vec<Outline> {
-    let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
-    let outline = |(plane, triangles): (&Plane, &[u32])| {
-        let corners = triangles.iter().flat_map(|&t| projection.targets[t as usize]);
-        minimum_rectangle(&in_plane(plane, corners))
-    };
-    cloud.planes.iter().zip(triangles.iter()).map(outline).collect()
-}
-
-/// Coordinates along the plane's axes.
-pub fn in_plane(plane: &Plane, points: impl Iterator<Item = DVec3>) -> Vec<DVec2> {
-    let (x, y) = plane.axes();
-    points.map(|p| DVec2::new(x.dot(p), y.dot(p))).collect()
 }
 
 /// An outline as the packer placed it.
@@ -219,13 +237,24 @@ fn corners(plane: &Plane, outline: &Outline, region: Region, density: f64) -> [D
     [centre - across - up, centre + across - up, centre + across + up, centre - across + up].map(lift)
 }
 
+/// The outline's corners in a region of whole texels that is centred on its rectangle.
+fn within_region(outline: &Outline, region: Region, density: f64) -> Vec<DVec2> {
+    let middle = (outline.low + outline.high) / 2.0;
+    let size = DVec2::new(region.width as f64, region.height as f64);
+    if outline.corners.len() == 4 {
+        return vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y]; // the region itself
+    }
+    let inside = |p: &DVec2| ((*p - middle) * density / size + 0.5).clamp(DVec2::ZERO, DVec2::ONE);
+    outline.corners.iter().map(inside).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     fn rectangle(width: f64, height: f64) -> Outline {
-        Outline { x: DVec2::X, low: DVec2::ZERO, high: DVec2::new(width, height) }
+        Outline::along(&[DVec2::ZERO, DVec2::new(width, height)], DVec2::X)
     }
 
     const FRONT: Plane = Plane { normal: DVec3::Z, distance: 0.0 };

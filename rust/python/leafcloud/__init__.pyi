@@ -23,7 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 __version__: str
 
 AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
-Method = Literal["stochastic"]
+Method = Literal["stochastic", "density", "kmeans"]
+"""``stochastic``: search for the planes that hold most (Lacewell et al. 2006 and what grew from it). ``density``: the
+densest planes first (Décoret et al. 2003). ``kmeans``: clusters about planes; ``max_billboards`` is its input, ε its
+result."""
+Effort = Literal["literal", "default", "final", "best"]
+"""How long the method ``stochastic`` searches: as published (for comparison); greedily over all directions and offsets;
+then for fewer planes (seconds); the same ten times as long."""
 Progress = Callable[[str, float], bool | None]
 """Called with the stage and the fraction done in [0, 1]; returning ``False`` cancels."""
 
@@ -121,8 +127,8 @@ class BakeSeconds(TypedDict):
 class Level:
     """A cloud with its outlines, its atlas page and the transition of the level before onto it.
 
-    The level before is the leaves for level 1, the billboards of the level before for the others, as two triangles a
-    billboard: corners (0, 1, 2) and (0, 2, 3).
+    The level before is the leaves for level 1, the billboards of the level before for the others, as a fan of c − 2
+    triangles a billboard: corners (0, 1, 2), (0, 2, 3) and so on. Every outline has the same number of corners c.
     """
     @property
     def cloud(self) -> Cloud | None:
@@ -132,11 +138,11 @@ class Level:
         """The fitter's name, or "cross"."""
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(b, 4, 3) counter-clockwise seen from the side that shows the texture; lower left, lower right, upper
-        right, upper left."""
+        """(b, c, 3) the outline, convex, counter-clockwise seen from the side that shows the texture; of a rectangle
+        lower left, lower right, upper right, upper left."""
     @property
     def uvs(self) -> NDArray[np.float32]:
-        """(b, 4, 2)"""
+        """(b, c, 2)"""
     @property
     def plane_ids(self) -> NDArray[np.uint32]:
         """(b,) the plane of each billboard."""
@@ -213,7 +219,9 @@ class Job(Generic[_T]):
     def done(self) -> bool: ...
     @property
     def best(self) -> _T | None:
-        """The best complete result so far; ``None`` until there is one (for today's fitter: until it is done)."""
+        """The best complete result so far; ``None`` until there is one. Fits of the efforts ``final`` and ``best``, and
+        those within a budget, have one early and then better ones; it stays when they are cancelled. Foliage of more
+        than some 40,000 leaves or parts has one at the end."""
     def cancel(self) -> None: ...
     def result(self, timeout: float | None = None) -> _T:
         """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds,
@@ -223,30 +231,80 @@ def fit(
     foliage: Foliage,
     *,
     method: Method = "stochastic",
+    effort: Effort = "default",
     epsilon: float = 0.04,
     candidates: int = 600,
     seed: int = 0,
-    whole_leaves: bool = True,
+    whole_leaves: bool = False,
     facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
     progress: Progress | None = None,
 ) -> Cloud:
     """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
 
-    ``epsilon`` in (0, 1]; ``candidates`` ≥ 1, planes tried per billboard; ``whole_leaves`` keeps the triangles of a
-    leaf on one plane whenever one plane holds them all; ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared
-    relative
-    deviation when a leaf chooses among the planes that hold it (0: the nearest plane).
+    ``epsilon`` in (0, 1], a share of R. ``candidates`` ≥ 1: planes tried per billboard; directions are a fraction of it
+    where all offsets of a direction are tried at once. ``whole_leaves`` keeps the triangles of a leaf on one plane
+    whenever any plane could hold them all, at the cost of more billboards; otherwise they stay together wherever one of
+    the cloud's planes holds them all. ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared relative deviation
+    when a leaf chooses among the planes that hold it (0: the nearest plane); ``gather`` ≥ 0 that of the squared
+    distance (in R) from the middle of what a plane has: billboards become smaller, less of what is drawn is empty.
+
+    Budgets: ``max_billboards`` asks for the smallest ε found that needs no more, ``epsilon`` is then not used;
+    ``max_texels`` the same for texels of the side ε/8, not below ``epsilon``; time: :func:`start_fit`, whose job holds
+    a complete answer early and may be cancelled. ``Cloud.epsilon`` says what came out.
+
+    Shape: ``max_size`` (share of R, at least ε) is how far a billboard's leaves may lie from where it was found (a leaf
+    that is larger has its own size);
+    ``compact`` (share of R) parts billboards at gaps as wide; ``max_corners`` in [3, 16] is the number of an outline's
+    corners, 4 for rectangles; ``trim`` makes outlines enclose what is opaque, and leaves weigh what is opaque of them.
+
+    Preferences, as factors of a plane's score: ``facing_views`` in [0, 1] is what a plane loses that none of the
+    directions ``views`` sees face-on, ``vertical`` in [0, 1] what it loses that lies flat under ``up``.
+
+    ``image_epsilon`` (radians) with ``viewing_distance`` (share of R, above 1): a viewer who stays that far from the
+    centre sees no vertex move by a greater angle; leaves near him then move less than ε (levels behind the first: 2.5
+    times the angle of the one before).
+
+    ``penalty`` in [0, 100] is for ``density``: what a leaf takes from planes that just miss it (the paper: 10).
     """
 
 def start_fit(
     foliage: Foliage,
     *,
     method: Method = "stochastic",
+    effort: Effort = "default",
     epsilon: float = 0.04,
     candidates: int = 600,
     seed: int = 0,
-    whole_leaves: bool = True,
+    whole_leaves: bool = False,
     facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
 ) -> Job[Cloud]: ...
 def build_chain(
     foliage: Foliage,
@@ -259,16 +317,31 @@ def build_chain(
     samples: int = 4,
     back_sides: bool | None = None,
     method: Method = "stochastic",
+    effort: Effort = "default",
     epsilon: float = 0.04,
     candidates: int = 600,
     seed: int = 0,
-    whole_leaves: bool = True,
+    whole_leaves: bool = False,
     facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
     progress: Progress | None = None,
 ) -> Chain:
     """Fits, packs and bakes every level.
 
-    Level i has ``epsilon`` · 2.5^(i−1) (of the leaves' R) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
+    Options of the fit as in :func:`fit`. Level i has 2.5 times the ε of the level before (shares of the leaves' R; a
+    budget is the first level's) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
     """
@@ -284,11 +357,25 @@ def start_chain(
     samples: int = 4,
     back_sides: bool | None = None,
     method: Method = "stochastic",
+    effort: Effort = "default",
     epsilon: float = 0.04,
     candidates: int = 600,
     seed: int = 0,
-    whole_leaves: bool = True,
+    whole_leaves: bool = False,
     facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
 ) -> Job[Chain]: ...
 def render(
     parts: Sequence[Foliage],

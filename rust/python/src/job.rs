@@ -1,7 +1,7 @@
 //! Fits and chains: blocking with the GIL released, or as a job on a thread of its own.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use leafcloud::lod::{self, Chain, ChainSettings};
@@ -55,16 +55,21 @@ impl Work {
         Ok(Self::Chain(Arc::clone(&foliage.0), wood.map(|w| Arc::clone(&w.0)), settings))
     }
 
-    fn run(&self, progress: Progress) -> leafcloud::Result<Output> {
+    /// `better` is told complete results on the way, each better than the one before.
+    fn run(&self, progress: Progress, better: Option<&(dyn Fn(Output) + Sync)>) -> leafcloud::Result<Output> {
         match self {
             Self::Fit(foliage, settings) => {
-                let cloud = leafcloud::fit::fit(foliage, settings, progress)?;
-                Ok(Output::Cloud(CloudInFrame {
-                    mean_deviation: cloud.mean_deviation(foliage),
-                    cloud: Arc::new(cloud),
-                    frame: *foliage.frame(),
-                    radius: foliage.frame().radius,
-                }))
+                let output = |cloud: leafcloud::Cloud| {
+                    Output::Cloud(CloudInFrame {
+                        mean_deviation: cloud.mean_deviation(foliage),
+                        cloud: Arc::new(cloud),
+                        frame: *foliage.frame(),
+                        radius: foliage.frame().radius,
+                    })
+                };
+                let Some(better) = better else { return leafcloud::fit::fit(foliage, settings, progress).map(output) };
+                let tell = |cloud: leafcloud::Cloud| better(output(cloud));
+                leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
             Self::Chain(foliage, wood, settings) => {
                 let chain = lod::build_chain(foliage, wood.as_deref(), settings, progress)?;
@@ -73,26 +78,59 @@ impl Work {
         }
     }
 
-    /// Runs on this thread without the GIL; `progress` is called with it.
+    /// Runs on a thread of its own while this one, which alone hears Ctrl-C, calls `progress` and waits for its answers.
     fn run_here(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
-        let raised: Mutex<Option<PyErr>> = Mutex::new(None);
-        let report = |stage: &str, fraction: f64| {
-            let answer = Python::attach(|py| {
-                py.check_signals()?;
-                let Some(callback) = &progress else { return Ok(true) };
-                let answer = callback.bind(py).call1((stage, fraction))?;
-                Ok(answer.extract::<bool>().unwrap_or(true))
-            });
-            answer.unwrap_or_else(|error| {
-                *lock(&raised) = Some(error);
-                false
-            })
+        let cancelled = AtomicBool::new(false);
+        let (told, tells) = mpsc::channel::<(String, f64)>();
+        let (answered, answers) = mpsc::channel::<()>();
+        let (tells, answers) = (Mutex::new(tells), Mutex::new(answers));
+        let asks = progress.is_some();
+        let report = move |stage: &str, fraction: f64, told: &mpsc::Sender<(String, f64)>| {
+            if asks && told.send((stage.to_owned(), fraction)).is_ok() {
+                let _ = lock(&answers).recv();
+            }
         };
-        let result = py.detach(|| guard(|| self.run(Progress::new(&report))));
-        if let Some(error) = lock(&raised).take() {
+        let mut raised: Option<PyErr> = None;
+        let result = py.detach(|| {
+            std::thread::scope(|scope| {
+                let cancelled = &cancelled;
+                let told = Mutex::new(told);
+                let work = scope.spawn(move || {
+                    let report = |stage: &str, fraction: f64| {
+                        report(stage, fraction, &lock(&told));
+                        !cancelled.load(Ordering::Relaxed)
+                    };
+                    guard(|| self.run(Progress::new(&report), None))
+                });
+                while !work.is_finished() {
+                    let tell = lock(&tells).recv_timeout(PATIENCE).ok();
+                    let wish = Python::attach(|py| {
+                        py.check_signals()?;
+                        let (Some(callback), Some((stage, fraction))) = (&progress, &tell) else { return Ok(true) };
+                        let answer = callback.bind(py).call1((stage, *fraction))?;
+                        Ok(answer.extract::<bool>().unwrap_or(true))
+                    });
+                    let goes_on = wish.unwrap_or_else(|error| {
+                        raised.get_or_insert(error);
+                        false
+                    });
+                    if !goes_on {
+                        cancelled.store(true, Ordering::Relaxed);
+                    }
+                    if tell.is_some() {
+                        let _ = answered.send(());
+                    }
+                }
+                work.join()
+            })
+        });
+        if let Some(error) = raised {
             return Err(error);
         }
-        result?.into_python(py)
+        match result {
+            Ok(result) => result?.into_python(py),
+            Err(_) => Err(refuse("the work ended without a result".to_owned())),
+        }
     }
 }
 
@@ -142,6 +180,8 @@ struct Shared {
     /// The bits of an f64 in [0, 1]; such numbers order like their bits, so that a maximum never falls.
     fraction: AtomicU64,
     cancelled: AtomicBool,
+    /// A complete result before the end.
+    best: Mutex<Option<Output>>,
     result: Mutex<Option<Result<Output, Failure>>>,
     ended: Condvar,
 }
@@ -170,7 +210,8 @@ impl PyJob {
         let worker = Arc::clone(&shared);
         let body = move || {
             let report = |stage: &str, fraction: f64| worker.report(stage, fraction);
-            let result = guard(|| work.run(Progress::new(&report)));
+            let better = |output: Output| *lock(&worker.best) = Some(output);
+            let result = guard(|| work.run(Progress::new(&report), Some(&better)));
             *lock(&worker.result) = Some(result);
             worker.ended.notify_all();
         };
@@ -207,7 +248,7 @@ impl PyJob {
     fn best(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         match self.ended() {
             Some(Ok(output)) => output.into_python(py).map(Some),
-            _ => Ok(None),
+            _ => lock(&self.0.best).clone().map(|output| output.into_python(py)).transpose(),
         }
     }
 

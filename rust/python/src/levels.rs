@@ -5,6 +5,7 @@ use std::sync::Arc;
 use leafcloud::Cloud;
 use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, Level};
+use leafcloud::sheet::Billboard;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -121,15 +122,17 @@ impl PyLevel {
 
     #[getter]
     fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let frame = self.level().frame;
-        point_groups(py, self.level().sheet.billboards.iter().map(|b| b.corners.map(|p| frame.to_caller(p))))
+        let (frame, sheet) = (self.level().frame, &self.level().sheet);
+        let corners = sheet.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_caller(p));
+        let flat: Vec<f64> = corners.flat_map(|p| p.to_array()).collect();
+        flat.into_pyarray(py).reshape([sheet.billboards.len(), sheet.outline_corners(), 3])
     }
 
     #[getter]
     fn uvs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let sheet = &self.level().sheet;
         let flat: Vec<f32> = sheet.billboards.iter().flat_map(|b| sheet.uvs(b)).flatten().collect();
-        flat.into_pyarray(py).reshape([sheet.billboards.len(), 4, 2])
+        flat.into_pyarray(py).reshape([sheet.billboards.len(), sheet.outline_corners(), 2])
     }
 
     #[getter]

@@ -1,6 +1,7 @@
 //! Keyword options to the core's settings, each read once; what is left over is unknown and refused.
 
-use leafcloud::fit::{FitSettings, Method};
+use glam::DVec3;
+use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::ChainSettings;
 use leafcloud::textures::Samples;
 use pyo3::prelude::*;
@@ -32,23 +33,80 @@ impl<'py> Options<'py> {
         self.take(name, |v| v.extract().map_err(|_| wrong(name, v, "a whole number of at least 0")), default)
     }
 
+    fn some<T>(&self, name: &str, wanted: &str) -> PyResult<Option<T>>
+    where
+        T: for<'a> FromPyObject<'a, 'py>,
+    {
+        self.take(name, |v| v.extract().map_err(|_| wrong(name, v, wanted)), None)
+    }
+
+    fn named<T: Named>(&self, default: T) -> PyResult<T> {
+        let read = |v: &Bound<'py, PyAny>| {
+            let name: String = v.extract().map_err(|_| wrong(T::WHAT, v, "a name"))?;
+            Ok(T::from_name(&name).map_err(Failure::from)?)
+        };
+        self.take(T::WHAT, read, default)
+    }
+
+    fn image_bound(&self) -> PyResult<Option<ImageBound>> {
+        let angle = self.some("image_epsilon", "a number or None")?;
+        let distance = self.some("viewing_distance", "a number or None")?;
+        match (angle, distance) {
+            (None, None) => Ok(None),
+            (Some(angle), Some(distance)) => Ok(Some(ImageBound { angle, distance })),
+            _ => Err(refuse("image_epsilon and viewing_distance need each other: give both or neither")),
+        }
+    }
+
+    fn preference(&self, up: DVec3) -> PyResult<Preference> {
+        let views = |v: &Bound<'py, PyAny>| {
+            let views: Vec<Bound<'py, PyAny>> =
+                v.extract().map_err(|_| wrong("views", v, "a list of directions, three floats each"))?;
+            views.iter().map(|view| arrays::vector(view, "a direction of views")).collect()
+        };
+        let default = Preference::default();
+        Ok(Preference {
+            views: self.take("views", views, default.views)?,
+            facing_views: self.number("facing_views", default.facing_views)?,
+            vertical: self.number("vertical", default.vertical)?,
+            up: Some(up),
+        })
+    }
+
+    fn up(&self) -> PyResult<DVec3> {
+        self.take("up", |v| arrays::vector(v, "up"), DVec3::Z)
+    }
+
     fn flag(&self, name: &str, default: bool) -> PyResult<bool> {
         self.take(name, |v| v.extract().map_err(|_| wrong(name, v, "True or False")), default)
     }
 
     pub fn fit(&self) -> PyResult<FitSettings> {
+        let up = self.up()?;
+        self.fit_with(up)
+    }
+
+    fn fit_with(&self, up: DVec3) -> PyResult<FitSettings> {
         let default = FitSettings::default();
-        let method = |v: &Bound<'py, PyAny>| {
-            let name: String = v.extract().map_err(|_| wrong("method", v, "a name"))?;
-            Ok(Method::from_name(&name).map_err(Failure::from)?)
-        };
+        let count = "a whole number of at least 0, or None";
         Ok(FitSettings {
-            method: self.take("method", method, default.method)?,
+            method: self.named(default.method)?,
+            effort: self.named(default.effort)?,
             epsilon: self.number("epsilon", default.epsilon)?,
             candidates: self.count("candidates", default.candidates)?,
             seed: self.count("seed", default.seed as usize)? as u64,
             whole_leaves: self.flag("whole_leaves", default.whole_leaves)?,
             facing: self.number("facing", default.facing)?,
+            gather: self.number("gather", default.gather)?,
+            max_billboards: self.some("max_billboards", count)?,
+            max_texels: self.some("max_texels", count)?,
+            max_size: self.some("max_size", "a number or None")?,
+            compact: self.some("compact", "a number or None")?,
+            max_corners: self.count("max_corners", default.max_corners)?,
+            trim: self.flag("trim", default.trim)?,
+            penalty: self.number("penalty", default.penalty)?,
+            preference: self.preference(up)?,
+            image: self.image_bound()?,
         })
     }
 
@@ -59,11 +117,12 @@ impl<'py> Options<'py> {
             let count = v.extract().map_err(|_| wrong("samples", v, "a whole number"))?;
             Ok(Samples::new(count).map_err(Failure::from)?)
         };
+        let up = self.up()?;
         Ok(ChainSettings {
-            fit: self.fit()?,
+            fit: self.fit_with(up)?,
             levels: self.count("levels", default.levels)?,
             cross: self.flag("cross", default.cross)?,
-            up: self.take("up", |v| arrays::vector(v, "up"), default.up)?,
+            up,
             texture_size: self.count("texture_size", default.texture_size)?,
             samples: self.take("samples", samples, default.samples)?,
             back_sides: self.take("back_sides", sides, default.back_sides)?,

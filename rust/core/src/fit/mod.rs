@@ -1,132 +1,263 @@
 //! The fit: planes for a foliage such that every vertex lies within ε of its triangle's plane.
 //!
-//! A fitter covers *pieces* (whole leaves wherever one plane can hold them) with planes; then every piece chooses its
-//! parent among the planes that hold it. Fitters stand side by side behind [`Fitter`] and share pieces, scoring and choice.
+//! A fitter covers *pieces* with slabs; then every piece, and every leaf that one slab holds, chooses its
+//! parent among those that hold it. Fitters stand side by side behind [`Fitter`] and share pieces, sweeps and choice.
 
 mod assign;
-mod blocks;
+mod axes;
+mod bounds;
+mod budget;
+mod compact;
+mod density;
+mod descent;
+mod greedy;
+mod kmeans;
+mod lanes;
+mod literal;
 mod pieces;
 mod random;
+mod seeds;
+mod settings;
 mod stochastic;
+mod sweep;
+mod thinnest;
+
+use glam::Vec3;
 
 use crate::cloud::Cloud;
-use crate::error::{Error, Result};
-use crate::foliage::Foliage;
+use crate::error::Result;
+use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
+use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 
-use pieces::Pieces;
+use assign::Choice;
+use bounds::Bounds;
+use density::Density;
+use pieces::{Pieces, Slab, Whole};
 pub(crate) use random::Stream;
+pub use settings::{Effort, FitSettings, ImageBound, Method, Named, Preference, TEXELS_PER_EPSILON};
 use stochastic::Stochastic;
+use sweep::{Guard, Search};
 
-/// How planes are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Random search (Lacewell, Edwards, Shirley, Thompson 2006).
-    #[default]
-    Stochastic,
-}
-
-impl Method {
-    /// All methods.
-    pub const ALL: [Self; 1] = [Self::Stochastic];
-
-    /// The name in settings and reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Stochastic => "stochastic",
-        }
-    }
-
-    /// The method of this name.
-    ///
-    /// # Errors
-    /// An unknown name; the message lists those that exist.
-    pub fn from_name(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
-            let known = Self::ALL.map(Self::name).join(", ");
-            Error::invalid(format!("method {name:?} is unknown; choose one of: {known}"))
-        })
-    }
-}
-
-/// What a fit may be asked.
-#[derive(Clone, Copy, Debug)]
-pub struct FitSettings {
-    /// How planes are found.
-    pub method: Method,
-    /// The greatest distance that a vertex may move along its plane's normal, as a share of R; in (0, 1].
-    pub epsilon: f64,
-    /// Planes tried per billboard (N of the paper); in [1, 10⁷].
-    pub candidates: usize,
-    /// Of all randomness.
-    pub seed: u64,
-    /// Keep the triangles of a leaf on one plane whenever one plane holds them all.
-    pub whole_leaves: bool,
-    /// The weight of 1 − |cos| against the squared relative deviation when a piece chooses its plane, ≥ 0. A plane that sees
-    /// a leaf face-on is worth some distance; 0 takes the nearest plane.
-    pub facing: f64,
-}
-
-impl Default for FitSettings {
-    fn default() -> Self {
-        Self { method: Method::Stochastic, epsilon: 0.04, candidates: 600, seed: 0, whole_leaves: true, facing: 1.0 }
-    }
-}
-
-/// Below this, f64 cannot tell whether a triangle lies on its own plane.
-const MIN_EPSILON: f64 = 1e-9;
-
-impl FitSettings {
-    /// # Errors
-    /// The first setting that is outside its range.
-    pub fn check(&self) -> Result<()> {
-        let Self { epsilon, candidates, facing, .. } = *self;
-        if !(MIN_EPSILON..=1.0).contains(&epsilon) {
-            return Err(Error::invalid(format!(
-                "epsilon is {epsilon}; it must be above 0 (at least {MIN_EPSILON}) and at most 1 (a share of R)"
-            )));
-        }
-        if !(1..=10_000_000).contains(&candidates) {
-            return Err(Error::invalid(format!("candidates is {candidates}; it must lie between 1 and 10000000")));
-        }
-        if !(facing >= 0.0 && facing.is_finite()) {
-            return Err(Error::invalid(format!("facing is {facing}; it must be finite and at least 0")));
-        }
-        Ok(())
-    }
-}
-
-/// A way to cover pieces with planes.
+/// A way to cover pieces with slabs.
 trait Fitter: Sync {
-    /// Planes such that each piece is held by at least one within `bound` (local units), in f64.
-    fn cover(&self, pieces: &Pieces, bound: f64, progress: Progress) -> Result<Vec<Plane>>;
+    /// Slabs such that each piece is held by at least one within its bound, in f64. `answer` is told complete answers on the way, each
+    /// better than the one before.
+    fn cover(
+        &self,
+        pieces: &Pieces,
+        search: &Search,
+        progress: Progress,
+        answer: &dyn Fn(&[Slab]),
+    ) -> Result<Vec<Slab>>;
 }
 
 /// The share of ε that is left to the rounding of positions and planes to f32 in files.
 const ROUNDING_MARGIN: f64 = 1e-4;
 
+/// Bins that the least bound is cut into when offsets are swept.
+const BINS_PER_BOUND: f32 = 8.0;
+
+/// The share of a piece's weight that counts only as far as the plane sees it face-on: with all of it a plane never gains by leaves that it sees
+/// edge-on, which would vanish on it.
+const SLOPE: f32 = 1.0;
+
+/// Rounds in which pieces gather about the middles of planes.
+const GATHERING_ROUNDS: usize = 2;
+
+/// How the need of billboards and of texels falls with ε: as these powers, about.
+const BILLBOARDS_POWER: f64 = 1.6;
+const TEXELS_POWER: f64 = 3.0;
+
 /// Fits a cloud to the foliage; ε is a share of the foliage's own R.
 ///
 /// # Errors
-/// A setting outside its range, or [`Error::Cancelled`].
+/// A setting outside its range, or [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn fit(foliage: &Foliage, settings: &FitSettings, progress: Progress) -> Result<Cloud> {
     settings.check()?;
-    fit_within(foliage, settings, settings.epsilon * foliage.frame().radius, progress)
+    fit_within(foliage, settings, settings.epsilon * foliage.frame().radius, progress, None)
 }
 
-/// Fits a cloud whose vertices move at most `bound` (caller's units) along the normal.
-pub(crate) fn fit_within(foliage: &Foliage, settings: &FitSettings, bound: f64, progress: Progress) -> Result<Cloud> {
-    let local_bound = bound / foliage.frame().radius * (1.0 - ROUNDING_MARGIN);
-    let pieces = Pieces::of(foliage, settings.whole_leaves, local_bound);
-    let fitter: &dyn Fitter = match settings.method {
-        Method::Stochastic => &Stochastic { candidates: settings.candidates, seed: settings.seed },
-    };
-    let planes = fitter.cover(&pieces, local_bound, progress)?;
-    let (planes, parents) = assign::choose_parents(&pieces, &planes, local_bound, settings.facing);
+/// The same; `better` is told complete clouds on the way, each with fewer planes than the one before or, with a budget, of a smaller ε.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_watched(
+    foliage: &Foliage,
+    settings: &FitSettings,
+    progress: Progress,
+    better: &(dyn Fn(Cloud) + Sync),
+) -> Result<Cloud> {
+    settings.check()?;
+    fit_within(foliage, settings, settings.epsilon * foliage.frame().radius, progress, Some(better))
+}
+
+/// Fits a cloud whose vertices move at most `bound` (caller's units) along the normal; with a budget, as little as keeps it.
+pub(crate) fn fit_within(
+    foliage: &Foliage,
+    settings: &FitSettings,
+    bound: f64,
+    progress: Progress,
+    better: Option<&(dyn Fn(Cloud) + Sync)>,
+) -> Result<Cloud> {
+    let opacity = if settings.trim { Opacity::of(foliage) } else { Opacity::ignored() };
+    let task = Task { foliage, settings, opacity };
+    // Inside the pool, so that its threads do not have to be woken for every small part of the work.
+    let cloud = rayon::scope(|_| match (settings.method, settings.max_billboards, settings.max_texels) {
+        (Method::KMeans, Some(count), _) => task.clustered(bound, count, progress),
+        (_, None, None) => task.covered(bound, progress, better),
+        _ => task.within_budget(bound, progress, better),
+    })?;
     progress.tell("fit", 1.0)?;
-    Ok(Cloud::new(foliage, planes, pieces.spread(&parents, foliage.triangle_count()), bound))
+    Ok(cloud)
+}
+
+/// The search's unit of work, for benches: sweeps all pieces over eight times `octets` directions once. Returns how many points and area vectors were
+/// looked at for how many directions, and a number that depends on all of them.
+#[doc(hidden)]
+#[must_use]
+pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, f32) {
+    let settings = FitSettings { epsilon, ..FitSettings::default() };
+    let task = Task { foliage, settings: &settings, opacity: Opacity::ignored() };
+    let pieces = task.pieces(epsilon * foliage.frame().radius);
+    let search = task.search(&pieces, &|_| 1.0);
+    let members: Vec<(u32, i32)> = (0..pieces.len() as u32).map(|i| (i, 1)).collect();
+    let whole =
+        Slab { plane: Plane { normal: glam::DVec3::Z, distance: 0.0 }, centre: Vec3::ZERO, reach: f32::INFINITY };
+    let best = sweep::best_near(&pieces, &members, &whole, &sweep::hemisphere(octets), 1.1, &search);
+    let vectors: usize = (0..pieces.len()).map(|i| pieces.points(i).len() + pieces.areas(i).len()).sum();
+    ((vectors * octets * sweep::LANES) as u64, best.0)
+}
+
+/// What is to be fitted.
+struct Task<'a> {
+    foliage: &'a Foliage,
+    settings: &'a FitSettings,
+    opacity: Opacity,
+}
+
+impl Task<'_> {
+    fn pieces(&self, bound: f64) -> Pieces<'_> {
+        let greatest = bound / self.foliage.frame().radius * (1.0 - ROUNDING_MARGIN);
+        let bounds = Bounds { greatest, image: self.settings.image };
+        let whole = if self.settings.whole_leaves { Whole::Always } else { Whole::WhereCheap };
+        Pieces::of(self.foliage, whole, &bounds, &self.opacity)
+    }
+
+    fn search<'s>(&self, pieces: &Pieces, favour: &'s (dyn Fn(Vec3) -> f32 + Sync)) -> Search<'s> {
+        Search {
+            guard: Guard { facing: 0.0, slope: SLOPE },
+            bin: pieces.least_bound() / BINS_PER_BOUND,
+            reach: self.settings.max_size.map_or(f32::INFINITY, |size| size as f32),
+            favour,
+            seed: self.settings.seed,
+        }
+    }
+
+    /// A cloud within `bound`.
+    fn covered(&self, bound: f64, progress: Progress, better: Option<&(dyn Fn(Cloud) + Sync)>) -> Result<Cloud> {
+        let pieces = self.pieces(bound);
+        let favour = |normal: Vec3| self.settings.preference.factor(pieces.axes.to_local(normal.as_dvec3())) as f32;
+        let search = self.search(&pieces, &favour);
+        let FitSettings { method, candidates, effort, penalty, .. } = *self.settings;
+        let fitter: &dyn Fitter = match method {
+            Method::Density => &Density { directions: candidates, penalty },
+            Method::Stochastic | Method::KMeans => &Stochastic { candidates, effort },
+        };
+        let answer = |slabs: &[Slab]| {
+            if let Some(better) = better {
+                better(self.cloud(&pieces, slabs, bound));
+            }
+        };
+        let slabs = fitter.cover(&pieces, &search, progress, &answer)?;
+        Ok(self.cloud(&pieces, &slabs, bound))
+    }
+
+    /// A cloud of `count` planes, whatever the bound; leaves that `bound` holds are kept whole as in [`Self::covered`].
+    fn clustered(&self, bound: f64, count: usize, progress: Progress) -> Result<Cloud> {
+        let pieces = self.pieces(bound);
+        let search = self.search(&pieces, &|_| 1.0);
+        let (slabs, farthest) = kmeans::cluster(&pieces, count, &search, progress)?;
+        let pieces = pieces.with_bound(farthest);
+        let reached = f64::from(pieces.greatest_bound()) / (1.0 - ROUNDING_MARGIN) * self.foliage.frame().radius;
+        Ok(self.cloud(&pieces, &slabs, reached))
+    }
+
+    /// The cloud of the smallest bound that needs no more than the budget; for texels not below `bound`.
+    fn within_budget(&self, bound: f64, progress: Progress, better: Option<&(dyn Fn(Cloud) + Sync)>) -> Result<Cloud> {
+        let radius = self.foliage.frame().radius;
+        let FitSettings { max_billboards, max_texels, .. } = *self.settings;
+        // How much of the tighter budget a cloud needs.
+        let need = |cloud: &Cloud| {
+            let billboards = max_billboards.map_or(0.0, |most| cloud.planes.len() as f64 / most as f64);
+            billboards.max(max_texels.map_or(0.0, |most| self.texels(cloud) / most as f64))
+        };
+        let mut finest = f64::INFINITY;
+        let (power, least) = match max_billboards {
+            Some(_) => (BILLBOARDS_POWER, settings::MIN_EPSILON),
+            None => (TEXELS_POWER, bound / radius),
+        };
+        let found = budget::smallest(1.0, power, bound / radius, least, |epsilon, attempt| {
+            let part = |i: usize| i as f64 / budget::TRIES as f64;
+            let cloud = self.covered(epsilon * radius, progress.part(part(attempt), part(attempt + 1)), None)?;
+            let need = need(&cloud);
+            if let Some(better) = better.filter(|_| need <= 1.0 && epsilon < finest) {
+                finest = epsilon;
+                better(cloud.clone());
+            }
+            Ok((cloud, need))
+        })?;
+        found.ok_or_else(|| match (max_billboards, max_texels) {
+            (Some(most), _) => budget::out_of_reach("max_billboards", most),
+            (None, most) => budget::out_of_reach("max_texels", most.unwrap_or_default()),
+        })
+    }
+
+    /// Texels that the cloud's outlines take where one has the side of ε / [`TEXELS_PER_EPSILON`].
+    fn texels(&self, cloud: &Cloud) -> f64 {
+        let texel = cloud.bound / self.foliage.frame().radius / TEXELS_PER_EPSILON;
+        let onto = |t: usize| {
+            let plane = cloud.planes[cloud.parents[t] as usize];
+            self.foliage.corners(t).map(|p| plane.project(p))
+        };
+        let shape = OutlineSettings { corners: self.settings.max_corners };
+        let outlines = outlines(&cloud.planes, &cloud.parents, onto, &self.opacity, shape);
+        outlines.iter().map(|o| o.size().x * o.size().y).sum::<f64>() / (texel * texel)
+    }
+
+    /// The cloud in which every piece, and every leaf that a slab holds, has chosen among the slabs.
+    fn cloud(&self, pieces: &Pieces, slabs: &[Slab], bound: f64) -> Cloud {
+        let mut choice = Choice::new(self.settings.facing as f32, self.settings.gather as f32);
+        let mut parents = assign::parents(pieces, slabs, &choice);
+        for _ in 0..if choice.gather > 0.0 { GATHERING_ROUNDS } else { 0 } {
+            choice = choice.gathered(pieces, slabs, &parents);
+            parents = assign::parents(pieces, slabs, &choice);
+        }
+        let parents: Vec<u32> = parents.into_iter().map(|p| p.expect("a fitter covers every piece")).collect();
+        let mut parents = pieces.spread(&parents);
+        assign::reunite_leaves(pieces, slabs, &choice, self.foliage, &mut parents);
+        let (slabs, mut parents) = used(slabs, &parents);
+        let mut planes: Vec<Plane> = slabs.iter().map(|slab| pieces.axes.plane_to_local(&slab.plane)).collect();
+        if let Some(gap) = self.settings.compact {
+            (planes, parents) = compact::parted(&planes, &parents, |t| self.foliage.corners(t), gap);
+        }
+        Cloud::new(self.foliage, planes, parents, bound)
+    }
+}
+
+/// The slabs that are somebody's parent, and the parents by their new numbers.
+fn used(slabs: &[Slab], parents: &[u32]) -> (Vec<Slab>, Vec<u32>) {
+    let mut number = vec![None; slabs.len()];
+    for &k in parents {
+        number[k as usize] = Some(0);
+    }
+    let mut kept = Vec::new();
+    for (number, slab) in number.iter_mut().zip(slabs).filter(|(number, _)| number.is_some()) {
+        *number = Some(kept.len() as u32);
+        kept.push(*slab);
+    }
+    (kept, parents.iter().map(|&k| number[k as usize].expect("parents are used")).collect())
 }
 
 #[cfg(test)]

@@ -1,66 +1,315 @@
 //! Pieces: what a plane captures as one. A whole leaf wherever one plane can hold it, else each triangle by itself.
 //!
-//! Whether one plane can hold a leaf is the question of its width: the least distance of two parallel planes that enclose it.
-//! The optimum's normal is perpendicular to a hull face or to two hull edges, so the normals perpendicular to two differences of
-//! vertices contain it: tried in full for leaves of up to [`EXACT_VERTICES`] vertices. Larger leaves try their
-//! triangles' normals and a sample of edge pairs: a known limit, which can part a large curved leaf that a plane could just hold.
+//! Pieces lie in spatial order (Morton codes of their centres), in rows of f32 points that the search streams through, with a box around
+//! every [`BLOCK`] of them, so that a plane looks only at those near it. Order and contents follow from the geometry alone, not from the order
+//! of the triangles. What a piece promises is decided in f64: [`Pieces::holds`] asks the f32 points first, and the foliage's own corners
+//! where their rounding could matter.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::foliage::{Foliage, area_vector};
+use super::axes::Axes;
+use super::bounds::Bounds;
+use super::lanes::{Eight, Kernel, LANES, dispatch};
+use super::thinnest::thin_enough;
+use crate::foliage::{Foliage, Opacity, area_vector};
 use crate::geometry::Plane;
+use crate::groups::{Groups, Rows};
 
-const EXACT_VERTICES: usize = 12;
+/// Pieces that share a box.
+const BLOCK: usize = 32;
 
-/// Directions of area vectors that are told apart in one piece; a leaf of more (a hedge in one mesh) is summed less, never searched longer.
-const MOST_DIRECTIONS: usize = 64;
+/// Leaves that one task looks at.
+const TASK: usize = 2048;
+
+/// Error bound of a height in f32: three products of numbers of at most 1, each factor rounded to 2⁻²⁵, two sums and a difference of
+/// numbers below 2: under 12 · 2⁻²⁴ = 7.2e-7.
+pub const HEIGHT_ERROR: f32 = 1e-6;
 
 /// Area vectors closer in direction than this (sine of the angle) are summed: they project alike.
 const PARALLEL: f64 = 1e-6;
 
-/// What a plane captures as one.
-#[derive(Debug)]
-pub struct Piece {
-    /// The distinct places of its vertices, local.
-    pub vertices: Vec<DVec3>,
-    /// Area vectors of its triangles, those of one direction summed; empty for a piece without area.
-    pub areas: Vec<DVec3>,
-    /// A plane that holds it.
-    pub own: Plane,
-    triangles: Vec<u32>,
+/// Directions of area vectors that are told apart in one piece; a leaf of more (a hedge in one mesh) is summed less, never searched longer.
+const MOST_DIRECTIONS: usize = 64;
+
+/// A plane, canonical, and how far from a centre it may hold pieces.
+#[derive(Clone, Copy, Debug)]
+pub struct Slab {
+    /// In f64, as it is promised.
+    pub plane: Plane,
+    /// Where it was found.
+    pub centre: Vec3,
+    /// How far from the centre points may lie; infinite without a size limit.
+    pub reach: f32,
 }
 
-/// All pieces of a foliage; every triangle belongs to exactly one.
-#[derive(Debug)]
-pub struct Pieces(Vec<Piece>);
+/// Which leaves are kept whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Whole {
+    /// All that a plane holds.
+    Always,
+    /// Of those, the ones no wider than a slab is thick, which costs next to nothing.
+    WhereCheap,
+}
 
-impl Pieces {
-    /// Leaves, where `whole_leaves` and a plane holds all of the leaf within `bound`; else triangles.
-    pub fn of(foliage: &Foliage, whole_leaves: bool, bound: f64) -> Self {
+/// All pieces of a foliage, or some of them. Canonical coordinates.
+#[derive(Clone, Debug)]
+pub struct Pieces<'a> {
+    foliage: &'a Foliage,
+    /// How canonical coordinates lie in local ones.
+    pub axes: Axes,
+    triangles: Groups,
+    points: Rows<Vec3>,
+    areas: Rows<Vec3>,
+    totals: Vec<f32>,
+    weights: Vec<f32>,
+    bounds: Vec<f32>,
+    blocks: Vec<Block>,
+    /// The points of eight pieces a row, for [`Held`]; a piece with fewer than its neighbours repeats one.
+    slots: Rows<Slot>,
+}
+
+/// A point of each of eight pieces: x, y, z.
+type Slot = [[f32; LANES]; 3];
+
+/// The box around the points of [`BLOCK`] pieces, and their greatest bound.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    centre: Vec3,
+    half: Vec3,
+    bound: f32,
+}
+
+/// What is found out about one leaf or triangle before pieces are put in order.
+struct Draft {
+    key: (u64, [u32; 3]),
+    triangles: Vec<u32>,
+    points: Vec<Vec3>,
+    areas: Vec<Vec3>,
+    weight: f32,
+    bound: f32,
+}
+
+impl<'a> Pieces<'a> {
+    /// Leaves, where `whole` says so and a plane holds all of the leaf within its bound; else triangles.
+    pub fn of(foliage: &'a Foliage, whole: Whole, bounds: &Bounds, opacity: &Opacity) -> Self {
+        let axes = Axes::of(foliage);
         let leaves = foliage.leaves();
-        let split = |leaf: usize| -> Vec<Piece> {
+        let source = Source { foliage, axes, bounds, opacity };
+        let split = |leaf: usize| -> Vec<Draft> {
             let triangles = leaves.get(leaf);
-            if whole_leaves && triangles.len() > 1 {
-                let whole = Piece::new(foliage, triangles, bound);
-                if whole.held_by(&whole.own, bound) {
-                    return vec![whole];
+            let together = triangles.len() == 1 || whole == Whole::Always || source.is_small(triangles);
+            match together.then(|| source.draft(triangles)).flatten() {
+                Some(whole) => vec![whole],
+                None => {
+                    triangles.iter().map(|&t| source.draft(&[t]).expect("a triangle has a plane of its own")).collect()
                 }
             }
-            triangles.iter().map(|&t| Piece::new(foliage, &[t], bound)).collect()
         };
-        Self((0..leaves.len()).into_par_iter().flat_map_iter(split).collect())
+        let mut drafts: Vec<Draft> =
+            (0..leaves.len()).into_par_iter().with_min_len(TASK).flat_map_iter(split).collect();
+        drafts.par_sort_unstable_by(|a, b| a.key.cmp(&b.key).then_with(|| a.triangles.cmp(&b.triangles)));
+        Self::assemble(foliage, axes, drafts)
     }
 
-    pub fn as_slice(&self) -> &[Piece] {
-        &self.0
+    fn assemble(foliage: &'a Foliage, axes: Axes, drafts: Vec<Draft>) -> Self {
+        let (mut triangles, mut points, mut areas) = (Rows::default(), Rows::default(), Rows::default());
+        let [mut totals, mut weights, mut bounds] = [(); 3].map(|()| Vec::with_capacity(drafts.len()));
+        for draft in drafts {
+            totals.push(draft.areas.iter().map(|a| a.length()).sum());
+            weights.push(draft.weight);
+            bounds.push(draft.bound);
+            triangles.push(draft.triangles);
+            points.push(draft.points);
+            areas.push(draft.areas);
+        }
+        let (blocks, slots) = (blocks(&points, &bounds), slots(&points));
+        Self { foliage, axes, triangles, points, areas, totals, weights, bounds, blocks, slots }
+    }
+
+    /// Those of the pieces that are listed, in ascending order, as pieces of their own.
+    pub fn select(&self, chosen: &[u32]) -> Self {
+        let rows = chosen.iter().map(|&i| i as usize);
+        let points = self.points.select(rows.clone());
+        let bounds: Vec<f32> = rows.clone().map(|i| self.bounds[i]).collect();
+        Self {
+            foliage: self.foliage,
+            axes: self.axes,
+            triangles: self.triangles.select(rows.clone()),
+            areas: self.areas.select(rows.clone()),
+            totals: rows.clone().map(|i| self.totals[i]).collect(),
+            weights: rows.map(|i| self.weights[i]).collect(),
+            blocks: blocks(&points, &bounds),
+            slots: slots(&points),
+            points,
+            bounds,
+        }
+    }
+
+    /// The same pieces, all held to `bound` and the rounding of f32.
+    pub fn with_bound(mut self, bound: f64) -> Self {
+        self.bounds.fill((bound as f32).next_up() + HEIGHT_ERROR);
+        self.blocks = blocks(&self.points, &self.bounds);
+        self
+    }
+
+    /// The same pieces held to `share` of their bounds.
+    pub fn tightened(mut self, share: f32) -> Self {
+        self.bounds.iter_mut().for_each(|bound| *bound *= share);
+        self
+    }
+
+    pub fn len(&self) -> usize {
+        self.totals.len()
+    }
+
+    /// The distinct places of a piece's vertices.
+    #[inline]
+    pub fn points(&self, piece: usize) -> &[Vec3] {
+        self.points.get(piece)
+    }
+
+    /// Area vectors of its triangles, those of one direction summed; empty for a piece without area.
+    #[inline]
+    pub fn areas(&self, piece: usize) -> &[Vec3] {
+        self.areas.get(piece)
+    }
+
+    /// The sum of its triangles' areas.
+    #[inline]
+    pub fn area(&self, piece: usize) -> f32 {
+        self.totals[piece]
+    }
+
+    /// How far its points may lie from its plane.
+    #[inline]
+    pub fn bound(&self, piece: usize) -> f32 {
+        self.bounds[piece]
+    }
+
+    /// The greatest bound of all pieces.
+    pub fn greatest_bound(&self) -> f32 {
+        self.bounds.iter().copied().fold(0.0, f32::max)
+    }
+
+    /// The least bound of all pieces.
+    pub fn least_bound(&self) -> f32 {
+        self.bounds.iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
+    /// What a piece counts: how much of its area can be seen.
+    #[inline]
+    pub fn weight(&self, piece: usize) -> f32 {
+        self.weights[piece]
+    }
+
+    /// The triangles of a piece.
+    pub fn triangles(&self, piece: usize) -> &[u32] {
+        self.triangles.get(piece)
+    }
+
+    /// The middle of the box around a piece's points.
+    pub fn centre(&self, piece: usize) -> Vec3 {
+        let (low, high) = extent(self.points(piece));
+        (low + high) * 0.5
+    }
+
+    /// A plane that holds the piece.
+    pub fn own_plane(&self, piece: usize) -> Plane {
+        let corners = corners(self.foliage, self.axes, self.triangles(piece));
+        let areas = merge_parallel(&corners);
+        thin_enough(&distinct(&corners), &areas, f64::from(self.bounds[piece]))
+    }
+
+    /// A slab around the piece's own plane.
+    pub fn own_slab(&self, piece: usize, reach: f32) -> Slab {
+        let reach = self.reach_around(piece, reach);
+        Slab { plane: self.own_plane(piece), centre: self.centre(piece), reach }
+    }
+
+    /// `reach`, or what the piece itself needs around its centre where that is more: a leaf may be larger than a size limit.
+    pub fn reach_around(&self, piece: usize, reach: f32) -> f32 {
+        if reach == f32::INFINITY {
+            return reach;
+        }
+        let centre = self.centre(piece);
+        let own = self.points(piece).iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
+        reach.max(own * (1.0 + 1e-6))
+    }
+
+    /// The share of its area that a piece keeps when projected along `normal`; 1 for a piece without area.
+    #[inline]
+    pub fn facing(&self, piece: usize, normal: Vec3) -> f32 {
+        let total = self.totals[piece];
+        if total > 0.0 { self.areas(piece).iter().map(|a| a.dot(normal).abs()).sum::<f32>() / total } else { 1.0 }
+    }
+
+    /// The greatest distance of a piece's points from the plane, in f32.
+    pub fn greatest_height(&self, piece: usize, slab: &Slab) -> f32 {
+        let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
+        self.points(piece).iter().map(|p| (normal.dot(*p) - distance).abs()).fold(0.0, f32::max)
+    }
+
+    /// The bounds of a piece and the seven behind it; below every height where there is none.
+    #[inline]
+    fn bounds_of_eight(&self, first: usize) -> [f32; LANES] {
+        match self.bounds[first..].first_chunk() {
+            Some(bounds) => *bounds,
+            None => std::array::from_fn(|lane| self.bounds.get(first + lane).copied().unwrap_or(f32::NEG_INFINITY)),
+        }
+    }
+
+    /// Whether all points of a piece lie within `reach` of `centre`.
+    #[inline]
+    pub fn within_reach(&self, piece: usize, centre: Vec3, reach: f32) -> bool {
+        reach == f32::INFINITY || self.points(piece).iter().all(|p| p.distance(centre) <= reach)
+    }
+
+    fn holds_exactly(&self, piece: usize, plane: &Plane) -> bool {
+        let plane = self.axes.plane_to_local(plane);
+        let bound = f64::from(self.bounds[piece]);
+        let corners = self.triangles(piece).iter().flat_map(|&t| self.foliage.corners(t as usize));
+        corners.into_iter().all(|corner| plane.height(corner).abs() <= bound)
+    }
+
+    /// The pieces that have a point within `width` bounds of the plane, in ascending order, and a few more.
+    pub fn near(&self, slab: &Slab, width: f32) -> impl Iterator<Item = u32> + '_ {
+        let members = |block: usize| (block * BLOCK) as u32..((block + 1) * BLOCK).min(self.len()) as u32;
+        self.near_blocks(slab, width, 0..self.len()).flat_map(members)
+    }
+
+    /// Whether the first of a piece's points lies within `width` bounds of the plane.
+    #[inline]
+    pub fn touches(&self, piece: usize, slab: &Slab, width: f32) -> bool {
+        let height = slab.plane.normal.as_vec3().dot(self.points(piece)[0]) - slab.plane.distance as f32;
+        height.abs() <= width * self.bounds[piece]
+    }
+
+    /// The pieces that the slab holds whose number lies in `range`, in ascending order; its ends are multiples of [`BLOCK`], or
+    /// all there is.
+    pub fn held_in(&self, slab: &Slab, range: std::ops::Range<usize>) -> Vec<u32> {
+        dispatch(Held { pieces: self, slab, range })
+    }
+
+    /// The blocks that have a point within `width` bounds of the plane.
+    fn near_blocks(&self, slab: &Slab, width: f32, range: std::ops::Range<usize>) -> impl Iterator<Item = usize> + '_ {
+        let slab = *slab;
+        let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
+        let close = move |block: &Block| {
+            let height = (normal.dot(block.centre) - distance).abs() - normal.abs().dot(block.half);
+            let away = ((slab.centre - block.centre).abs() - block.half).max(Vec3::ZERO).length();
+            height <= width * block.bound + 2.0 * HEIGHT_ERROR && away <= slab.reach + HEIGHT_ERROR
+        };
+        let first = range.start / BLOCK;
+        let blocks = &self.blocks[first..range.end.div_ceil(BLOCK)];
+        blocks.iter().enumerate().filter(move |(_, block)| close(block)).map(move |(i, _)| first + i)
     }
 
     /// Carries a value per piece to its triangles.
-    pub fn spread(&self, values: &[u32], triangle_count: usize) -> Vec<u32> {
-        let mut spread = vec![0; triangle_count];
-        for (piece, &value) in self.0.iter().zip(values) {
-            for &t in &piece.triangles {
+    pub fn spread(&self, values: &[u32]) -> Vec<u32> {
+        let mut spread = vec![0; self.foliage.triangle_count()];
+        for (triangles, &value) in self.triangles.iter().zip(values) {
+            for &t in triangles {
                 spread[t as usize] = value;
             }
         }
@@ -68,44 +317,122 @@ impl Pieces {
     }
 }
 
-impl Piece {
-    fn new(foliage: &Foliage, triangles: &[u32], bound: f64) -> Self {
-        let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| foliage.corners(t as usize)).collect();
-        let vertices = distinct(corners.iter().flatten().copied());
-        let areas = merge_parallel(corners.iter().map(|&c| area_vector(c)));
-        let own = thin_enough(&vertices, &areas, bound);
-        let piece = Self { vertices, areas, own, triangles: triangles.to_vec() };
-        debug_assert!(triangles.len() > 1 || piece.held_by(&own, bound), "a triangle has a plane of its own");
-        piece
-    }
+/// Which pieces a slab holds: eight at a time in f32, in f64 where that is too close to tell.
+struct Held<'a> {
+    pieces: &'a Pieces<'a>,
+    slab: &'a Slab,
+    range: std::ops::Range<usize>,
+}
 
-    /// Whether all vertices lie within `bound` of the plane.
-    pub fn held_by(&self, plane: &Plane, bound: f64) -> bool {
-        self.vertices.iter().all(|&v| plane.height(v).abs() <= bound)
-    }
+#[allow(clippy::inline_always)] // see `lanes`
+impl Kernel for Held<'_> {
+    type Output = Vec<u32>;
 
-    /// The sum of the triangles' areas.
-    pub fn area(&self) -> f64 {
-        self.areas.iter().map(|a| a.length()).sum()
-    }
-
-    /// The sum of the triangles' areas as projected along `normal`.
-    pub fn projected_area(&self, normal: DVec3) -> f64 {
-        self.areas.iter().map(|a| a.dot(normal).abs()).sum()
+    #[inline(always)]
+    fn run<E: Eight>(self, e: E) -> Vec<u32> {
+        let Self { pieces, slab, range } = self;
+        let normal = slab.plane.normal.as_vec3().to_array().map(|x| e.splat(x));
+        let distance = e.splat(slab.plane.distance as f32);
+        let margin = e.splat(HEIGHT_ERROR);
+        let mut held = Vec::new();
+        for block in pieces.near_blocks(slab, 1.0, range.clone()) {
+            let end = ((block + 1) * BLOCK).min(range.end);
+            for first in (block * BLOCK..end).step_by(LANES) {
+                let mut farthest = e.splat(0.0);
+                for slot in pieces.slots.get(first / LANES) {
+                    let [x, y, z] = slot.map(|lanes| e.load(lanes));
+                    let along = e.add(e.add(e.mul(x, normal[0]), e.mul(y, normal[1])), e.mul(z, normal[2]));
+                    farthest = e.max(e.abs(e.sub(along, distance)), farthest);
+                }
+                let bound = e.load(pieces.bounds_of_eight(first));
+                let mut maybe = e.at_most(farthest, e.add(bound, margin));
+                if maybe == 0 {
+                    continue;
+                }
+                let surely = e.at_most(farthest, e.sub(bound, margin));
+                while maybe != 0 {
+                    let lane = maybe.trailing_zeros();
+                    maybe &= maybe - 1;
+                    let piece = first + lane as usize;
+                    let certain = surely >> lane & 1 == 1 || pieces.holds_exactly(piece, &slab.plane);
+                    if certain && pieces.within_reach(piece, slab.centre, slab.reach) {
+                        held.push(piece as u32);
+                    }
+                }
+            }
+        }
+        held
     }
 }
 
-fn distinct(points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
-    let mut kept: Vec<DVec3> = points.collect();
-    kept.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
+/// What drafts are made from.
+struct Source<'a> {
+    foliage: &'a Foliage,
+    axes: Axes,
+    bounds: &'a Bounds,
+    opacity: &'a Opacity,
+}
+
+impl Source<'_> {
+    /// Whether a slab is as thick as the leaf is wide: then to keep it whole costs next to nothing.
+    fn is_small(&self, triangles: &[u32]) -> bool {
+        let corners = triangles.iter().flat_map(|&t| self.foliage.corners(t as usize));
+        let (low, high) =
+            corners.clone().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        high.distance(low) <= 2.0 * f64::from(self.bounds.of(corners))
+    }
+
+    /// `None` when no plane holds all triangles.
+    fn draft(&self, triangles: &[u32]) -> Option<Draft> {
+        let corners = corners(self.foliage, self.axes, triangles);
+        let vertices = distinct(&corners);
+        let areas = merge_parallel(&corners);
+        let bound = self.bounds.of(vertices.iter().map(|&v| self.axes.to_local(v)));
+        if triangles.len() > 1 {
+            let plane = thin_enough(&vertices, &areas, f64::from(bound));
+            // A hair less, so that another order of the same sums cannot find it too far.
+            let held = f64::from(bound) * (1.0 - 1e-7);
+            if vertices.iter().any(|&v| plane.height(v).abs() > held) {
+                return None;
+            }
+        }
+        let points: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
+        let areas = areas.iter().map(|a| a.as_vec3()).filter(|a| *a != Vec3::ZERO).collect();
+        let visible =
+            |&t: &u32| self.foliage.area_vector(t as usize).length() as f32 * self.opacity.get(t as usize).share;
+        let (low, high) = extent(&points);
+        let key = (morton((low + high) * 0.5), points[0].to_array().map(f32::to_bits));
+        let weight = triangles.iter().map(visible).sum();
+        Some(Draft { key, triangles: triangles.to_vec(), points, areas, weight, bound })
+    }
+}
+
+/// The corners of triangles, canonical; triangles in an order that follows from where they lie.
+fn corners(foliage: &Foliage, axes: Axes, triangles: &[u32]) -> Vec<[DVec3; 3]> {
+    let mut corners: Vec<[DVec3; 3]> =
+        triangles.iter().map(|&t| foliage.corners(t as usize).map(|p| axes.to_canonical(p))).collect();
+    corners.sort_by(|a, b| {
+        a.iter().zip(b).map(|(a, b)| by_coordinates(a, b)).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    corners
+}
+
+fn by_coordinates(a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
+    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+}
+
+fn distinct(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
+    // Adding 0 turns −0 into +0: the same place.
+    let mut kept: Vec<DVec3> = corners.iter().flatten().map(|&p| p + DVec3::ZERO).collect();
+    kept.sort_by(by_coordinates);
     kept.dedup();
     kept
 }
 
 /// Sums area vectors of one direction, whichever way they wind, and drops those without length.
-fn merge_parallel(areas: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
+fn merge_parallel(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
     let mut merged: Vec<DVec3> = Vec::new();
-    for area in areas.filter(|a| *a != DVec3::ZERO) {
+    for area in corners.iter().map(|&c| area_vector(c)).filter(|a| *a != DVec3::ZERO) {
         let parallel = |m: &&mut DVec3| m.cross(area).length() <= PARALLEL * m.length() * area.length();
         let searched = merged.len().min(MOST_DIRECTIONS);
         match merged[..searched].iter_mut().find(parallel) {
@@ -116,48 +443,48 @@ fn merge_parallel(areas: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
     merged
 }
 
-/// The plane in the middle of a slab around the points: the first look at the area vectors when that holds them within
-/// `bound`, else the thinnest that was found.
-fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
-    let stride = areas.len().div_ceil(MOST_DIRECTIONS).max(1);
-    let from_areas = areas.iter().step_by(stride).filter_map(|a| a.try_normalize());
-    let (mut best, mut half) = (Plane { normal: DVec3::Z, distance: 0.0 }, f64::INFINITY);
-    let mut consider = |normal: DVec3| {
-        let heights = points.iter().map(|p| normal.dot(*p));
-        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        if (high - low) / 2.0 < half {
-            (best, half) = (Plane { normal, distance: low / 2.0 + high / 2.0 }, (high - low) / 2.0);
-        }
-        half
-    };
-    let mut reached = f64::INFINITY;
-    for normal in from_areas {
-        reached = consider(normal);
-    }
-    if reached > bound {
-        let directions = differences(points);
-        for (i, a) in directions.iter().enumerate() {
-            for b in &directions[i + 1..] {
-                if let Some(normal) = a.cross(*b).try_normalize() {
-                    reached = consider(normal);
-                }
-            }
-            // A sliver's cross products are rounding noise; a plane along its longest edge holds what is as thin as that.
-            if let Some(along) = a.try_normalize() {
-                reached = consider(along.any_orthonormal_vector());
-            }
-        }
-    }
-    if reached == f64::INFINITY {
-        consider(DVec3::Z); // one point
-    }
-    best
+fn extent(points: &[Vec3]) -> (Vec3, Vec3) {
+    points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// Differences of vertices: all of them for few, a regular sample for many.
-fn differences(points: &[DVec3]) -> Vec<DVec3> {
-    let stride = points.len().div_ceil(EXACT_VERTICES).max(1);
-    let chosen: Vec<DVec3> = points.iter().step_by(stride).copied().collect();
-    let pairs = chosen.iter().enumerate().flat_map(|(i, a)| chosen[i + 1..].iter().map(move |b| *b - *a));
-    pairs.collect()
+fn blocks(points: &Rows<Vec3>, bounds: &[f32]) -> Vec<Block> {
+    let block = |first: usize| {
+        let range = first..(first + BLOCK).min(points.len());
+        let each = range.clone().map(|i| extent(points.get(i)));
+        let (low, high) = each.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let bound = bounds[range].iter().copied().fold(0.0, f32::max);
+        Block { centre: (low + high) * 0.5, half: (high - low) * 0.5, bound }
+    };
+    (0..points.len()).step_by(BLOCK).map(block).collect()
 }
+
+fn slots(points: &Rows<Vec3>) -> Rows<Slot> {
+    let mut slots = Rows::default();
+    for first in (0..points.len()).step_by(LANES) {
+        let row = |lane: usize| points.get((first + lane).min(points.len() - 1));
+        let longest = (0..LANES).map(|lane| row(lane).len()).max().unwrap_or(0);
+        slots.push((0..longest).map(|slot| {
+            let point = |lane: usize| row(lane)[slot.min(row(lane).len() - 1)];
+            let points: [Vec3; LANES] = std::array::from_fn(point);
+            [points.map(|p| p.x), points.map(|p| p.y), points.map(|p| p.z)]
+        }));
+    }
+    slots
+}
+
+/// The Morton code of a point: 21 bits an axis, interleaved.
+fn morton(p: Vec3) -> u64 {
+    let spread = |x: f32| {
+        let mut bits = ((x * 0.5 + 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64;
+        bits = (bits | (bits << 32)) & 0x001F_0000_0000_FFFF;
+        bits = (bits | (bits << 16)) & 0x001F_0000_FF00_00FF;
+        bits = (bits | (bits << 8)) & 0x100F_00F0_0F00_F00F;
+        bits = (bits | (bits << 4)) & 0x10C3_0C30_C30C_30C3;
+        (bits | (bits << 2)) & 0x1249_2492_4924_9249
+    };
+    spread(p.x) | (spread(p.y) << 1) | (spread(p.z) << 2)
+}
+
+#[cfg(test)]
+#[path = "pieces_tests.rs"]
+mod tests;

@@ -1,7 +1,6 @@
 //! Counter-based randomness: a stream of its own for every candidate, so that the result does not depend on which thread
 //! tries it.
 
-use glam::DVec3;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
@@ -28,9 +27,9 @@ impl Stream {
         f64::from(self.0.next_u32()) / f64::from(1u32 << 31) - 1.0
     }
 
-    /// Uniform in the cube [−1, 1)³.
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.signed(), self.signed(), self.signed())
+    /// Uniform in [0, 1), 32 bits.
+    pub fn unit(&mut self) -> f64 {
+        f64::from(self.0.next_u32()) / f64::from(1u32 << 16) / f64::from(1u32 << 16)
     }
 
     /// Uniform below `count` (at most 2³²; bias below count/2³²).

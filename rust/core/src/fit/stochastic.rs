@@ -1,146 +1,139 @@
-//! Random search for planes: Lacewell, Edwards, Shirley, Thompson, "Stochastic Billboard Clouds for Interactive Foliage
-//! Rendering" (2006), Algorithm 1.
+//! The stochastic method, by effort: the published search, a greedy one over all offsets, and a descent behind it.
 //!
-//! Until no piece remains: draw N planes, each through a random remaining triangle whose vertices are moved by up to ±ε along
-//! its normal; keep the one that holds the greatest projected area; remove what it holds. The printed pseudo-code resets its maximum inside the
-//! loop and never updates it; the text is right, the best of N is kept.
-//!
-//! Beyond the paper, the best plane is refined: rounds of small turns and shifts about the centre of what it holds,
-//! with a shrinking step. That is worth more than the same number of fresh draws (a fifth fewer planes).
-//!
-//! Complexity O(K · N · n) for K planes over n pieces; the constant is a block scan (see `blocks`). Known limit: greedy, it
-//! never takes a plane back.
+//! Large soups are fitted by a core-set: a sample, held a little closer than it must be. All pieces are checked against its answer;
+//! some of those that are missed join it, and in the end what is still missed gets planes of its own.
 
-use glam::DVec3;
-use rayon::prelude::*;
-
-use super::Fitter;
-use super::blocks::Blocks;
-use super::pieces::{Piece, Pieces};
+use super::descent::{DescentPlan, descend};
+use super::greedy::{self, GreedyPlan};
+use super::pieces::{Pieces, Slab};
 use super::random::Stream;
+use super::settings::Effort;
+use super::sweep::Search;
+use super::{Fitter, assign, literal};
 use crate::error::Result;
-use crate::geometry::Plane;
 use crate::progress::Progress;
 
-/// Steps of the refinement, as shares of the bound.
-const REFINE_STEPS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
-
-/// Candidates of one refinement step, as a share of N.
-const REFINE_SHARE: usize = 8;
-
-/// One candidate in this many is its seed's own plane.
-const UNMOVED: usize = 16;
-
-/// Best of N random planes, again and again.
+/// Random search and what grew from it.
 pub struct Stochastic {
     /// N of the paper.
     pub candidates: usize,
-    pub seed: u64,
+    pub effort: Effort,
 }
 
-/// A plane and the area that it would capture.
-#[derive(Clone, Copy)]
-struct Scored {
-    area: f64,
-    plane: Plane,
-}
+/// More pieces than this are fitted by a core-set.
+const MOST_PIECES: usize = 40_000;
+
+/// Pieces of a core-set at first, and how many join it in each round.
+const CORE: usize = 12_000;
+const JOINING: usize = 4_000;
+const ROUNDS: usize = 3;
+
+/// The share of a whole descent's steps in each round.
+const STEPS_SHARE: f64 = 0.38;
+
+/// The share of its bound that a piece of a core-set is held to.
+const TIGHTER: f32 = 0.97;
+
+/// Pieces from which on the steps of a descent are proportional to the slabs that it begins with; smaller foliage needs fewer.
+const FEW_PIECES: f64 = 6000.0;
+
+/// Of the area that the greedy answer loses, what a quick search may lose.
+const QUICK_LOSS: f64 = 1.1;
+
+/// How far a long search may go from the share of the greedy answer to the published algorithm's.
+const TOWARDS_LITERAL: f64 = 0.4;
 
 impl Fitter for Stochastic {
-    fn cover(&self, pieces: &Pieces, bound: f64, progress: Progress) -> Result<Vec<Plane>> {
-        let total: f64 = pieces.as_slice().iter().map(Piece::area).sum();
-        let mut remaining: Vec<&Piece> = pieces.as_slice().iter().collect();
-        let mut planes = Vec::new();
-        while !remaining.is_empty() {
-            let left: f64 = remaining.iter().map(|p| p.area()).sum();
-            progress.tell("fit", 1.0 - left / total)?;
-            let plane = self.best_plane(&remaining, bound, planes.len());
-            let before = remaining.len();
-            remaining.retain(|p| !p.held_by(&plane, bound));
-            if remaining.len() < before {
-                planes.push(plane);
-            } else {
-                // Only slivers are left, or f32 saw a capture that f64 does not: the first piece gets a plane of its own.
-                let own = remaining[0].own;
-                remaining.retain(|p| !p.held_by(&own, bound));
-                planes.push(own);
-            }
+    fn cover(
+        &self,
+        pieces: &Pieces,
+        search: &Search,
+        progress: Progress,
+        answer: &dyn Fn(&[Slab]),
+    ) -> Result<Vec<Slab>> {
+        if self.effort == Effort::Literal {
+            return literal::cover(pieces, self.candidates, search, progress);
         }
-        Ok(planes)
+        if pieces.len() <= MOST_PIECES {
+            let slabs = greedy::cover(pieces, self.greedy_plan(), search, progress.part(0.0, 0.3))?;
+            return self.descended(pieces, slabs, search, 1.0, progress.part(0.3, 1.0), answer);
+        }
+        self.cover_by_core_set(pieces, search, progress)
     }
 }
 
 impl Stochastic {
-    fn best_plane(&self, remaining: &[&Piece], bound: f64, round: usize) -> Plane {
-        let blocks = Blocks::of(remaining.iter().copied());
-        let draw = |candidate: usize| {
-            let mut stream = Stream::new(self.seed, round, candidate);
-            let seed = remaining[stream.below(remaining.len())];
-            // Some seeds stay where they are: leaves in one plane, however large, are captured by it alone.
-            let reach = if candidate.is_multiple_of(UNMOVED) { 0.0 } else { bound };
-            perturbed_seed(seed, reach, &mut stream)
+    fn greedy_plan(&self) -> GreedyPlan {
+        GreedyPlan { octets: self.candidates.div_ceil(20).clamp(2, 512) }
+    }
+
+    fn descended(
+        &self,
+        pieces: &Pieces,
+        slabs: Vec<Slab>,
+        search: &Search,
+        share: f64,
+        progress: Progress,
+        answer: &dyn Fn(&[Slab]),
+    ) -> Result<Vec<Slab>> {
+        let (per_slab, fewest) = match self.effort {
+            Effort::Literal => return Ok(slabs),
+            Effort::Default => (1.0, 100.0),
+            Effort::Final => (150.0, 3000.0),
+            Effort::Best => (1500.0, 30000.0),
         };
-        let fallback = Scored { area: 0.0, plane: remaining[0].own };
-        let mut best = best_of(&blocks, bound, fallback, 0..self.candidates, draw);
-        let tries = self.candidates.div_ceil(REFINE_SHARE);
-        for (step, share) in REFINE_STEPS.iter().enumerate() {
-            let pivot = centre_of_held(remaining, &best.plane, bound);
-            let first = self.candidates + step * tries;
-            let turn = |candidate: usize| {
-                let mut stream = Stream::new(self.seed, round, candidate);
-                turned(&best.plane, pivot, share * bound, &mut stream)
-            };
-            best = best_of(&blocks, bound, best, first..first + tries, turn);
+        let n = pieces.len() as f64;
+        let steps = (per_slab * slabs.len() as f64 * n / (n + FEW_PIECES)).max(fewest);
+        let plan = DescentPlan { steps: (steps * share) as usize, kept: self.wanted_share(pieces, &slabs, search)? };
+        answer(&slabs);
+        descend(pieces, slabs, plan, search, progress, answer)
+    }
+
+    /// What share of their area the pieces must keep: between what they keep in the greedy answer and in the published algorithm, which is
+    /// less; a quick search stays near the former.
+    fn wanted_share(&self, pieces: &Pieces, slabs: &[Slab], search: &Search) -> Result<f64> {
+        let greedy = assign::kept_share(pieces, slabs);
+        if self.effort == Effort::Default {
+            return Ok(1.0 - QUICK_LOSS * (1.0 - greedy));
         }
-        best.plane
+        let literal = literal::kept_share(pieces, search, Progress::silent())?.min(greedy);
+        Ok(greedy + TOWARDS_LITERAL * (literal - greedy))
+    }
+
+    fn cover_by_core_set(&self, pieces: &Pieces, search: &Search, progress: Progress) -> Result<Vec<Slab>> {
+        let plan = self.greedy_plan();
+        let mut core = sample(pieces.len(), CORE, search.seed);
+        let mut slabs: Vec<Slab> = Vec::new();
+        for round in 0..ROUNDS {
+            let progress = progress.part(0.9 * round as f64 / ROUNDS as f64, 0.9 * (round + 1) as f64 / ROUNDS as f64);
+            let tight = pieces.select(&core).tightened(TIGHTER);
+            let open = assign::unserved(&tight, &slabs, search);
+            slabs.extend(greedy::cover(&tight.select(&open), plan, search, progress.part(0.0, 0.3))?);
+            slabs = self.descended(&tight, slabs, search, STEPS_SHARE, progress.part(0.3, 1.0), &|_| {})?;
+            let missed = assign::unserved(pieces, &slabs, search);
+            if missed.is_empty() {
+                return Ok(slabs);
+            }
+            core.extend(missed.iter().step_by(missed.len().div_ceil(JOINING)));
+            core.sort_unstable();
+            core.dedup();
+        }
+        loop {
+            let missed = assign::unserved(pieces, &slabs, search);
+            if missed.is_empty() {
+                return Ok(slabs);
+            }
+            let some: Vec<u32> = missed.iter().copied().step_by(missed.len().div_ceil(CORE)).collect();
+            slabs.extend(greedy::cover(&pieces.select(&some), plan, search, progress.part(0.9, 1.0))?);
+        }
     }
 }
 
-/// The best of `start` and what `draw` gives for each candidate; of equal ones the earliest.
-fn best_of(
-    blocks: &Blocks,
-    bound: f64,
-    start: Scored,
-    candidates: std::ops::Range<usize>,
-    draw: impl Fn(usize) -> Option<Plane> + Sync,
-) -> Scored {
-    let scored = |candidate: usize| {
-        let plane = draw(candidate)?;
-        Some((candidate, Scored { area: blocks.score(&plane, bound), plane }))
-    };
-    let better = |a: (usize, Scored), b: (usize, Scored)| {
-        let b_wins = b.1.area > a.1.area || (b.1.area == a.1.area && b.0 < a.0);
-        if b_wins { b } else { a }
-    };
-    match candidates.into_par_iter().filter_map(scored).reduce_with(better) {
-        Some((_, found)) if found.area > start.area => found,
-        _ => start,
-    }
-}
-
-/// The plane through three vertices of the seed, each moved along the seed's normal by at most `reach`; `None` for a seed without
-/// area and for moved points on one line.
-fn perturbed_seed(seed: &Piece, reach: f64, stream: &mut Stream) -> Option<Plane> {
-    let normal = seed.areas.get(stream.below(seed.areas.len().max(1)))?.try_normalize()?;
-    let count = seed.vertices.len();
-    // Three distinct vertices: a random one, and two steps on that cannot meet.
-    let first = stream.below(count);
-    let second = 1 + stream.below(count - 1);
-    let third = 1 + stream.below(count - 2);
-    let third = if third >= second { third + 1 } else { third };
-    let corners = [first, (first + second) % count, (first + third) % count].map(|i| seed.vertices[i]);
-    Plane::through_points(corners.map(|v| v + normal * (stream.signed() * reach)))
-}
-
-/// The plane turned about `pivot` and shifted, both by about `step`.
-fn turned(plane: &Plane, pivot: DVec3, step: f64, stream: &mut Stream) -> Option<Plane> {
-    let normal = (plane.normal + stream.vector() * step).try_normalize()?;
-    let height = plane.height(pivot) + stream.signed() * step;
-    Some(Plane { normal, distance: normal.dot(pivot) - height })
-}
-
-/// The mean of the vertices that the plane holds; its own foot point when it holds none.
-fn centre_of_held(remaining: &[&Piece], plane: &Plane, bound: f64) -> DVec3 {
-    let held = remaining.iter().filter(|p| p.held_by(plane, bound)).flat_map(|p| &p.vertices);
-    let (sum, count) = held.fold((DVec3::ZERO, 0usize), |(sum, count), &v| (sum + v, count + 1));
-    if count == 0 { plane.normal * plane.distance } else { sum / count as f64 }
+/// Ascending numbers below `count`, one drawn from each of `size` equal parts: in spatial order, spread over the whole.
+fn sample(count: usize, size: usize, seed: u64) -> Vec<u32> {
+    let mut stream = Stream::new(seed, 0, 1 << 22);
+    let part = count as f64 / size as f64;
+    let mut drawn: Vec<u32> = (0..size).map(|i| ((i as f64 + stream.unit()) * part) as u32).collect();
+    drawn.dedup();
+    drawn
 }

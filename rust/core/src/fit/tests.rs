@@ -2,6 +2,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 use super::*;
+use crate::Error;
 use crate::foliage::Attributes;
 
 /// A foliage from a soup: nine numbers a triangle.
@@ -98,7 +99,8 @@ fn a_leaf_stays_whole_when_a_plane_can_hold_it_and_parts_when_none_can() {
     let radius = folded(1.0).frame().radius;
     let needed = 1.0 / (2.0 * 3f64.sqrt()) / radius;
     for (epsilon, whole) in [(needed * 1.01, true), (needed * 0.99, false)] {
-        let cloud = fit(&folded(1.0), &settings(epsilon), Progress::silent()).unwrap();
+        let settings = FitSettings { whole_leaves: true, ..settings(epsilon) };
+        let cloud = fit(&folded(1.0), &settings, Progress::silent()).unwrap();
         assert_eq!(cloud.parents[0] == cloud.parents[1], whole, "ε = {epsilon}");
         assert_held(&folded(1.0), &cloud, epsilon * radius);
     }

@@ -2,12 +2,16 @@
 
 mod leaves;
 mod material;
+mod opaque;
+mod surface;
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 pub use material::{AlphaMode, Image, Material};
+pub use opaque::{Opacity, Visible, place};
+pub(crate) use surface::Surface;
 
 use crate::error::{Error, Result};
 use crate::geometry::Frame;

@@ -5,5 +5,5 @@ pub mod outline;
 pub mod plane;
 
 pub use frame::Frame;
-pub use outline::{Outline, minimum_rectangle};
+pub use outline::{Outline, convex_hull, convex_outline, minimum_rectangle};
 pub use plane::Plane;

@@ -1,12 +1,14 @@
-//! The rectangle of least area around points of a plane.
+//! Outlines: the rectangle of least area around points of a plane, or a convex polygon of few corners.
 //!
-//! One side of it lies on an edge of the convex hull (Freeman and Shapira, 1975), so the hull (Andrew's monotone chain,
-//! O(n log n)) and a look at each of its edges (O(h²), h is small) find it exactly.
+//! One side of the least rectangle lies on an edge of the convex hull (Freeman and Shapira, 1975), so the hull (Andrew's monotone chain,
+//! O(n log n)) and a look at each of its edges (O(h²), h is small) find it exactly. A polygon comes from the hull by taking away edges: the
+//! two beside one are prolonged until they meet, and the edge goes that adds the least area, until few enough are left (O(h²)). That is
+//! greedy: the least polygon can be smaller.
 
 use glam::DVec2;
 
-/// A rectangle in a plane: `x` and its left normal are the axes, `low` and `high` the corners along them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A convex polygon in a plane and the rectangle that its texture fills: `x` and its left normal are the axes.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     /// Unit vector of the first axis; the second is it turned by +90°.
     pub x: DVec2,
@@ -14,29 +16,60 @@ pub struct Outline {
     pub low: DVec2,
     /// Greatest coordinates along the axes.
     pub high: DVec2,
+    /// The corners along the axes, counter-clockwise.
+    pub corners: Vec<DVec2>,
 }
 
 impl Outline {
-    /// Width and height; either may be 0 (points on a line, a single point).
+    /// Width and height of the rectangle; either may be 0 (points on a line, a single point).
     #[must_use]
     pub fn size(&self) -> DVec2 {
         self.high - self.low
     }
 
-    /// The same rectangle with the other side first: turned by 90°.
+    /// The area of the polygon.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        polygon_area(&self.corners)
+    }
+
+    /// The same outline with the other side first: turned by 90°.
     #[must_use]
     pub fn turned(&self) -> Self {
-        Self { x: self.x.perp(), low: DVec2::new(self.low.y, -self.high.x), high: DVec2::new(self.high.y, -self.low.x) }
+        Self {
+            x: self.x.perp(),
+            low: DVec2::new(self.low.y, -self.high.x),
+            high: DVec2::new(self.high.y, -self.low.x),
+            corners: self.corners.iter().map(|p| DVec2::new(p.y, -p.x)).collect(),
+        }
     }
 
     /// The rectangle around `points` whose first axis is the unit vector `x`.
     #[must_use]
     pub fn along(points: &[DVec2], x: DVec2) -> Self {
-        let local = |p: &DVec2| DVec2::new(x.dot(*p), x.perp().dot(*p));
-        let bounds = |(low, high): (DVec2, DVec2), p: DVec2| (low.min(p), high.max(p));
-        let (low, high) = points.iter().map(local).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), bounds);
-        Self { x, low, high }
+        let (low, high) = bounds(points, x);
+        let corners = vec![low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        Self { x, low, high, corners }
     }
+
+    /// The polygon `corners` in the least rectangle around it.
+    fn around(corners: &[DVec2]) -> Self {
+        let mut outline = minimum_rectangle(corners);
+        let x = outline.x;
+        outline.corners = corners.iter().map(|p| DVec2::new(x.dot(*p), x.perp().dot(*p))).collect();
+        outline
+    }
+}
+
+fn bounds(points: &[DVec2], x: DVec2) -> (DVec2, DVec2) {
+    let local = |p: &DVec2| DVec2::new(x.dot(*p), x.perp().dot(*p));
+    let grow = |(low, high): (DVec2, DVec2), p: DVec2| (low.min(p), high.max(p));
+    points.iter().map(local).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), grow)
+}
+
+fn polygon_area(corners: &[DVec2]) -> f64 {
+    let Some(&first) = corners.first() else { return 0.0 };
+    corners.windows(2).map(|pair| (pair[0] - first).perp_dot(pair[1] - first)).sum::<f64>() / 2.0
 }
 
 /// The rectangle of least area that holds `points`, at least one, all finite. Of equal ones, the first along the hull.
@@ -55,8 +88,78 @@ pub fn minimum_rectangle(points: &[DVec2]) -> Outline {
         .unwrap_or_else(|| Outline::along(&hull, DVec2::X))
 }
 
+/// A convex outline with exactly `corners` corners (at least 3) that holds `points`; for 4, the rectangle of least area. Where points
+/// need fewer corners, an edge is cut into several.
+///
+/// # Panics
+/// Without points.
+#[must_use]
+pub fn convex_outline(points: &[DVec2], corners: usize) -> Outline {
+    let rectangle = minimum_rectangle(points);
+    if corners == 4 {
+        return rectangle;
+    }
+    let mut polygon = convex_hull(points);
+    if polygon.len() < 3 || rectangle.size().min_element() <= 0.0 {
+        return simple(rectangle, corners); // a point or a segment
+    }
+    while polygon.len() > corners {
+        let Some(at) = cheapest_edge(&polygon) else { break };
+        let (corner, next) = (beyond(&polygon, at).expect("it was found to meet").0, (at + 1) % polygon.len());
+        polygon[at] = corner;
+        polygon.remove(next);
+    }
+    let outline = Outline::around(&polygon);
+    let simple = simple(rectangle, corners);
+    let better = polygon.len() <= corners && outline.area() < simple.area();
+    if better { with_corners(outline, corners) } else { simple }
+}
+
+/// The rectangle with more corners, or the right triangle around it.
+fn simple(rectangle: Outline, corners: usize) -> Outline {
+    if corners >= 4 {
+        return with_corners(rectangle, corners);
+    }
+    let (low, size) = (rectangle.low, rectangle.size());
+    let triangle = vec![low, low + DVec2::new(2.0 * size.x, 0.0), low + DVec2::new(0.0, 2.0 * size.y)];
+    Outline { high: low + 2.0 * size, corners: triangle, ..rectangle }
+}
+
+/// Cuts the longest edge that does not end in the first corner, again and again: a fan from there has no triangle without area.
+fn with_corners(mut outline: Outline, corners: usize) -> Outline {
+    let polygon = &mut outline.corners;
+    while polygon.len() < corners {
+        let length = |i: usize| polygon[i].distance(polygon[i + 1]);
+        let longest = (1..polygon.len() - 1).reduce(|a, b| if length(b) > length(a) { b } else { a });
+        let at = longest.expect("a polygon has three corners");
+        polygon.insert(at + 1, (polygon[at] + polygon[at + 1]) / 2.0);
+    }
+    outline
+}
+
+/// Where the edges beside edge `at` (from corner `at` to the next) meet when it is taken away, and the area that this adds.
+fn beyond(polygon: &[DVec2], at: usize) -> Option<(DVec2, f64)> {
+    let count = polygon.len();
+    let corner = |i: usize| polygon[i % count];
+    let (a, b) = (corner(at), corner(at + 1));
+    let (before, after) = (a - corner(at + count - 1), b - corner(at + 2));
+    let turn = before.perp_dot(after);
+    // The two must run towards each other beyond the edge: the outer angles at both ends together are below 180°.
+    if turn >= -1e-12 * before.length() * after.length() {
+        return None;
+    }
+    let meeting = a + before * ((b - a).perp_dot(after) / turn);
+    Some((meeting, (meeting - a).perp_dot(b - a).abs() / 2.0))
+}
+
+fn cheapest_edge(polygon: &[DVec2]) -> Option<usize> {
+    let costs = (0..polygon.len()).filter_map(|at| Some((beyond(polygon, at)?.1, at)));
+    costs.reduce(|a, b| if b.0 < a.0 { b } else { a }).map(|(_, at)| at)
+}
+
 /// The convex hull, counter-clockwise, without collinear points.
-fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
+#[must_use]
+pub fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     sorted.dedup();
@@ -109,6 +212,19 @@ mod tests {
     }
 
     #[test]
+    fn corners_of_a_hexagon_and_fewer() {
+        let hexagon: Vec<DVec2> =
+            (0..6).map(|i| DVec2::from_angle(std::f64::consts::FRAC_PI_3 * f64::from(i))).collect();
+        let area = |corners| convex_outline(&hexagon, corners).area();
+        let whole = 1.5 * 3f64.sqrt();
+        assert!((area(6) - whole).abs() < 1e-12);
+        // An edge goes: a triangle of its sixth is added.
+        assert!((area(5) - whole * 7.0 / 6.0).abs() < 1e-12);
+        assert!((area(4) - 2.0 * 3f64.sqrt()).abs() < 1e-12, "the rectangle");
+        assert!((area(8) - whole).abs() < 1e-12, "edges are cut");
+    }
+
+    #[test]
     fn turning_keeps_the_rectangle() {
         let outline = minimum_rectangle(&[v(0., 0.), v(4., 0.), v(4., 2.), v(0., 2.)]);
         let turned = outline.turned();
@@ -119,6 +235,24 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn polygons_hold_all_and_have_their_corners(points in prop::collection::vec((-1.0..1.0, -1.0..1.0), 1..40), corners in 3usize..12) {
+            let points: Vec<DVec2> = points.into_iter().map(|(x, y): (f64, f64)| v(x, y)).collect();
+            let o = convex_outline(&points, corners);
+            prop_assert_eq!(o.corners.len(), corners);
+            for p in &points {
+                let q = v(o.x.dot(*p), o.x.perp().dot(*p));
+                for i in 0..corners {
+                    let (a, b) = (o.corners[i], o.corners[(i + 1) % corners]);
+                    prop_assert!((b - a).perp_dot(q - a) >= -1e-9, "{} is outside", q);
+                }
+            }
+            prop_assert!(o.area() >= -1e-12);
+            let (low, high) = bounds(&o.corners, DVec2::X);
+            prop_assert!(low.distance(o.low) < 1e-9 && high.distance(o.high) < 1e-9);
+            prop_assert!(corners < 4 || o.area() <= minimum_rectangle(&points).area() + 1e-12);
+        }
+
         #[test]
         fn holds_all_and_is_no_larger_than_the_box(points in prop::collection::vec((-1.0..1.0, -1.0..1.0), 1..40)) {
             let points: Vec<DVec2> = points.into_iter().map(|(x, y): (f64, f64)| v(x, y)).collect();

@@ -10,8 +10,9 @@ use super::{ChainSettings, Judges, tune};
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::geometry::{Frame, Outline, Plane};
+use crate::outlines::in_plane;
 use crate::progress::Progress;
-use crate::sheet::{Sheet, SheetSettings, in_plane};
+use crate::sheet::{Sheet, SheetSettings};
 use crate::textures::{Drawn, bake};
 
 pub(super) fn build(

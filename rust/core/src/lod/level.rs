@@ -7,14 +7,15 @@ use glam::{DVec3, Vec2};
 use super::{ChainSettings, Judges, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::Result;
-use crate::fit::{FitSettings, fit_within};
-use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
+use crate::fit::{FitSettings, Named, fit_within};
+use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
 use crate::groups::Groups;
 use crate::judge::{Judge, Judgement};
+use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
-use crate::sheet::{Sheet, SheetSettings, outlines};
+use crate::sheet::{Sheet, SheetSettings};
 use crate::textures::{Drawn, Samples, bake};
 use crate::transition::{HAND_OVER, Projection};
 
@@ -70,8 +71,8 @@ pub(super) struct Step<'a> {
     pub finer: &'a Foliage,
     /// R of the leaves.
     pub radius: f64,
-    /// Share of `radius`.
-    pub epsilon: f64,
+    /// How it is fitted; ε as a share of `radius`.
+    pub fit: FitSettings,
     /// Of the level before from the leaves.
     pub deviation: f64,
     /// Side of the page in texels.
@@ -82,14 +83,15 @@ pub(super) struct Step<'a> {
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let started = Instant::now();
-    let fit = FitSettings { epsilon: step.epsilon, ..settings.fit };
-    let finer = step.finer;
-    let cloud = fit_within(finer, &fit, step.epsilon * step.radius, progress.part(0.0, 0.6))?;
+    let (finer, fit) = (step.finer, &step.fit);
+    let cloud = fit_within(finer, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
     let fitted = Instant::now();
 
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
-    let outlines = outlines(&cloud, &projection);
+    let opacity = if settings.fit.trim { Opacity::of(finer) } else { Opacity::ignored() };
+    let shape = OutlineSettings { corners: settings.fit.max_corners };
+    let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity, shape);
     let two_sided = match settings.back_sides {
         Some(wish) => wish,
         None => sides::differ(finer, &cloud, &projection, &outlines)?,
@@ -108,7 +110,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let judgement = step.judges.report.judge(&shown)?;
     Ok(Level {
         method: settings.fit.method.name(),
-        epsilon: Some(step.epsilon),
+        epsilon: Some(cloud.bound / step.radius),
         frame: *finer.frame(),
         alpha_cutoff,
         two_sided,
@@ -149,11 +151,12 @@ pub(super) fn bake_cloud(
 pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result<Vec<f32>> {
     let shell = billboards(sheet, frame, Material::default())?;
     let by_leaf = prune::order(&shell, seed);
-    Ok(shell.leaf_ids().iter().step_by(2).map(|&leaf| by_leaf[leaf as usize]).collect())
+    let triangles = sheet.outline_corners() - 2;
+    Ok(shell.leaf_ids().iter().step_by(triangles).map(|&leaf| by_leaf[leaf as usize]).collect())
 }
 
 impl Level {
-    /// The billboards as foliage again: two triangles each, corners (0, 1, 2) and (0, 2, 3); a pair is one leaf.
+    /// The billboards as foliage again: a fan of triangles each, corners (0, 1, 2), (0, 2, 3) and so on; a pair is one leaf.
     ///
     /// # Errors
     /// All billboards are without area.
@@ -173,17 +176,19 @@ pub(super) fn page_material(page: &Image, alpha_cutoff: f32, double_sided: bool)
     }
 }
 
-/// Two triangles a billboard; pairs are one leaf.
+/// A fan of triangles for each billboard; pairs are one leaf.
 pub(super) fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
     let positions: Vec<DVec3> =
-        sheet.billboards.iter().flat_map(|b| b.corners.map(|corner| frame.to_caller(corner))).collect();
-    let mut triangles = Vec::with_capacity(2 * sheet.billboards.len());
+        sheet.billboards.iter().flat_map(|b| b.outline_corners().map(|corner| frame.to_caller(corner))).collect();
+    let corners = sheet.outline_corners();
+    let mut triangles = Vec::with_capacity((corners - 2) * sheet.billboards.len());
     let mut attributes = Attributes::default();
     for (index, billboard) in (0u32..).zip(&sheet.billboards) {
-        let uvs = sheet.uvs(billboard).map(Vec2::from_array);
-        for corners in [[0usize, 1, 2], [0, 2, 3]] {
-            triangles.push(corners.map(|i| 4 * index + i as u32));
-            attributes.uvs.push(corners.map(|i| uvs[i]));
+        let uvs: Vec<Vec2> = sheet.uvs(billboard).map(Vec2::from_array).collect();
+        for second in 1..corners - 1 {
+            let fan = [0, second, second + 1];
+            triangles.push(fan.map(|i| corners as u32 * index + i as u32));
+            attributes.uvs.push(fan.map(|i| uvs[i]));
             attributes.leaf_ids.push(i64::from(billboard.plane));
         }
     }

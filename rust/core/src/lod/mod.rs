@@ -10,7 +10,7 @@ pub use level::{Level, Seconds};
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::fit::FitSettings;
+use crate::fit::{FitSettings, ImageBound, Method};
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
@@ -20,6 +20,9 @@ use crate::textures::Samples;
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
+
+/// How many times fewer billboards each level has where their number is given.
+const BILLBOARDS_STEP: usize = 4;
 
 /// What the judge of the report looks at.
 fn report_views() -> Views {
@@ -79,6 +82,23 @@ impl ChainSettings {
         Ok(())
     }
 
+    /// What the level with this index, from 0, is fitted with; the level before has the ε `finer`. A budget is the first level's: those behind
+    /// it follow from its ε, or, where the number of billboards is the input, from that.
+    fn fit_of(&self, index: usize, finer: Option<f64>) -> FitSettings {
+        let Some(finer) = finer else { return self.fit.clone() };
+        let coarser = libm::pow(EPSILON_STEP, index as f64);
+        let fewer = |count: usize| (count / BILLBOARDS_STEP.pow(index as u32)).max(1);
+        FitSettings {
+            epsilon: (finer * EPSILON_STEP).min(1.0),
+            max_billboards: self.fit.max_billboards.filter(|_| self.fit.method == Method::KMeans).map(fewer),
+            max_texels: None,
+            image: self.fit.image.map(|image| ImageBound { angle: image.angle * coarser, ..image }),
+            // A billboard torn in two shows a seam through its whole texture.
+            whole_leaves: true,
+            ..self.fit.clone()
+        }
+    }
+
     /// Side of the page of the level with this index, from 0.
     fn page(&self, index: usize) -> usize {
         (self.texture_size >> index).max(64)
@@ -119,7 +139,7 @@ pub fn build_chain(
         let step = level::Step {
             finer: finer.as_ref().unwrap_or(foliage),
             radius: frame.radius,
-            epsilon: (settings.fit.epsilon * EPSILON_STEP.powi(index as i32)).min(1.0),
+            fit: settings.fit_of(index, levels.last().and_then(|finer| finer.epsilon)),
             deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
             judges: &judges,

@@ -28,8 +28,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     else {
         return Ok(false); // too many billboards for a look
     };
-    let turned = |b: &Billboard| Billboard { corners: [b.corners[1], b.corners[0], b.corners[3], b.corners[2]], ..*b };
-    let back = Sheet { size: front.size, billboards: front.billboards.iter().map(turned).collect() };
+    let back = Sheet { size: front.size, billboards: front.billboards.iter().map(Billboard::mirrored).collect() };
     let look = |sheet: &Sheet| -> Result<Image> { Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?)) };
     Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
 }

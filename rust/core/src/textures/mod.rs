@@ -1,10 +1,8 @@
 //! The baked page of a level: what each billboard shows of the leaves behind it.
 
-mod color;
 mod dilate;
 pub mod image;
 mod raster;
-mod surface;
 
 use glam::DVec3;
 use rayon::prelude::*;

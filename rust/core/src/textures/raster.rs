@@ -13,8 +13,8 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::Samples;
-use super::color::{encode, quantise};
-use super::surface::Surface;
+use crate::color::{encode, quantise};
+use crate::foliage::Surface;
 use crate::foliage::{Foliage, Image};
 
 const TILE: usize = 32;

@@ -120,7 +120,7 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let (low, high) = (corner(-1.0, 0.0), corner(2.0, 1.0));
     let (x, y) = plane.axes();
     let along = |p: DVec3| DVec2::new(x.dot(p), y.dot(p));
-    let outline = Outline { x: DVec2::X, low: along(low).min(along(high)), high: along(low).max(along(high)) };
+    let outline = Outline::along(&[along(low), along(high)], DVec2::X);
     let settings = SheetSettings { size: 64, gutter: 2, back_sides: true };
     let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
     let drawn = |_: u32| {

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::color::decode_table;
-use crate::foliage::{AlphaMode, Foliage, Image, Material};
+use super::{AlphaMode, Foliage, Image, Material};
+use crate::color::decode_table;
 
 /// A triangle's surface, ready to be sampled.
 pub struct Surface<'a> {

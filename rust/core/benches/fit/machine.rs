@@ -1,0 +1,81 @@
+//! What the machine can do, measured in the same run: the roof over the sweep's arithmetic, and memory.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use leafcloud::Foliage;
+use leafcloud::fit::{FitSettings, sweep_once};
+
+/// Shares of what one core can do.
+#[derive(Clone, Copy, Debug)]
+pub struct Roofline {
+    /// Multiply-adds a second of the sweep (three a point or area vector and direction), and of a loop that does nothing else.
+    pub sweep: f64,
+    pub peak: f64,
+    /// Bytes that the sweep must read at the least for one eight of directions, a second, and what a copy moves.
+    pub bytes: f64,
+    pub bandwidth: f64,
+}
+
+fn best_of<T>(times: usize, mut run: impl FnMut() -> T) -> f64 {
+    let time = |_| {
+        let started = Instant::now();
+        black_box(run());
+        started.elapsed().as_secs_f64()
+    };
+    (0..times).map(time).fold(f64::INFINITY, f64::min)
+}
+
+/// Separate multiplies and adds on many independent sums, for the processor's widest registers that `pulp` offers.
+struct MultiplyAdds(usize);
+
+impl pulp::NullaryFnOnce for MultiplyAdds {
+    type Output = f32;
+
+    #[inline(always)]
+    #[allow(clippy::inline_always)] // so that it is compiled for the processor's features
+    fn call(self) -> f32 {
+        let mut sums = [1.0f32; 64];
+        for _ in 0..self.0 {
+            for sum in &mut sums {
+                *sum = *sum * 0.999_9 + 0.000_1;
+            }
+        }
+        sums.iter().sum()
+    }
+}
+
+pub fn roofline(foliage: &Foliage) -> Roofline {
+    const ROUNDS: usize = 200_000;
+    const OCTETS: usize = 32;
+    let epsilon = FitSettings::default().epsilon;
+    // Twice the directions less once: what comes before the sweep drops out.
+    let twice = best_of(5, || sweep_once(foliage, epsilon, 3 * OCTETS));
+    let once = best_of(5, || sweep_once(foliage, epsilon, OCTETS));
+    let (vectors, _) = sweep_once(foliage, epsilon, 2 * OCTETS);
+    let seconds = twice - once;
+    let peak = best_of(5, || pulp::Arch::new().dispatch(MultiplyAdds(black_box(ROUNDS))));
+    let source = vec![1u64; 1 << 24];
+    let mut target = vec![0u64; 1 << 24];
+    let copy = best_of(3, || target.copy_from_slice(black_box(&source)));
+    black_box(&target);
+    Roofline {
+        sweep: 3.0 * vectors as f64 / seconds,
+        peak: (64 * ROUNDS) as f64 / peak,
+        bytes: 12.0 * vectors as f64 / 8.0 / seconds,
+        bandwidth: 16.0 * (1u64 << 24) as f64 / copy,
+    }
+}
+
+/// The most memory that this process has held, in bytes; 0 where the system does not say.
+pub fn peak_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).unwrap_or_default();
+    line.split_whitespace().nth(1).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or(0) * 1024
+}
+
+/// Begins a new peak at what is held now.
+pub fn forget_peak() {
+    // Writing 5 resets the peak (proc(5)); where that is not allowed the old peak stays, which is no less.
+    drop(std::fs::write("/proc/self/clear_refs", "5"));
+}

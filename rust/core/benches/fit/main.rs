@@ -1,0 +1,207 @@
+//! The fit beside literal Algorithm 1, all in one run: `make bench`. Prints a table in Markdown and writes the figures as JSON to the file that
+//! `LEAFCLOUD_BENCH_JSON` names. Means over the seeds; what is compared runs on one thread where it says so, else on all cores.
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+mod lower_bound;
+mod machine;
+mod report;
+
+use std::time::Instant;
+
+use glam::DVec3;
+use leafcloud::fit::{Effort, FitSettings, fit};
+use leafcloud::foliage::{Attributes, Opacity};
+use leafcloud::geometry::Plane;
+use leafcloud::outlines::{OutlineSettings, outlines};
+use leafcloud::{Cloud, Foliage, Progress, gltf};
+use report::{Figure, Report};
+
+const SEEDS: std::ops::Range<u64> = 0..5;
+
+/// Literal search on more triangles than this takes minutes.
+const LITERAL_LIMIT: usize = 200_000;
+
+/// Corners of the outlines whose overdraw is measured.
+const CORNERS: usize = 8;
+
+/// Copies of the largest tree for the largest fit.
+const COPIES: usize = 10;
+
+fn settings(seed: u64, effort: Effort) -> FitSettings {
+    FitSettings { seed, effort, ..FitSettings::default() }
+}
+
+fn fitted(foliage: &Foliage, settings: &FitSettings) -> (Cloud, f64) {
+    let started = Instant::now();
+    let cloud = fit(foliage, settings, Progress::silent()).expect("the settings fit any foliage");
+    (cloud, started.elapsed().as_secs_f64())
+}
+
+/// The parent of each triangle in the literal algorithm: the plane that captured it.
+fn captured(foliage: &Foliage, planes: Vec<Plane>, epsilon: f64) -> Cloud {
+    let parent = |t: usize| {
+        let corners = foliage.corners(t);
+        planes.iter().position(|plane| corners.iter().all(|&p| plane.height(p).abs() < epsilon)).unwrap_or(0) as u32
+    };
+    let parents = (0..foliage.triangle_count()).map(parent).collect();
+    Cloud::new(foliage, planes, parents, epsilon * foliage.frame().radius)
+}
+
+/// The share of the triangles' area that is left when each is projected onto its parent's plane.
+fn kept_share(foliage: &Foliage, cloud: &Cloud) -> f64 {
+    let area = |t: usize| foliage.area_vector(t);
+    let kept = |t: usize| area(t).dot(cloud.planes[cloud.parents[t] as usize].normal).abs();
+    let sum = |f: &dyn Fn(usize) -> f64| (0..foliage.triangle_count()).map(f).sum::<f64>();
+    sum(&kept) / sum(&|t| area(t).length())
+}
+
+/// The area of all outlines, in R². Seen from all around, half of it is drawn; the area covered is the crown's own, the same for all clouds:
+/// the ratio of two of these is the ratio of their overdraws.
+fn drawn(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> f64 {
+    let onto = |t: usize| foliage.corners(t).map(|p| cloud.planes[cloud.parents[t] as usize].project(p));
+    let shapes = outlines(&cloud.planes, &cloud.parents, onto, opacity, OutlineSettings { corners });
+    shapes.iter().map(leafcloud::geometry::Outline::area).sum()
+}
+
+/// Billboards, seconds, share of area kept, mean deviation as a share of ε, outlines' area.
+fn measure(foliage: &Foliage, opacity: &Opacity, corners: usize, run: impl Fn(u64) -> (Cloud, f64)) -> Figure {
+    let mut figure = Figure::default();
+    for seed in SEEDS {
+        let (cloud, seconds) = run(seed);
+        figure.add(&Figure { seconds, ..measure_one(foliage, &cloud, opacity, corners) });
+    }
+    figure.over((SEEDS.end - SEEDS.start) as f64)
+}
+
+/// The same of one cloud, without the seconds.
+fn measure_one(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> Figure {
+    let scale = foliage.frame().radius * FitSettings::default().epsilon;
+    Figure {
+        billboards: cloud.planes.len() as f64,
+        seconds: 0.0,
+        kept: kept_share(foliage, cloud),
+        deviation: cloud.mean_deviation(foliage) / scale,
+        drawn: drawn(foliage, cloud, opacity, corners),
+    }
+}
+
+/// All figures of a tree that the literal search can be run on.
+fn compare(name: &str, foliage: &Foliage, report: &mut Report) {
+    let FitSettings { epsilon, candidates, .. } = FitSettings::default();
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+    let (seen, whole) = (Opacity::of(foliage), Opacity::ignored());
+    let literal = measure(foliage, &whole, 4, |seed| {
+        let started = Instant::now();
+        let planes = common::literal::search(foliage, epsilon, candidates, seed);
+        (captured(foliage, planes, epsilon), started.elapsed().as_secs_f64())
+    });
+    let with = |effort| move |seed| fitted(foliage, &settings(seed, effort));
+    let row = report.row(name, foliage.triangle_count(), literal);
+    row.push(
+        "default, one thread",
+        measure(foliage, &seen, CORNERS, |seed| one.install(|| with(Effort::Default)(seed))),
+    );
+    row.push("default", measure(foliage, &seen, CORNERS, with(Effort::Default)));
+    row.push("final", measure(foliage, &seen, CORNERS, with(Effort::Final)));
+    row.push(
+        "whole leaves",
+        measure(foliage, &seen, CORNERS, |seed| {
+            fitted(foliage, &FitSettings { whole_leaves: true, ..settings(seed, Effort::Default) })
+        }),
+    );
+    row.push(
+        "gather 4",
+        measure(foliage, &seen, CORNERS, |seed| {
+            fitted(foliage, &FitSettings { gather: 4.0, ..settings(seed, Effort::Default) })
+        }),
+    );
+    let count = literal.billboards.round() as usize;
+    row.push(
+        "at literal's count, nearest planes",
+        measure(foliage, &seen, CORNERS, |seed| {
+            fitted(foliage, &FitSettings { max_billboards: Some(count), facing: 0.0, ..settings(seed, Effort::Final) })
+        }),
+    );
+    let (best, seconds) = fitted(foliage, &settings(0, Effort::Best));
+    row.best = Some((best.planes.len(), seconds, lower_bound::billboards(foliage, epsilon)));
+}
+
+/// What settings against empty fill buy, and what they cost.
+fn transparency(name: &str, foliage: &Foliage, report: &mut Report) {
+    let FitSettings { epsilon, candidates, .. } = FitSettings::default();
+    let (seen, whole) = (Opacity::of(foliage), Opacity::ignored());
+    let planes = common::literal::search(foliage, epsilon, candidates, 0);
+    let literal = measure_one(foliage, &captured(foliage, planes, epsilon), &whole, 4);
+    let plain = settings(0, Effort::Default);
+    let mut add = |what: &str, corners: usize, opacity: &Opacity, settings: &FitSettings| {
+        let figure = measure_one(foliage, &fitted(foliage, settings).0, opacity, corners);
+        report.transparency(name, what, figure, literal);
+    };
+    add("rectangles around everything", 4, &whole, &plain);
+    add("rectangles around what is opaque", 4, &seen, &plain);
+    add("5 corners", 5, &seen, &plain);
+    add("8 corners", 8, &seen, &plain);
+    add("16 corners", 16, &seen, &plain);
+    for gather in [1.0, 2.0, 4.0] {
+        add(&format!("8 corners, gather {gather}"), 8, &seen, &FitSettings { gather, ..plain.clone() });
+    }
+    for gap in [0.3, 0.1] {
+        add(&format!("8 corners, compact {gap}"), 8, &seen, &FitSettings { compact: Some(gap), ..plain.clone() });
+    }
+    for size in [0.7, 0.4] {
+        add(&format!("8 corners, max_size {size}"), 8, &seen, &FitSettings { max_size: Some(size), ..plain.clone() });
+    }
+}
+
+/// Copies of a foliage, each moved by a little of its own: a crowd of leaves, ten times as dense.
+fn copies(foliage: &Foliage, count: usize) -> Foliage {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for copy in 0..count {
+        let offset = DVec3::new(0.31, 0.17, 0.23) * (copy as f64 * 0.01);
+        for t in 0..foliage.triangle_count() {
+            let first = positions.len() as u32;
+            positions.extend(foliage.corners(t).map(|p| foliage.frame().to_caller(p + offset)));
+            triangles.push([first, first + 1, first + 2]);
+        }
+    }
+    let leaves = foliage.leaf_count() as i64;
+    let ids =
+        (0..count as i64).flat_map(|copy| foliage.leaf_ids().iter().map(move |&leaf| copy * leaves + i64::from(leaf)));
+    let attributes = Attributes { leaf_ids: ids.collect(), ..Attributes::default() };
+    Foliage::new(&positions, triangles, attributes, vec![]).expect("copies of a foliage are one")
+}
+
+fn main() {
+    let trees = common::trees();
+    let mut report = Report::default();
+    for (name, path) in &trees {
+        let foliage = gltf::read(path, &gltf::DEFAULT_NAMES).expect("a readable tree");
+        if foliage.triangle_count() <= LITERAL_LIMIT {
+            eprintln!("{name} …");
+            compare(name, &foliage, &mut report);
+            transparency(name, &foliage, &mut report);
+            if foliage.triangle_count() > LITERAL_LIMIT / 2 {
+                report.large(name, foliage.triangle_count(), fitted(&foliage, &settings(0, Effort::Default)));
+            }
+            continue;
+        }
+        eprintln!("{name} and {COPIES} copies …");
+        for effort in [Effort::Default, Effort::Final] {
+            let found = fitted(&foliage, &settings(0, effort));
+            report.large(&format!("{name}, {effort:?}"), foliage.triangle_count(), found);
+        }
+        let many = copies(&foliage, COPIES);
+        drop(foliage);
+        machine::forget_peak();
+        let found = fitted(&many, &settings(0, Effort::Default));
+        report.large(&format!("{name} × {COPIES}"), many.triangle_count(), found);
+        report.peak_bytes_per_triangle = Some(machine::peak_bytes() as f64 / many.triangle_count() as f64);
+    }
+    report.roofline = trees
+        .iter()
+        .find(|(name, _)| name.contains("pine"))
+        .map(|(_, path)| machine::roofline(&gltf::read(path, &gltf::DEFAULT_NAMES).expect("a readable tree")));
+    report.print();
+    report.save();
+}

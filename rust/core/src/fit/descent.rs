@@ -1,0 +1,298 @@
+//! Weighted descent: fewer slabs that still serve everything.
+//!
+//! Local search for set covers with row weights (after Gao, Weise, Li, "An efficient local search heuristic with row weighting for the unicost
+//! set covering problem", 2015), where the columns are all planes. Whenever every piece is served, the answer is kept and the slab that
+//! alone serves the least is dropped. Then, step by step: a piece that nobody serves is drawn; some slabs say how they would serve
+//! it, aimed anew at what only they serve and at what nobody does; the one that gains most moves; the weight of what stays unserved grows.
+//! It stops after a fixed number of steps, not seconds, so that it repeats.
+//!
+//! Counting slabs alone drifts to slabs that see many leaves edge-on. An answer therefore counts only when its pieces keep a
+//! wanted share of their area on their parents' planes; when one does not, the guard rises: what is seen too flatly is no longer served.
+//!
+//! A step costs O(asked · (n / K) · D) for the sweeps and O(n) / 8 for what the moved slab holds. Known limit: no proof of a minimum.
+
+use glam::Vec3;
+
+use super::assign;
+use super::pieces::{Pieces, Slab};
+use super::random::Stream;
+use super::seeds::seeded_normal;
+use super::sweep::{LANES, Search, best_near, cone};
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// How hard the descent tries.
+#[derive(Clone, Copy, Debug)]
+pub struct DescentPlan {
+    /// Moves of a slab.
+    pub steps: usize,
+    /// The least share of their area that the pieces keep.
+    pub kept: f64,
+}
+
+/// Slabs that are asked in each step: half of them the nearest, half those that alone serve the least.
+const ASKED: usize = 8;
+
+/// Spreads (tangents) of the cones in which a slab that is asked looks, and of those in which the one that moves looks again.
+const FIRST_CONES: [f64; 2] = [0.05, 0.25];
+const LAST_CONES: [f64; 2] = [0.06, 0.02];
+
+/// Steps for which a slab that moved is not asked.
+const REST: usize = 2;
+
+/// How far around the piece's centre offsets are looked for, in bounds.
+const RANGE: f32 = 1.25;
+
+/// Units of a piece's first weight, so that shares of it are whole numbers, and the most that a weight grows to: 2¹⁶ pieces, more than are
+/// searched together, sum to no more than 2³¹.
+const UNIT: i32 = 16;
+const HEAVIEST: i32 = 1 << 15;
+
+/// As in the guard; less than in the greedy search, for what is lost is watched here.
+const SLOPE: f32 = 0.2;
+
+/// How much the guard rises when too little of the leaves' area is kept.
+const GUARD_STEP: f32 = 0.03;
+
+/// Steps between two looks at whether to go on.
+const PATIENCE: usize = 64;
+
+/// Pieces on which it is estimated how much of their area they keep.
+const SAMPLE: usize = 2500;
+
+/// Not among the unserved.
+const NOWHERE: u32 = u32::MAX;
+
+/// Slabs, at most as many, that serve all pieces, as `slabs` do; `answer` is told each that is better than the one before.
+pub fn descend(
+    pieces: &Pieces,
+    slabs: Vec<Slab>,
+    plan: DescentPlan,
+    search: &Search,
+    progress: Progress,
+    answer: &dyn Fn(&[Slab]),
+) -> Result<Vec<Slab>> {
+    // What is kept is estimated on a sample: it is a mean.
+    let stride = pieces.len().div_ceil(SAMPLE);
+    let sample: Vec<u32> = (0..pieces.len() as u32).step_by(stride).collect();
+    let sample = pieces.select(&sample);
+    let mut best = slabs.clone();
+    let mut search = *search;
+    search.guard.slope = SLOPE;
+    let mut state = State::new(pieces, search, slabs);
+    for step in 0..plan.steps {
+        if step % PATIENCE == 0 {
+            progress.tell("fit", step as f64 / plan.steps as f64)?;
+        }
+        while state.unserved.is_empty() {
+            let found = state.alive();
+            if assign::kept_share(&sample, &found) >= plan.kept {
+                answer(&found);
+                best = found;
+                if best.len() == 1 {
+                    return Ok(best);
+                }
+                state.drop_cheapest();
+            } else {
+                state = state.with_higher_guard();
+            }
+        }
+        state.step(step);
+    }
+    if state.unserved.is_empty() && assign::kept_share(&sample, &state.alive()) >= plan.kept {
+        best = state.alive();
+    }
+    Ok(best)
+}
+
+struct State<'a> {
+    pieces: &'a Pieces<'a>,
+    search: Search<'a>,
+    /// `None` where a slab was dropped.
+    slabs: Vec<Option<Slab>>,
+    /// The pieces that each serves.
+    served: Vec<Vec<u32>>,
+    /// The weight that only this slab serves.
+    loss: Vec<i64>,
+    /// The step in which it may be asked again.
+    rests_until: Vec<usize>,
+    /// How many slabs serve a piece.
+    servers: Vec<u32>,
+    /// The exclusive or of their numbers: where one serves it, its number.
+    server: Vec<u32>,
+    weights: Vec<i32>,
+    unserved: Vec<u32>,
+    /// Where a piece stands in `unserved`.
+    place: Vec<u32>,
+}
+
+impl<'a> State<'a> {
+    fn new(pieces: &'a Pieces<'a>, search: Search<'a>, slabs: Vec<Slab>) -> Self {
+        let n = pieces.len();
+        Self::with_weights(pieces, search, slabs, vec![UNIT; n])
+    }
+
+    fn with_weights(pieces: &'a Pieces<'a>, search: Search<'a>, slabs: Vec<Slab>, weights: Vec<i32>) -> Self {
+        let (n, count) = (pieces.len(), slabs.len());
+        let mut state = Self {
+            pieces,
+            search,
+            slabs: vec![None; count],
+            served: vec![Vec::new(); count],
+            loss: vec![0; count],
+            rests_until: vec![0; count],
+            servers: vec![0; n],
+            server: vec![0; n],
+            weights,
+            unserved: (0..n as u32).collect(),
+            place: (0..n as u32).collect(),
+        };
+        for (number, slab) in slabs.into_iter().enumerate() {
+            state.put(number, slab);
+        }
+        state
+    }
+
+    fn with_higher_guard(self) -> Self {
+        let (slabs, mut search) = (self.alive(), self.search);
+        search.guard.facing += GUARD_STEP;
+        Self::with_weights(self.pieces, search, slabs, self.weights)
+    }
+
+    fn alive(&self) -> Vec<Slab> {
+        self.slabs.iter().flatten().copied().collect()
+    }
+
+    fn put(&mut self, number: usize, slab: Slab) {
+        let served = self.search.served(self.pieces, &slab);
+        self.loss[number] = 0;
+        for &piece in &served {
+            let i = piece as usize;
+            let weight = i64::from(self.weights[i]);
+            match self.servers[i] {
+                0 => {
+                    self.no_longer_unserved(piece);
+                    self.loss[number] += weight;
+                }
+                1 => self.loss[self.server[i] as usize] -= weight,
+                _ => {}
+            }
+            self.servers[i] += 1;
+            self.server[i] ^= number as u32;
+        }
+        self.served[number] = served;
+        self.slabs[number] = Some(slab);
+    }
+
+    fn take(&mut self, number: usize) {
+        self.slabs[number] = None;
+        for piece in std::mem::take(&mut self.served[number]) {
+            let i = piece as usize;
+            self.servers[i] -= 1;
+            self.server[i] ^= number as u32;
+            match self.servers[i] {
+                0 => {
+                    self.place[i] = self.unserved.len() as u32;
+                    self.unserved.push(piece);
+                }
+                1 => self.loss[self.server[i] as usize] += i64::from(self.weights[i]),
+                _ => {}
+            }
+        }
+    }
+
+    fn no_longer_unserved(&mut self, piece: u32) {
+        let at = std::mem::replace(&mut self.place[piece as usize], NOWHERE) as usize;
+        self.unserved.swap_remove(at);
+        if let Some(&moved) = self.unserved.get(at) {
+            self.place[moved as usize] = at as u32;
+        }
+    }
+
+    fn drop_cheapest(&mut self) {
+        let alive = (0..self.slabs.len()).filter(|&k| self.slabs[k].is_some());
+        let cheapest = alive.min_by_key(|&k| (self.loss[k], k)).expect("some slab is alive");
+        self.take(cheapest);
+    }
+
+    /// A slab moves to where it serves one of the unserved.
+    fn step(&mut self, step: usize) {
+        let mut stream = Stream::new(self.search.seed, step, 0);
+        // The heavier of two.
+        let [one, other] = [(); 2].map(|()| self.unserved[stream.below(self.unserved.len())]);
+        let piece = if self.weights[other as usize] > self.weights[one as usize] { other } else { one } as usize;
+        let offer = |number: usize| {
+            let slab = self.slabs[number].expect("only those alive are asked");
+            let (gain, slab) = self.aimed(number, &slab, piece, &mut stream);
+            (f64::from(gain) - self.loss[number] as f64, number, slab)
+        };
+        let offers = self.asked(piece, step).into_iter().map(offer);
+        let Some((_, number, slab)) = offers.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { return };
+        let slab = self.aimed_finely(number, slab, piece, &mut stream);
+        self.take(number);
+        self.put(number, slab);
+        self.rests_until[number] = step + REST;
+        for &piece in &self.unserved {
+            let weight = &mut self.weights[piece as usize];
+            *weight = (*weight + UNIT).min(HEAVIEST);
+        }
+    }
+
+    /// Slabs that may move to serve the piece: the nearest and those that alone serve the least, none that has just moved.
+    fn asked(&self, piece: usize, step: usize) -> Vec<usize> {
+        let height = |slab: &Slab| self.pieces.greatest_height(piece, slab);
+        let awake = self.slabs.iter().enumerate().filter(|(k, _)| self.rests_until[*k] <= step);
+        let mut near: Vec<(f32, usize)> = awake.filter_map(|(k, slab)| Some((height(slab.as_ref()?), k))).collect();
+        let mut cheap: Vec<(i64, usize)> = near.iter().map(|&(_, k)| (self.loss[k], k)).collect();
+        keep_least(&mut near, ASKED / 2, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        cheap.retain(|c| near.iter().all(|n| n.1 != c.1));
+        keep_least(&mut cheap, ASKED / 2, Ord::cmp);
+        near.into_iter().map(|n| n.1).chain(cheap.into_iter().map(|c| c.1)).collect()
+    }
+
+    /// What a slab is aimed at: the pieces that only it serves, and those that nobody does.
+    fn targets(&self, number: usize, centre: Vec3, reach: f32) -> Vec<(u32, i32)> {
+        let only = self.served[number].iter().filter(|&&i| self.servers[i as usize] == 1);
+        let within = |i: &&u32| self.pieces.within_reach(**i as usize, centre, reach);
+        only.chain(&self.unserved).filter(within).map(|&i| (i, self.weights[i as usize])).collect()
+    }
+
+    /// The best place for a slab that serves the piece.
+    fn aimed(&self, number: usize, slab: &Slab, piece: usize, stream: &mut Stream) -> (f32, Slab) {
+        let reach = self.pieces.reach_around(piece, self.search.reach);
+        let through = Slab { centre: self.pieces.centre(piece), reach, ..*slab };
+        let targets = self.targets(number, through.centre, reach);
+        let turn = stream.signed() * std::f64::consts::PI;
+        let mut normals: Vec<[Vec3; LANES]> =
+            FIRST_CONES.iter().flat_map(|&spread| cone(slab.plane.normal, spread, turn, 1)).collect();
+        normals.push(std::array::from_fn(|lane| {
+            let of = if lane % 2 == 0 { piece } else { targets[stream.below(targets.len())].0 as usize };
+            seeded_normal(self.pieces, of, stream).unwrap_or(Vec3::Z)
+        }));
+        best_near(self.pieces, &targets, &through, &normals, RANGE * self.pieces.bound(piece), &self.search)
+    }
+
+    /// The best place close to where the slab is.
+    fn aimed_finely(&self, number: usize, slab: Slab, piece: usize, stream: &mut Stream) -> Slab {
+        let targets = self.targets(number, slab.centre, slab.reach);
+        let mut best = (0.0, slab);
+        for spread in LAST_CONES {
+            let normals = cone(best.1.plane.normal, spread, stream.signed() * std::f64::consts::PI, 1);
+            let range = RANGE * self.pieces.bound(piece);
+            let found = best_near(self.pieces, &targets, &best.1, &normals, range, &self.search);
+            if found.0 > best.0 {
+                best = found;
+            }
+        }
+        best.1
+    }
+}
+
+/// Keeps the `count` least, in order.
+fn keep_least<T>(items: &mut Vec<T>, count: usize, order: impl Fn(&T, &T) -> std::cmp::Ordering) {
+    if count < items.len() {
+        items.select_nth_unstable_by(count, &order);
+        items.truncate(count);
+    }
+    items.sort_unstable_by(order);
+}

@@ -1,0 +1,46 @@
+//! The outline of what each plane of a cloud shows.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::foliage::{Opacity, place};
+use crate::geometry::{Outline, Plane, convex_outline};
+use crate::groups::Groups;
+
+/// What outlines look like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutlineSettings {
+    /// Corners of each, at least 3; 4 gives rectangles.
+    pub corners: usize,
+}
+
+/// The outline of each plane: around what can be seen of its triangles, which lie at `targets`. Where nothing can be seen, around all.
+#[must_use]
+pub fn outlines(
+    planes: &[Plane],
+    parents: &[u32],
+    targets: impl Fn(usize) -> [DVec3; 3] + Sync,
+    opacity: &Opacity,
+    settings: OutlineSettings,
+) -> Vec<Outline> {
+    let triangles = Groups::by_key(parents, planes.len());
+    let outline = |(number, plane): (usize, &Plane)| {
+        let triangles = triangles.get(number);
+        let seen = triangles.iter().flat_map(|&t| {
+            let corners = targets(t as usize);
+            opacity.get(t as usize).hull.iter().map(move |&weights| place(&corners, weights))
+        });
+        let mut points = in_plane(plane, seen);
+        if points.is_empty() {
+            points = in_plane(plane, triangles.iter().flat_map(|&t| targets(t as usize)));
+        }
+        convex_outline(&points, settings.corners)
+    };
+    planes.par_iter().enumerate().map(outline).collect()
+}
+
+/// Coordinates along the plane's axes.
+pub fn in_plane(plane: &Plane, points: impl Iterator<Item = DVec3>) -> Vec<DVec2> {
+    let (x, y) = plane.axes();
+    points.map(|p| DVec2::new(x.dot(p), y.dot(p))).collect()
+}

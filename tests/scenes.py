@@ -1,0 +1,61 @@
+"""Small scenes for tests, and their extraction."""
+
+from __future__ import annotations
+
+import warnings
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from addon.scene.extract import Geometry, Tree, extract, world_positions
+
+SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
+TRIANGLE = SQUARE[:3]
+
+
+def add_mesh(
+    name: str,
+    vertices: list[tuple[float, float, float]],
+    faces: list[tuple[int, ...]],
+    *,
+    edges: list[tuple[int, int]] | None = None,
+    materials: list[bpy.types.Material] | None = None,
+    matrix: Matrix | None = None,
+    link: bool = True,
+) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, edges or [], faces)
+    for material in materials or []:
+        mesh.materials.append(material)
+    obj = bpy.data.objects.new(name, mesh)
+    obj.matrix_world = matrix or Matrix()
+    if link:
+        bpy.context.collection.objects.link(obj)
+    return obj
+
+
+def material(name: str) -> bpy.types.Material:
+    return bpy.data.materials.new(name)
+
+
+def use_nodes(material: bpy.types.Material) -> None:
+    with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the setting
+        warnings.simplefilter("ignore", DeprecationWarning)
+        material.use_nodes = True
+
+
+def read(objects: list[bpy.types.Object] | None = None, leaf_names: list[str] | None = None) -> Tree:
+    return extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=leaf_names)
+
+
+def corners(geometry: Geometry) -> list[list[tuple[float, ...]]]:
+    """The coordinates of each triangle's corners."""
+    return [[tuple(corner) for corner in triangle] for triangle in geometry.positions[geometry.triangles].tolist()]
+
+
+def winding_normals(geometry: Geometry, matrix: np.ndarray) -> np.ndarray:
+    """(t, 3) in the world, by the right-hand rule."""
+    a, b, c = world_positions(geometry, matrix)[geometry.triangles].transpose(1, 0, 2)
+    cross = np.cross(b - a, c - a)
+    return cross / np.linalg.norm(cross, axis=1, keepdims=True)

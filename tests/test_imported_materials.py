@@ -1,0 +1,206 @@
+"""Materials in the words of the core: as importers make them."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import math_node, new_image, new_material, texture_node
+from small_glb import png, write_quad_glb
+
+from addon.scene.describe import describe_material
+from addon.scene.extract import SceneError
+from addon.scene.load import load
+from addon.scene.surface import read_surface
+
+TOP = [(255, 0, 0, 255), (0, 255, 0, 128)]
+BOTTOM = [(0, 0, 255, 0), (188, 100, 50, 64)]
+IMAGE = png([TOP, BOTTOM])
+TEXTURED = {"baseColorTexture": {"index": 0}}
+
+
+def imported(path: Path, **options: Any) -> bpy.types.Material:
+    """The material of a small GLB, through Blender's importer."""
+    load(write_quad_glb(path / "a.glb", **options))
+    return bpy.data.meshes[0].materials[0]
+
+
+@pytest.mark.parametrize("double_sided", [True, False])
+def test_factor_of_an_opaque_glb(tmp_path: Path, double_sided: bool) -> None:
+    factor = {"pbrMetallicRoughness": {"baseColorFactor": [0.25, 0.5, 0.75, 0.5]}, "doubleSided": double_sided}
+    description, messages = describe_material(imported(tmp_path, material=factor))
+    assert description["name"] == "leaf"
+    assert description["base_color"] == (0.25, 0.5, 0.75, 1.0)
+    assert (description["alpha_mode"], description["image"]) == ("OPAQUE", None)
+    assert description["double_sided"] == double_sided
+    assert messages == []
+
+
+def test_texture_of_an_opaque_glb_has_no_alpha(tmp_path: Path) -> None:
+    description, messages = describe_material(
+        imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=IMAGE)
+    )
+    assert description["image"] is not None
+    assert description["image"].dtype == np.uint8
+    opaque = [[(*pixel[:3], 255) for pixel in row] for row in (TOP, BOTTOM)]
+    assert description["image"].tolist() == [[list(pixel) for pixel in row] for row in opaque]
+    assert (description["alpha_mode"], messages) == ("OPAQUE", [])
+
+
+@pytest.mark.parametrize("cutoff", [None, 0.5, 0.25, 0.9])
+def test_masked_glb(tmp_path: Path, cutoff: float | None) -> None:
+    masked: dict[str, Any] = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
+    if cutoff is not None:
+        masked["alphaCutoff"] = cutoff
+    description, messages = describe_material(imported(tmp_path, material=masked, image=IMAGE))
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[list(pixel) for pixel in row] for row in (TOP, BOTTOM)]
+    assert description["alpha_mode"] == "MASK"
+    assert description["alpha_cutoff"] == pytest.approx(0.5 if cutoff is None else cutoff)
+    assert description["base_color"] == (1.0, 1.0, 1.0, 1.0)
+    assert messages == []
+
+
+def test_factor_texture_and_colours_of_a_masked_glb(tmp_path: Path) -> None:
+    masked = {
+        "pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [0.5, 0.25, 1.0, 0.75]},
+        "alphaMode": "MASK",
+        "alphaCutoff": 0.3,
+    }
+    material = imported(tmp_path, material=masked, image=IMAGE, colors=[(1.0, 0.5, 0.0, 1.0)] * 4)
+    description, messages = describe_material(material)
+    assert description["base_color"] == pytest.approx((0.5, 0.25, 1.0, 0.75))
+    assert description["image"] is not None
+    assert description["alpha_cutoff"] == pytest.approx(0.3)
+    assert messages == []
+    surface = read_surface(material)
+    assert (surface.color_attribute, surface.alpha_attribute) == ("", "")
+
+
+def test_blended_glb(tmp_path: Path) -> None:
+    blended = {"pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [1, 1, 1, 0.5]}, "alphaMode": "BLEND"}
+    description, messages = describe_material(imported(tmp_path, material=blended, image=IMAGE))
+    assert description["alpha_mode"] == "BLEND"
+    assert description["base_color"] == (1.0, 1.0, 1.0, 0.5)
+    assert description["image"] is not None
+    assert description["image"][0, 1].tolist() == [0, 255, 0, 128]
+    assert messages == []
+
+
+def test_colours_alone_of_a_glb(tmp_path: Path) -> None:
+    plain: dict[str, Any] = {"pbrMetallicRoughness": {}}
+    material = imported(tmp_path, material=plain, colors=[(1.0, 0.5, 0.0, 1.0)] * 4)
+    description, messages = describe_material(material)
+    assert (description["base_color"], description["image"], messages) == ((1.0, 1.0, 1.0, 1.0), None, [])
+    assert read_surface(material).color_attribute == ""
+
+
+@pytest.mark.parametrize(
+    ("sampler", "extension"),
+    [
+        ({"wrapS": 10497, "wrapT": 10497}, "REPEAT"),
+        ({"wrapS": 33071, "wrapT": 33071}, "EXTEND"),
+        ({"wrapS": 33648, "wrapT": 33648}, "MIRROR"),
+        ({"wrapS": 10497, "wrapT": 33071}, "MIXED"),
+        ({"wrapS": 33648, "wrapT": 10497}, "MIXED"),
+    ],
+)
+def test_wrapping_of_a_glb(tmp_path: Path, sampler: dict[str, Any], extension: str) -> None:
+    masked = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
+    surface = read_surface(imported(tmp_path, material=masked, image=IMAGE, sampler=sampler))
+    assert surface.warnings == ()
+    assert surface.texture is not None
+    assert surface.texture.extension == extension
+
+
+def test_texture_transform_of_a_glb(tmp_path: Path) -> None:
+    quarter_turn = {"offset": [0.5, 0.0], "rotation": np.pi / 2, "scale": [2.0, 4.0]}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": quarter_turn}}
+    material = imported(tmp_path, material={"pbrMetallicRoughness": {"baseColorTexture": texture}}, image=IMAGE)
+    surface = read_surface(material)
+    assert surface.warnings == ()
+    assert surface.texture is not None
+    rows = np.reshape(surface.texture.transform, (2, 3))
+    # From the specification: glTF's (u, v) looks up (0.5 + cos·2u + sin·4v, −sin·2u + cos·4v), here (0.5 + 4v, −2u);
+    # Blender's v is 1 − glTF's.
+    for u, v in ((0.0, 0.0), (1.0, 0.0), (0.25, 0.75)):
+        looked_up = rows @ (u, 1 - v, 1)
+        np.testing.assert_allclose((looked_up[0], 1 - looked_up[1]), (0.5 + 4 * v, -2 * u), atol=1e-6)
+
+
+def test_a_glb_whose_texture_is_missing(tmp_path: Path) -> None:
+    material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image_uri="gone.png")
+    with pytest.raises(SceneError) as caught:
+        describe_material(material)
+    assert str(caught.value) == (
+        f"texture 'gone.png' of material 'leaf' cannot be read: {tmp_path / 'gone.png'}; "
+        f"put the file there, or pack it into the .blend"
+    )
+
+
+def test_a_texture_that_is_no_image(tmp_path: Path) -> None:
+    material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=b"no image at all")
+    with pytest.raises(SceneError, match="'Image_0' of material 'leaf' cannot be read: its packed data are no image"):
+        describe_material(material)
+
+
+@pytest.mark.parametrize("with_opacity", [True, False])
+def test_obj_materials(tmp_path: Path, with_opacity: bool) -> None:
+    (tmp_path / "tex.png").write_bytes(IMAGE)
+    maps = "map_Kd tex.png\n" + ("map_d tex.png\n" if with_opacity else "")
+    (tmp_path / "a.mtl").write_text(f"newmtl leaf\nKd 0.1 0.5 0.2\n{maps}")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl leaf\nf 1/1 2/2 3/3\n"
+    )
+    load(tmp_path / "a.obj")
+    description, messages = describe_material(bpy.data.materials["leaf"])
+    assert messages == []
+    assert description["image"] is not None
+    assert description["image"][0, 0].tolist() == [255, 0, 0, 255]
+    assert description["image"][1, 0, :3].tolist() == [0, 0, 255]
+    assert description["alpha_mode"] == ("BLEND" if with_opacity else "OPAQUE")
+
+
+def test_exporters_greater_than_comes_back_through_gltf(tmp_path: Path) -> None:
+    """What Leafcloud's own levels are made of: Principled, image, Greater Than."""
+    material, principled, tree = new_material()
+    pixels = [[tuple(value / 255 for value in pixel) for pixel in row] for row in (TOP, BOTTOM)]
+    image = texture_node(tree, new_image("i", pixels, alpha_mode="CHANNEL_PACKED"))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(math_node(tree, "GREATER_THAN", image.outputs["Alpha"], 0.25), principled.inputs["Alpha"])
+    mesh = bpy.data.meshes.new("q")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0)], [], [(0, 1, 2)])
+    mesh.uv_layers.new(name="UVMap")
+    mesh.materials.append(material)
+    bpy.context.collection.objects.link(bpy.data.objects.new("q", mesh))
+    before, _ = describe_material(material)
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "a.glb"), export_format="GLB")
+    load(tmp_path / "a.glb")
+    after, messages = describe_material(bpy.data.materials["m"])
+    assert messages == []
+    assert before["image"] is not None
+    assert after["image"] is not None
+    assert after["image"].tolist() == before["image"].tolist() == [[list(p) for p in row] for row in (TOP, BOTTOM)]
+    assert (after["alpha_mode"], after["alpha_cutoff"]) == ("MASK", pytest.approx(0.25))
+
+
+def test_an_image_file_without_alpha(tmp_path: Path) -> None:
+    (tmp_path / "rgb.bmp").write_bytes(_bmp([(10, 20, 30)]))
+    material, principled, tree = new_material()
+    image = texture_node(tree, bpy.data.images.load(str(tmp_path / "rgb.bmp")))
+    tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    description, _ = describe_material(material)
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[10, 20, 30, 255]]]
+
+
+def _bmp(row: list[tuple[int, int, int]]) -> bytes:
+    """One row of RGB pixels as a BMP file."""
+    body = b"".join(bytes((blue, green, red)) for red, green, blue in row)
+    body += b"\0" * (-len(body) % 4)
+    header = struct.pack("<2sIHHI", b"BM", 54 + len(body), 0, 0, 54)
+    return header + struct.pack("<IiiHHIIiiII", 40, len(row), 1, 1, 24, 0, len(body), 2835, 2835, 0, 0) + body
