@@ -76,7 +76,7 @@ const TEXELS_POWER: f64 = 3.0;
 /// A setting outside its range, or [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn fit(foliage: &Foliage, settings: &FitSettings, progress: Progress) -> Result<Cloud> {
     settings.check()?;
-    fit_within(foliage, settings, settings.epsilon * foliage.frame().radius, progress, None)
+    fit_within(foliage, &settings.opacity(foliage), settings, settings.epsilon * foliage.frame().radius, progress, None)
 }
 
 /// The same; `better` is told complete clouds on the way, each with fewer planes than the one before or, with a budget, of a smaller ε.
@@ -90,18 +90,19 @@ pub fn fit_watched(
     better: &(dyn Fn(Cloud) + Sync),
 ) -> Result<Cloud> {
     settings.check()?;
-    fit_within(foliage, settings, settings.epsilon * foliage.frame().radius, progress, Some(better))
+    let bound = settings.epsilon * foliage.frame().radius;
+    fit_within(foliage, &settings.opacity(foliage), settings, bound, progress, Some(better))
 }
 
 /// Fits a cloud whose vertices move at most `bound` (caller's units) along the normal; with a budget, as little as keeps it.
 pub(crate) fn fit_within(
     foliage: &Foliage,
+    opacity: &Opacity,
     settings: &FitSettings,
     bound: f64,
     progress: Progress,
     better: Option<&(dyn Fn(Cloud) + Sync)>,
 ) -> Result<Cloud> {
-    let opacity = if settings.trim { Opacity::of(foliage) } else { Opacity::ignored() };
     let task = Task { foliage, settings, opacity };
     // Inside the pool, so that its threads do not have to be woken for every small part of the work.
     let cloud = rayon::scope(|_| match (settings.method, settings.max_billboards, settings.max_texels) {
@@ -119,7 +120,7 @@ pub(crate) fn fit_within(
 #[must_use]
 pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, f32) {
     let settings = FitSettings { epsilon, ..FitSettings::default() };
-    let task = Task { foliage, settings: &settings, opacity: Opacity::ignored() };
+    let task = Task { foliage, settings: &settings, opacity: &Opacity::ignored() };
     let pieces = task.pieces(epsilon * foliage.frame().radius);
     let search = task.search(&pieces, &|_| 1.0);
     let members: Vec<(u32, i32)> = (0..pieces.len() as u32).map(|i| (i, 1)).collect();
@@ -134,7 +135,7 @@ pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, f32) 
 struct Task<'a> {
     foliage: &'a Foliage,
     settings: &'a FitSettings,
-    opacity: Opacity,
+    opacity: &'a Opacity,
 }
 
 impl Task<'_> {
@@ -142,7 +143,7 @@ impl Task<'_> {
         let greatest = bound / self.foliage.frame().radius * (1.0 - ROUNDING_MARGIN);
         let bounds = Bounds { greatest, image: self.settings.image };
         let whole = if self.settings.whole_leaves { Whole::Always } else { Whole::WhereCheap };
-        Pieces::of(self.foliage, whole, &bounds, &self.opacity)
+        Pieces::of(self.foliage, whole, &bounds, self.opacity)
     }
 
     fn search<'s>(&self, pieces: &Pieces, favour: &'s (dyn Fn(Vec3) -> f32 + Sync)) -> Search<'s> {
@@ -222,7 +223,7 @@ impl Task<'_> {
             self.foliage.corners(t).map(|p| plane.project(p))
         };
         let shape = OutlineSettings { corners: self.settings.max_corners };
-        let outlines = outlines(&cloud.planes, &cloud.parents, onto, &self.opacity, shape);
+        let outlines = outlines(&cloud.planes, &cloud.parents, onto, self.opacity, shape);
         outlines.iter().map(|o| o.size().x * o.size().y).sum::<f64>() / (texel * texel)
     }
 

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::foliage::{Foliage, Opacity};
 
 /// How planes are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -182,6 +183,12 @@ pub const MIN_EPSILON: f64 = 1e-9;
 const LARGEST_WEIGHT: f64 = 1e6;
 
 impl FitSettings {
+    /// How much of each triangle counts as opaque: all of it unless `trim` asks for a look at the textures.
+    #[must_use]
+    pub fn opacity(&self, foliage: &Foliage) -> Opacity {
+        if self.trim { Opacity::of(foliage) } else { Opacity::ignored() }
+    }
+
     /// # Errors
     /// The first setting that is outside its range.
     pub fn check(&self) -> Result<()> {

@@ -103,29 +103,27 @@ impl Stochastic {
     fn cover_by_core_set(&self, pieces: &Pieces, search: &Search, progress: Progress) -> Result<Vec<Slab>> {
         let plan = self.greedy_plan();
         let mut core = sample(pieces.len(), CORE, search.seed);
-        let mut slabs: Vec<Slab> = Vec::new();
+        let (mut slabs, mut missed): (Vec<Slab>, Vec<u32>) = (Vec::new(), Vec::new());
         for round in 0..ROUNDS {
             let progress = progress.part(0.9 * round as f64 / ROUNDS as f64, 0.9 * (round + 1) as f64 / ROUNDS as f64);
+            core.extend(missed.iter().step_by(missed.len().div_ceil(JOINING).max(1)));
+            core.sort_unstable();
+            core.dedup();
             let tight = pieces.select(&core).tightened(TIGHTER);
             let open = assign::unserved(&tight, &slabs, search);
             slabs.extend(greedy::cover(&tight.select(&open), plan, search, progress.part(0.0, 0.3))?);
             slabs = self.descended(&tight, slabs, search, STEPS_SHARE, progress.part(0.3, 1.0), &|_| {})?;
-            let missed = assign::unserved(pieces, &slabs, search);
+            missed = assign::unserved(pieces, &slabs, search);
             if missed.is_empty() {
-                return Ok(slabs);
+                break;
             }
-            core.extend(missed.iter().step_by(missed.len().div_ceil(JOINING)));
-            core.sort_unstable();
-            core.dedup();
         }
-        loop {
-            let missed = assign::unserved(pieces, &slabs, search);
-            if missed.is_empty() {
-                return Ok(slabs);
-            }
+        while !missed.is_empty() {
             let some: Vec<u32> = missed.iter().copied().step_by(missed.len().div_ceil(CORE)).collect();
             slabs.extend(greedy::cover(&pieces.select(&some), plan, search, progress.part(0.9, 1.0))?);
+            missed = assign::unserved(pieces, &slabs, search);
         }
+        Ok(slabs)
     }
 }
 
