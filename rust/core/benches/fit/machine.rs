@@ -12,6 +12,9 @@ pub struct Roofline {
     /// Multiply-adds a second of the sweep (three a point or area vector and direction), and of a loop that does nothing else.
     pub sweep: f64,
     pub peak: f64,
+    /// Bins that the sweep changes a second (two a piece and direction), and what a loop over a table of the same size changes.
+    pub updates: f64,
+    pub most_updates: f64,
     /// Bytes that the sweep must read at the least for one eight of directions, a second, and what a copy moves.
     pub bytes: f64,
     pub bandwidth: f64,
@@ -45,6 +48,23 @@ impl pulp::NullaryFnOnce for MultiplyAdds {
     }
 }
 
+/// Adds to scattered places of a table that lies in the first cache, as a sweep does to its bins; what is changed in a second.
+fn updates() -> f64 {
+    const ROWS: usize = 512;
+    const TIMES: usize = 1 << 22;
+    let places: Vec<u32> = (0..4096u32).map(|i| i.wrapping_mul(2_654_435_761) % (8 * ROWS as u32)).collect();
+    let mut table = vec![0i32; 8 * ROWS];
+    let seconds = best_of(5, || {
+        for _ in 0..TIMES / places.len() {
+            for &place in black_box(&places) {
+                table[place as usize] += 1;
+            }
+        }
+        table[0]
+    });
+    TIMES as f64 / seconds
+}
+
 pub fn roofline(foliage: &Foliage) -> Roofline {
     const ROUNDS: usize = 200_000;
     const OCTETS: usize = 32;
@@ -52,7 +72,7 @@ pub fn roofline(foliage: &Foliage) -> Roofline {
     // Twice the directions less once: what comes before the sweep drops out.
     let twice = best_of(5, || sweep_once(foliage, epsilon, 3 * OCTETS));
     let once = best_of(5, || sweep_once(foliage, epsilon, OCTETS));
-    let (vectors, _) = sweep_once(foliage, epsilon, 2 * OCTETS);
+    let (vectors, updated, _) = sweep_once(foliage, epsilon, 2 * OCTETS);
     let seconds = twice - once;
     let peak = best_of(5, || pulp::Arch::new().dispatch(MultiplyAdds(black_box(ROUNDS))));
     let source = vec![1u64; 1 << 24];
@@ -62,6 +82,8 @@ pub fn roofline(foliage: &Foliage) -> Roofline {
     Roofline {
         sweep: 3.0 * vectors as f64 / seconds,
         peak: (64 * ROUNDS) as f64 / peak,
+        updates: updated as f64 / seconds,
+        most_updates: updates(),
         bytes: 12.0 * vectors as f64 / 8.0 / seconds,
         bandwidth: 16.0 * (1u64 << 24) as f64 / copy,
     }

@@ -218,14 +218,17 @@ impl Report {
         let Some(r) = self.roofline else { return };
         println!("## The roof over the sweep, one core\n");
         println!(
-            "{:.1} of {:.1} billion multiply-adds a second ({:.0} %), {:.1} of {:.1} GB/s ({:.0} %). The rest of the sweep is intervals and the \
-             histogram's read-modify-writes, which no multiply-add counts.",
+            "{:.1} of {:.1} billion multiply-adds a second ({:.0} %), {:.1} of {:.1} GB/s ({:.0} %), {:.2} of {:.2} billion bins changed a second \
+             ({:.0} %): two changes for each piece and direction are what bounds the sweep, and what a field that is kept saves.",
             r.sweep / 1e9,
             r.peak / 1e9,
             r.sweep / r.peak * 100.0,
             r.bytes / 1e9,
             r.bandwidth / 1e9,
-            r.bytes / r.bandwidth * 100.0
+            r.bytes / r.bandwidth * 100.0,
+            r.updates / 1e9,
+            r.most_updates / 1e9,
+            r.updates / r.most_updates * 100.0
         );
     }
 
@@ -262,8 +265,9 @@ impl Report {
         if let Some(r) = self.roofline {
             let _ = write!(
                 json,
-                ",\n  \"roofline\": {{\"sweep_madds\": {:.3e}, \"peak_madds\": {:.3e}, \"sweep_bytes\": {:.3e}, \"bandwidth\": {:.3e}}}",
-                r.sweep, r.peak, r.bytes, r.bandwidth
+                ",\n  \"roofline\": {{\"sweep_madds\": {:.3e}, \"peak_madds\": {:.3e}, \"sweep_bytes\": {:.3e}, \"bandwidth\": {:.3e}, \
+                 \"bins_changed\": {:.3e}, \"most_bins_changed\": {:.3e}}}",
+                r.sweep, r.peak, r.bytes, r.bandwidth, r.updates, r.most_updates
             );
         }
         json.push_str("\n}\n");

@@ -29,7 +29,7 @@ pub struct GreedyPlan {
 const PEAKS: usize = 2;
 
 /// Starts that stand in for each of the peaks where there is no field.
-const STARTS_PER_PEAK: usize = 4;
+const STARTS_PER_PEAK: usize = 8;
 
 /// Pieces that a field knows.
 const SAMPLE: usize = 2000;

@@ -114,11 +114,11 @@ pub(crate) fn fit_within(
     Ok(cloud)
 }
 
-/// The search's unit of work, for benches: sweeps all pieces over eight times `octets` directions once. Returns how many points and area vectors were
-/// looked at for how many directions, and a number that depends on all of them.
+/// The search's unit of work, for benches: sweeps all pieces over eight times `octets` directions once. Returns for how many points and area vectors
+/// it looked in how many directions, how many bins it changed, and a number that depends on all of them.
 #[doc(hidden)]
 #[must_use]
-pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, f32) {
+pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, u64, f32) {
     let settings = FitSettings { epsilon, ..FitSettings::default() };
     let task = Task { foliage, settings: &settings, opacity: &Opacity::ignored() };
     let pieces = task.pieces(epsilon * foliage.frame().radius);
@@ -128,7 +128,8 @@ pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, f32) 
         Slab { plane: Plane { normal: glam::DVec3::Z, distance: 0.0 }, centre: Vec3::ZERO, reach: f32::INFINITY };
     let best = sweep::best_near(&pieces, &members, &whole, &sweep::hemisphere(octets), 1.1, &search);
     let vectors: usize = (0..pieces.len()).map(|i| pieces.points(i).len() + pieces.areas(i).len()).sum();
-    ((vectors * octets * sweep::LANES) as u64, best.0)
+    let lanes = (octets * sweep::LANES) as u64;
+    (vectors as u64 * lanes, 2 * pieces.len() as u64 * lanes, best.0)
 }
 
 /// What is to be fitted.

@@ -184,13 +184,13 @@ impl Kernel for Add<'_> {
             let sloped = e.mul(projected, e.splat(size * guard.slope / pieces.area(piece).max(SMALLEST_AREA)));
             let value = e.nearest(e.add(sloped, e.splat(size * (1.0 - guard.slope))));
             let held = e.chosen(value, from, to, projected, wanted);
-            let sign = weight.signum();
             if held == [0; LANES] {
                 continue;
             }
+            let signed = held.map(|h| h * weight.signum());
             for l in 0..LANES {
-                rows[(from[l] as usize).min(last_row)][l] += sign * held[l];
-                rows[(to[l] as usize).min(last_row)][l] -= sign * held[l];
+                rows[(from[l] as usize).min(last_row)][l] += signed[l];
+                rows[(to[l] as usize).min(last_row)][l] -= signed[l];
             }
         }
     }
