@@ -219,7 +219,8 @@ impl Report {
         println!("## The roof over the sweep, one core\n");
         println!(
             "{:.1} of {:.1} billion multiply-adds a second ({:.0} %), {:.1} of {:.1} GB/s ({:.0} %), {:.2} of {:.2} billion bins changed a second \
-             ({:.0} %): two changes for each piece and direction are what bounds the sweep, and what a field that is kept saves.",
+             ({:.0} %): two for each piece and direction. The rest is the arithmetic of \
+             intervals, and taking lanes out of registers.",
             r.sweep / 1e9,
             r.peak / 1e9,
             r.sweep / r.peak * 100.0,
