@@ -4,6 +4,7 @@ mod leaves;
 mod material;
 mod opaque;
 mod surface;
+mod texel_mask;
 
 use std::sync::Arc;
 

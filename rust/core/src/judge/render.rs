@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
-use crate::textures::{Samples, ScreenTriangle, rasterise};
+use crate::textures::{Clip, Samples, ScreenTriangle, rasterise};
 
 /// Where the picture is taken from.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +52,7 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
             corners: foliage.corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
             foliage,
             triangle,
+            clip: Clip::NONE,
         };
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }

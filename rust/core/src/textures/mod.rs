@@ -7,7 +7,7 @@ mod raster;
 use glam::DVec3;
 use rayon::prelude::*;
 
-pub use raster::{Canvas, ScreenTriangle, rasterise};
+pub use raster::{Canvas, Clip, ScreenTriangle, rasterise};
 
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
@@ -70,6 +70,8 @@ struct ToPage {
     normal: DVec3,
     left: f64,
     bottom: f64,
+    /// Where outlines follow what is opaque, triangles reach beyond their region, into others'.
+    clip: Clip,
 }
 
 impl ToPage {
@@ -83,6 +85,7 @@ impl ToPage {
             normal: x.cross(y).normalize(),
             left: region.x as f64,
             bottom: (region.y + region.height) as f64,
+            clip: Clip { columns: region.x..region.x + region.width, rows: region.y..region.y + region.height },
         }
     }
 
@@ -92,7 +95,8 @@ impl ToPage {
             let height = self.normal.dot(drawn.corners[i] - self.origin);
             DVec3::new(self.left + self.across.dot(q), self.bottom - self.up.dot(q), height).as_vec3()
         };
-        ScreenTriangle { corners: std::array::from_fn(position), foliage: drawn.foliage, triangle: drawn.triangle }
+        let corners = std::array::from_fn(position);
+        ScreenTriangle { corners, foliage: drawn.foliage, triangle: drawn.triangle, clip: self.clip.clone() }
     }
 }
 

@@ -28,6 +28,22 @@ pub struct ScreenTriangle<'a> {
     pub foliage: &'a Foliage,
     /// Which one it is.
     pub triangle: usize,
+    /// The pixels that it may cover.
+    pub clip: Clip,
+}
+
+/// Columns and rows of pixels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Clip {
+    /// From the left.
+    pub columns: Range<usize>,
+    /// From the top.
+    pub rows: Range<usize>,
+}
+
+impl Clip {
+    /// All pixels.
+    pub const NONE: Self = Self { columns: 0..usize::MAX, rows: 0..usize::MAX };
 }
 
 /// A picture in linear light, colour premultiplied by coverage; row 0 on top.
@@ -113,6 +129,16 @@ fn covered(low: f32, high: f32, size: f32, count: usize) -> Range<usize> {
     (low / size).floor() as usize..(((high / size).floor() + 1.0) as usize).min(count)
 }
 
+fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
+    a.start.max(b.start)..a.end.min(b.end)
+}
+
+/// The samples of pixels in a tile that begins at the pixel `origin`.
+fn samples_of(pixels: &Range<usize>, origin: f32, samples: usize) -> Range<usize> {
+    let sample = |pixel: usize| pixel.saturating_sub(origin as usize).saturating_mul(samples);
+    sample(pixels.start)..sample(pixels.end)
+}
+
 /// The samples of one tile, row by row.
 struct TileSamples {
     /// Samples in a row.
@@ -142,8 +168,11 @@ fn draw_triangle(tile: &mut TileSamples, triangle: &ScreenTriangle, index: u32, 
     let low = corners[0].min(corners[1]).min(corners[2]);
     let high = corners[0].max(corners[1]).max(corners[2]);
     let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
-    for y in covered(low.y - 0.5, high.y, 1.0, tile.side) {
-        for x in covered(low.x - 0.5, high.x, 1.0, tile.side) {
+    let Clip { columns, rows } = &triangle.clip;
+    let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, tile.side), &samples_of(rows, origin.y, samples));
+    let columns = overlap(&covered(low.x - 0.5, high.x, 1.0, tile.side), &samples_of(columns, origin.x, samples));
+    for y in rows {
+        for x in columns.clone() {
             let weights = edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
             if weights.min_element() < 0.0 {
                 continue;

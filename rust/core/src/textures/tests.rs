@@ -27,7 +27,7 @@ fn screen(foliage: &Foliage, size: f32, z: f32) -> Vec<ScreenTriangle<'_>> {
     [[a, b, c], [a, c, d]]
         .into_iter()
         .enumerate()
-        .map(|(triangle, corners)| ScreenTriangle { corners, foliage, triangle })
+        .map(|(triangle, corners)| ScreenTriangle { corners, foliage, triangle, clip: Clip::NONE })
         .collect()
 }
 
@@ -51,6 +51,20 @@ fn a_canvas_of_many_tiles_has_no_seams() {
     let white = square(0.0, Material::default());
     let canvas = rasterise(&screen(&white, 100.0, 0.0), 100, 100, samples(2));
     assert!(canvas.pixels.iter().all(|p| *p == Vec4::ONE));
+}
+
+#[test]
+fn nothing_is_drawn_outside_the_clip() {
+    let white = square(0.0, Material::default());
+    let mut triangles = screen(&white, 100.0, 0.0);
+    for t in &mut triangles {
+        t.clip = Clip { columns: 30..66, rows: 1..33 };
+    }
+    let canvas = rasterise(&triangles, 100, 100, samples(3));
+    for (i, p) in canvas.pixels.iter().enumerate() {
+        let inside = (30..66).contains(&(i % 100)) && (1..33).contains(&(i / 100));
+        assert_eq!(p.w, if inside { 1.0 } else { 0.0 }, "pixel {} {}", i % 100, i / 100);
+    }
 }
 
 #[test]
