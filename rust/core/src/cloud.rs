@@ -2,6 +2,7 @@
 
 use crate::foliage::Foliage;
 use crate::geometry::Plane;
+use crate::sums::Total;
 
 /// A set of planes that stands for a foliage mesh.
 #[derive(Clone, Debug)]
@@ -38,9 +39,12 @@ impl Cloud {
     /// The area-weighted mean of the deviations, caller's units.
     #[must_use]
     pub fn mean_deviation(&self, foliage: &Foliage) -> f64 {
-        let areas = (0..foliage.triangle_count()).map(|t| foliage.area_vector(t).length());
-        let (sum, area) =
-            areas.zip(&self.deviations).fold((0.0, 0.0), |(sum, total), (area, d)| (sum + area * d, total + area));
-        sum / area
+        let (mut moved, mut whole) = (Total::default(), Total::default());
+        for (t, deviation) in self.deviations.iter().enumerate() {
+            let area = foliage.area_vector(t).length();
+            moved.add(area * deviation);
+            whole.add(area);
+        }
+        moved.get() / whole.get()
     }
 }

@@ -26,6 +26,7 @@ pub mod outlines;
 pub mod progress;
 pub mod prune;
 pub mod sheet;
+pub mod sums;
 pub mod textures;
 pub mod transition;
 

@@ -3,10 +3,11 @@
 //! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: of
 //! the leaves in one random order the first λN are drawn, grown so that the covered area stays. Area, not length, grows by 1/λ.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::fit::Stream;
 use crate::foliage::Foliage;
+use crate::sums::Total;
 
 /// The greatest share of the drawn leaves that is on its way in or out.
 pub const RAMP: f64 = 0.05;
@@ -38,11 +39,65 @@ pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
 /// is left to grow. O(n).
 #[must_use]
 pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)>, keep: f64) -> f64 {
-    let (all, drawn) = leaves.fold((0.0, 0.0), |(all, drawn), (rank, area)| {
+    let (mut all, mut drawn) = (Total::default(), Total::default());
+    for (rank, area) in leaves {
         let r = leaf_scale(rank, keep);
-        (all + area, drawn + area * r * r)
-    });
-    if drawn > 0.0 { (all / drawn).sqrt() } else { 1.0 }
+        all.add(area);
+        drawn.add(area * r * r);
+    }
+    if drawn.get() > 0.0 { (all.get() / drawn.get()).sqrt() } else { 1.0 }
+}
+
+/// A scene of many models: those farther away give up more of their leaves.
+///
+/// `λ′ᵢ = λᵢ · (1 − a · w · ((dᵢ − d_min) / d_range)^p)` with `w = min(d_range / z, 1)` and `p = m / n`. The report prints the exponent as n;
+/// p, which it defines and does not use, is meant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneBudget {
+    /// n, how many models are seen; counted softly, so that it does not jump when one enters the view. ≥ 0.
+    pub models: f64,
+    /// `d_min`, the distance of the nearest.
+    pub nearest: f64,
+    /// `d_range`, of the farthest behind the nearest. ≥ 0.
+    pub range: f64,
+    /// z, the far distance. > 0.
+    pub far: f64,
+    /// m, of how many models the loss falls linearly with distance. > 0.
+    pub full_models: f64,
+    /// a, what the farthest lose at most, in [0, 1].
+    pub strength: f64,
+}
+
+impl SceneBudget {
+    /// λ′ of a model at `distance` whose own λ is `keep`: in [0, λ], monotone in the distance, λ itself where the formula has no value (one
+    /// model, all at one distance, what is not a number).
+    #[must_use]
+    pub fn keep(&self, distance: f64, keep: f64) -> f64 {
+        let depth = ((distance - self.nearest) / self.range).min(1.0);
+        // 0 to the power of 0 would be 1: the nearest model loses nothing, however many there are.
+        if depth.is_nan() || depth <= 0.0 {
+            return keep;
+        }
+        let power = libm::pow(depth, self.full_models / self.models);
+        let loss = self.strength * (self.range / self.far).min(1.0) * power;
+        if loss.is_nan() { keep } else { keep * (1.0 - loss).clamp(0.0, 1.0) }
+    }
+}
+
+/// κ = √(max(1, λq) / max(1, q)) with q = `per_pixel` leaves in a pixel of the unpruned tree, ≥ 0 (after Cook et al.): how far
+/// colours keep their distance from the mean, so that fewer leaves do not mean more contrast. 1 while leaves are larger than pixels, √λ far away.
+#[must_use]
+pub fn contrast(keep: f64, per_pixel: f64) -> f64 {
+    if per_pixel == f64::INFINITY {
+        return keep.sqrt();
+    }
+    ((keep * per_pixel).max(1.0) / per_pixel.max(1.0)).sqrt()
+}
+
+/// c̄ + (c − c̄) κ.
+#[must_use]
+pub fn toward_mean(color: Vec3, mean: Vec3, contrast: f32) -> Vec3 {
+    if contrast == 1.0 { color } else { mean + (color - mean) * contrast }
 }
 
 /// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest

@@ -1,14 +1,17 @@
 //! Where each billboard's outline lies on the atlas page.
 //!
 //! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of 2 %) at which all
-//! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles). Known limit: packing is quadratic in the
-//! number of billboards; past some ten thousand it dominates.
+//! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles, quadratic in the number of billboards), for more than
+//! [`MANY`] shelves.
 
 use crunch::{Item, Rect, Rotation};
 use glam::{DVec2, DVec3};
 
 use crate::error::{Error, Result};
 use crate::geometry::{Outline, Plane};
+
+/// Billboards beyond which packing must not be quadratic.
+const MANY: usize = 2000;
 
 /// How a sheet is laid out.
 #[derive(Clone, Copy, Debug)]
@@ -208,22 +211,51 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<
     let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
     let items = outlines.iter().enumerate().flat_map(|(plane, outline)| {
         let (width, height) = dimensions(outline);
-        sides.iter().map(move |&back| Item::new((plane, back), width, height, Rotation::Allowed))
+        sides.iter().map(move |&back| ((plane, back), width, height))
     });
-    let mut packed = crunch::pack(Rect::of_size(settings.size, settings.size), items).ok()?;
-    packed.sort_by_key(|p| p.data);
-    let placed = packed.iter().map(|p| Placed {
-        plane: p.data.0 as u32,
-        back: p.data.1,
-        turned: (p.rect.w, p.rect.h) != dimensions(&outlines[p.data.0]),
+    let items: Vec<Boxed> = items.collect();
+    let mut packed =
+        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(items, settings.size)? };
+    packed.sort_by_key(|(data, _)| *data);
+    let placed = packed.iter().map(|&((plane, back), rect)| Placed {
+        plane: plane as u32,
+        back,
+        turned: (rect.w, rect.h) != dimensions(&outlines[plane]),
         region: Region {
-            x: p.rect.x + settings.gutter,
-            y: p.rect.y + settings.gutter,
-            width: p.rect.w - border,
-            height: p.rect.h - border,
+            x: rect.x + settings.gutter,
+            y: rect.y + settings.gutter,
+            width: rect.w - border,
+            height: rect.h - border,
         },
     });
     Some(placed.collect())
+}
+
+/// Plane and side, width, height.
+type Boxed = ((usize, bool), usize, usize);
+
+/// As tight as it gets, in time quadratic in the number.
+fn tightly(items: Vec<Boxed>, size: usize) -> Option<Vec<((usize, bool), Rect)>> {
+    let items = items.into_iter().map(|(data, width, height)| Item::new(data, width, height, Rotation::Allowed));
+    let packed = crunch::pack(Rect::of_size(size, size), items).ok()?;
+    Some(packed.into_iter().map(|p| (p.data, p.rect)).collect())
+}
+
+/// On shelves, the highest first: O(n log n), and where there are so many, nearly as tight. (`etagere`, which does this, counts in 16 bits.)
+fn on_shelves(mut items: Vec<Boxed>, size: usize) -> Option<Vec<((usize, bool), Rect)>> {
+    items.sort_by_key(|&(data, width, height)| (std::cmp::Reverse((height, width)), data));
+    let (mut x, mut y, mut shelf) = (0, 0, 0);
+    let put = |(data, width, height): Boxed| {
+        if x + width > size {
+            (x, y, shelf) = (0, y + shelf, 0);
+        }
+        // The first of a shelf is its highest.
+        shelf = shelf.max(height);
+        let place = Rect::new(x, y, width, height);
+        x += width;
+        (width <= size && y + height <= size).then_some((data, place))
+    };
+    items.into_iter().map(put).collect()
 }
 
 /// The corners of a region of whole texels, centred on the outline, as seen from the front.

@@ -1,28 +1,15 @@
 //! What every fit promises, whatever the method, and what its settings do. Oracles: definitions, closed forms, invariances.
 
-use std::path::PathBuf;
+mod common;
+
 use std::sync::Mutex;
 
+use common::soups::{all_settings, fitted, quick, shrub, soup};
 use glam::DVec3;
-use leafcloud::fit::{Effort, FitSettings, ImageBound, Method, Named, Preference, fit, fit_watched};
+use leafcloud::fit::{Effort, FitSettings, ImageBound, Method, Preference, fit, fit_watched};
 use leafcloud::foliage::Attributes;
-use leafcloud::{Cloud, Foliage, Progress, gltf};
+use leafcloud::{Cloud, Foliage, Progress};
 use proptest::prelude::*;
-
-fn shrub() -> Foliage {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
-    gltf::read(&path, &gltf::DEFAULT_NAMES).unwrap()
-}
-
-fn fitted(foliage: &Foliage, settings: &FitSettings) -> Cloud {
-    fit(foliage, settings, Progress::silent()).unwrap()
-}
-
-fn soup(corners: &[[DVec3; 3]]) -> Foliage {
-    let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
-    let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
-}
 
 /// Ten small triangles in a plane at height `z`, all facing up.
 fn layer(z: f64) -> Vec<[DVec3; 3]> {
@@ -42,22 +29,6 @@ fn assert_held(foliage: &Foliage, cloud: &Cloud) {
             assert!(height <= cloud.bound, "triangle {t}: {height} > {}", cloud.bound);
         }
     }
-}
-
-fn all_settings() -> Vec<FitSettings> {
-    let of = |method, effort| FitSettings {
-        method,
-        effort,
-        max_billboards: (method == Method::KMeans).then_some(12),
-        ..quick()
-    };
-    let mut all: Vec<FitSettings> = Effort::ALL[..3].iter().map(|&effort| of(Method::Stochastic, effort)).collect();
-    all.extend([of(Method::Density, Effort::Default), of(Method::KMeans, Effort::Default)]);
-    all
-}
-
-fn quick() -> FitSettings {
-    FitSettings { candidates: 100, ..FitSettings::default() }
 }
 
 proptest! {

@@ -2,15 +2,9 @@
 
 mod common;
 
-use std::path::PathBuf;
-
+use common::soups::shrub;
 use leafcloud::fit::{FitSettings, fit};
-use leafcloud::{Foliage, Progress, gltf};
-
-fn shrub() -> Foliage {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
-    gltf::read(&path, &gltf::DEFAULT_NAMES).unwrap()
-}
+use leafcloud::{Progress, gltf};
 
 #[test]
 fn the_search_needs_no_more_planes_than_the_literal_one() {
@@ -27,7 +21,7 @@ fn the_search_needs_no_more_planes_than_the_literal_one() {
 
 #[test]
 fn names_choose_what_is_read() {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
+    let path = common::in_repository("examples/shrub.glb");
     let wood = gltf::read(&path, &["branch"]).unwrap();
     assert!(wood.triangle_count() != shrub().triangle_count());
     let error = gltf::read(&path, &["no such part"]).unwrap_err().to_string();

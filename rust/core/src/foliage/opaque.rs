@@ -16,7 +16,7 @@ use super::{AlphaMode, Foliage, Material};
 use crate::geometry::convex_hull;
 
 /// Cuts of a triangle's side where few triangles differ, and where many do.
-const FINE: usize = 16;
+const FINE: usize = 32;
 const COARSE: usize = 4;
 const MANY: usize = 8192;
 

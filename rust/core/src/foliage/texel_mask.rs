@@ -33,10 +33,12 @@ impl TexelMask {
         let size = [image.width(), image.height()];
         let block = size[0].max(size[1]).div_ceil(MOST_BLOCKS);
         let (columns, rows) = (size[0].div_ceil(block), size[1].div_ceil(block));
+        let least = code_of(least);
         let mut any = vec![0u32; columns * rows];
-        for (i, texel) in image.pixels().iter().enumerate() {
-            if f32::from(texel[3]) / 255.0 >= least {
-                any[i / size[0] / block * columns + i % size[0] / block] = 1;
+        for (y, row) in image.pixels().chunks(size[0]).enumerate() {
+            let blocks = &mut any[y / block * columns..][..columns];
+            for (texels, found) in row.chunks(block).zip(blocks) {
+                *found |= u32::from(texels.iter().any(|texel| u16::from(texel[3]) >= least));
             }
         }
         let mut sums = vec![0u32; (columns + 1) * (rows + 1)];
@@ -77,6 +79,11 @@ impl TexelMask {
         (at(rows.end, columns.end) + at(rows.start, columns.start))
             - (at(rows.start, columns.end) + at(rows.end, columns.start))
     }
+}
+
+/// The least code that stands for a share of at least `share`; 256 stands for more than any.
+fn code_of(share: f32) -> u16 {
+    (0..=255).find(|&code| f32::from(code) / 255.0 >= share).unwrap_or(256)
 }
 
 #[cfg(test)]

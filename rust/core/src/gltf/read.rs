@@ -2,12 +2,17 @@
 //!
 //! A part is foliage when its node's, mesh's or material's name contains one of the names asked for. Y up becomes Z up:
 //! (x, y, z) → (x, −z, y), as Blender's importer does, and v is turned to point up.
+//!
+//! The document may be broken or hostile: it is checked before it is read (`source`, `accessors`), and only images that foliage uses are decoded.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::{DMat4, DVec3, Vec2, Vec4};
 use gltf::mesh::Mode;
 
+use super::accessors;
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 
@@ -20,7 +25,25 @@ pub const DEFAULT_NAMES: [&str; 5] = ["leaf", "leaves", "foliage", "needle", "fr
 /// The file cannot be read or is not glTF; no part has such a name; what [`Foliage::new`] refuses.
 pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     let fail = |reason: String| Error::File { path: path.display().to_string(), reason };
-    let (document, buffers, images) = gltf::import(path).map_err(|e| fail(e.to_string()))?;
+    let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(&bytes, Some(folder), names).map_err(|error| match error {
+        Error::Invalid(reason) => fail(reason),
+        other => other,
+    })
+}
+
+/// The same from memory. `folder` is where files that the document names lie; without one, it may name none.
+///
+/// # Errors
+/// As [`read`], without the file's name.
+pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) -> Result<Foliage> {
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| Error::invalid(e.to_string()))?;
+    let root = document.into_json();
+    accessors::check_references(&root).map_err(Error::Invalid)?;
+    let document = gltf::Document::from_json(root).map_err(|e| Error::invalid(e.to_string()))?;
+    let source = Source::of(&document, blob, folder).map_err(Error::Invalid)?;
     let mut soup = Soup::default();
     let names: Vec<String> = names.iter().map(|n| n.as_ref().to_lowercase()).collect();
     let is_foliage = |found: Option<&str>| {
@@ -33,7 +56,7 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     let mut visited = vec![false; document.nodes().len()];
     while let Some((node, parent)) = open.pop() {
         if std::mem::replace(&mut visited[node.index()], true) {
-            return Err(fail(format!("node {} is reached twice; glTF nodes form trees", node.index())));
+            return Err(Error::invalid(format!("node {} is reached twice; glTF nodes form trees", node.index())));
         }
         let local = glam::Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
         let matrix = parent * local;
@@ -41,16 +64,25 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
             let named = is_foliage(node.name()) || is_foliage(mesh.name());
             for primitive in mesh.primitives().filter(|p| p.mode() == Mode::Triangles) {
                 if named || is_foliage(primitive.material().name()) {
-                    soup.add(&primitive, &buffers, matrix).map_err(fail)?;
+                    soup.add(&primitive, &source, matrix).map_err(Error::Invalid)?;
                 }
             }
         }
         open.extend(node.children().map(|child| (child, matrix)));
     }
     if soup.triangles.is_empty() {
-        return Err(fail(format!("no triangles of a node, mesh or material named like {}", names.join(", "))));
+        return Err(Error::invalid(format!(
+            "no triangles of a node, mesh or material named like {}",
+            names.join(", ")
+        )));
     }
-    let materials = document.materials().map(|m| material(&m, &images)).collect::<Result<_>>()?;
+    let used: HashSet<u32> = soup.attributes.material_ids.iter().copied().collect();
+    let materials = (0u32..).zip(document.materials()).map(|(i, m)| {
+        let image = m.pbr_metallic_roughness().base_color_texture().filter(|_| used.contains(&i));
+        let image = image.map(|t| source.image(&t.texture().source())).transpose().map_err(Error::Invalid)?;
+        material(&m, image)
+    });
+    let materials = materials.collect::<Result<_>>()?;
     soup.into_foliage(materials)
 }
 
@@ -63,13 +95,9 @@ struct Soup {
 }
 
 impl Soup {
-    fn add(
-        &mut self,
-        primitive: &gltf::Primitive,
-        buffers: &[gltf::buffer::Data],
-        matrix: DMat4,
-    ) -> std::result::Result<(), String> {
-        let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| &data.0[..]));
+    fn add(&mut self, primitive: &gltf::Primitive, source: &Source, matrix: DMat4) -> std::result::Result<(), String> {
+        accessors::check(primitive, source)?;
+        let reader = primitive.reader(|buffer| source.buffer(buffer.index()));
         let positions: Vec<[f32; 3]> = reader.read_positions().ok_or("a primitive has no positions")?.collect();
         let count = positions.len();
         let indices: Vec<u32> = match reader.read_indices() {
@@ -81,6 +109,9 @@ impl Soup {
         }
         let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect());
         let colors: Option<Vec<[f32; 4]>> = reader.read_colors(0).map(|colors| colors.into_rgba_f32().collect());
+        if u32::try_from(self.positions.len() + count).is_err() {
+            return Err("all primitives together have 2³² vertices or more; split the file".to_owned());
+        }
         let first = self.positions.len() as u32;
         let to_z_up = |p: DVec3| DVec3::new(p.x, -p.z, p.y);
         let place = |p: &[f32; 3]| to_z_up(matrix.transform_point3(DVec3::from_array(p.map(f64::from))));
@@ -116,13 +147,10 @@ impl Soup {
     }
 }
 
-fn material(source: &gltf::Material, images: &[gltf::image::Data]) -> Result<Material> {
-    let pbr = source.pbr_metallic_roughness();
-    let image =
-        pbr.base_color_texture().and_then(|t| images.get(t.texture().source().index())).map(rgba).transpose()?;
+fn material(source: &gltf::Material, image: Option<Image>) -> Result<Material> {
     let made = Material {
         name: source.name().unwrap_or("material").to_owned(),
-        base_color: Vec4::from_array(pbr.base_color_factor()),
+        base_color: Vec4::from_array(source.pbr_metallic_roughness().base_color_factor()),
         image,
         alpha_mode: match source.alpha_mode() {
             gltf::material::AlphaMode::Opaque => AlphaMode::Opaque,
@@ -133,16 +161,4 @@ fn material(source: &gltf::Material, images: &[gltf::image::Data]) -> Result<Mat
     };
     made.check()?;
     Ok(made)
-}
-
-fn rgba(data: &gltf::image::Data) -> Result<Image> {
-    use gltf::image::Format;
-    let pixels: Vec<[u8; 4]> = match data.format {
-        Format::R8 => data.pixels.iter().map(|&g| [g, g, g, 255]).collect(),
-        Format::R8G8 => data.pixels.as_chunks::<2>().0.iter().map(|&[g, a]| [g, g, g, a]).collect(),
-        Format::R8G8B8 => data.pixels.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 255]).collect(),
-        Format::R8G8B8A8 => data.pixels.as_chunks::<4>().0.to_vec(),
-        other => return Err(Error::invalid(format!("an image of the format {other:?}; use 8 bits a channel"))),
-    };
-    Image::new(data.width as usize, data.height as usize, pixels)
 }

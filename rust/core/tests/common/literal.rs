@@ -6,25 +6,7 @@ use leafcloud::Foliage;
 use leafcloud::foliage::area_vector;
 use leafcloud::geometry::Plane;
 
-/// xorshift64*: all that random search needs.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        (self.next() % count as u64) as usize
-    }
-
-    fn signed(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-}
+use super::random::Random;
 
 /// The planes, local, that the search finds; `epsilon` is a share of R, triangles without area are left out.
 pub fn search(foliage: &Foliage, epsilon: f64, candidates: usize, seed: u64) -> Vec<Plane> {

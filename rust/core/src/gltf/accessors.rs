@@ -1,0 +1,78 @@
+//! Accessors that may be read: of the types that an attribute may have, and inside their buffers.
+//!
+//! The crate `gltf` checks that indices point to something. It trusts types, counts and offsets, and panics or
+//! reads what it should not where they lie, so they are checked here first.
+
+use gltf::accessor::{DataType, Dimensions};
+use gltf::{Accessor, Semantic};
+
+use super::source::Source;
+
+/// Whether the attributes of all primitives refer to accessors that are there: the validation of the crate `gltf` looks at positions before
+/// it looks whether they exist.
+///
+/// # Errors
+/// The first that does not exist, in words.
+pub fn check_references(root: &gltf::json::Root) -> Result<(), String> {
+    let count = root.accessors.len();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let missing = primitives.flat_map(|p| p.attributes.values()).find(|accessor| accessor.value() >= count);
+    missing.map_or(Ok(()), |a| Err(format!("an attribute refers to accessor {}; there are {count}", a.value())))
+}
+
+/// Checks everything that will be read of a primitive.
+///
+/// # Errors
+/// The first accessor that cannot be read, in words.
+pub fn check(primitive: &gltf::Primitive, source: &Source) -> Result<(), String> {
+    use DataType::{F32, U8, U16, U32};
+    use Dimensions::{Scalar, Vec2, Vec3, Vec4};
+    let indices = primitive.indices().map(|a| ("the indices", a, &[Scalar][..], &[U8, U16, U32][..]));
+    let attributes = primitive.attributes().filter_map(|(semantic, accessor)| match semantic {
+        Semantic::Positions => Some(("POSITION", accessor, &[Vec3][..], &[F32][..])),
+        Semantic::TexCoords(0) => Some(("TEXCOORD_0", accessor, &[Vec2][..], &[F32, U8, U16][..])),
+        Semantic::Colors(0) => Some(("COLOR_0", accessor, &[Vec3, Vec4][..], &[F32, U8, U16][..])),
+        _ => None,
+    });
+    for (what, accessor, dimensions, types) in indices.into_iter().chain(attributes) {
+        if !dimensions.contains(&accessor.dimensions()) || !types.contains(&accessor.data_type()) {
+            let (dimensions, data_type) = (accessor.dimensions(), accessor.data_type());
+            return Err(format!("{what} is {dimensions:?} of {data_type:?}, which glTF does not allow"));
+        }
+        fits(&accessor, source).map_err(|reason| format!("{what}, accessor {}: {reason}", accessor.index()))?;
+    }
+    Ok(())
+}
+
+/// Whether all values lie inside their buffer views.
+fn fits(accessor: &Accessor, source: &Source) -> Result<(), String> {
+    let count = accessor.count();
+    if u32::try_from(count).is_err() || count == 0 {
+        return Err(format!("{count} values; there must be from 1 to 2³² − 1"));
+    }
+    match accessor.view() {
+        Some(view) => inside(&view, accessor.offset(), count, accessor.size(), source)?,
+        // All zeros by the specification. Nobody writes such geometry, and a count alone could ask for any amount of memory.
+        None => return Err("no buffer view; store its values".to_owned()),
+    }
+    let Some(sparse) = accessor.sparse() else { return Ok(()) };
+    if sparse.count() == 0 || sparse.count() > count {
+        return Err(format!("{} sparse values of {count}", sparse.count()));
+    }
+    let (indices, values) = (sparse.indices(), sparse.values());
+    inside(&indices.view(), indices.offset(), sparse.count(), indices.index_type().size(), source)?;
+    inside(&values.view(), values.offset(), sparse.count(), accessor.size(), source)
+}
+
+/// Whether `count` values of `size` bytes from `offset` lie inside a view, and the view inside its buffer.
+fn inside(view: &gltf::buffer::View, offset: usize, count: usize, size: usize, source: &Source) -> Result<(), String> {
+    let bytes = source.view(view)?.len();
+    let stride = view.stride().unwrap_or(size);
+    let end = stride.checked_mul(count - 1).and_then(|last| last.checked_add(offset)?.checked_add(size));
+    if stride >= size && end.is_some_and(|end| end <= bytes) {
+        return Ok(());
+    }
+    Err(format!(
+        "{count} values of {size} bytes, {stride} apart, from {offset} do not fit into a view of {bytes} bytes"
+    ))
+}

@@ -1,0 +1,112 @@
+//! The files behind a glTF document: its buffers and images, read only from where they may lie.
+//!
+//! A document may come from anyone. What it names is read only from its own folder or below (no absolute path, no `..`, no other scheme),
+//! and no image is decoded that claims to be larger than [`LARGEST_IMAGE`].
+
+use std::io::Cursor;
+use std::path::{Component, Path, PathBuf};
+
+use base64::Engine;
+use image::{ImageReader, Limits};
+
+use crate::foliage::Image;
+
+/// Pixels along the side of an image.
+const LARGEST_IMAGE: u32 = 16_384;
+
+/// Memory for decoding one image: four 8-bit channels of the largest, and as much again.
+const DECODING_BYTES: u64 = 2 << 30;
+
+/// A document's folder and the bytes of its buffers.
+pub struct Source {
+    folder: Option<PathBuf>,
+    buffers: Vec<Vec<u8>>,
+}
+
+impl Source {
+    /// Reads all buffers. `folder` is where the document lies; without one, it may name no files.
+    ///
+    /// # Errors
+    /// What is wrong with a buffer, in words.
+    pub fn of(document: &gltf::Document, mut blob: Option<Vec<u8>>, folder: Option<&Path>) -> Result<Self, String> {
+        let mut source = Self { folder: folder.map(Path::to_owned), buffers: Vec::new() };
+        for buffer in document.buffers() {
+            let bytes = match buffer.source() {
+                gltf::buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk for its buffer")?,
+                gltf::buffer::Source::Uri(uri) => source.read(uri)?,
+            };
+            if bytes.len() < buffer.length() {
+                return Err(format!(
+                    "buffer {} has {} bytes and says {}",
+                    buffer.index(),
+                    bytes.len(),
+                    buffer.length()
+                ));
+            }
+            source.buffers.push(bytes);
+        }
+        Ok(source)
+    }
+
+    /// The bytes of a buffer.
+    pub fn buffer(&self, index: usize) -> Option<&[u8]> {
+        self.buffers.get(index).map(Vec::as_slice)
+    }
+
+    /// The bytes that a view shows.
+    pub fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], String> {
+        let end = view.offset().checked_add(view.length());
+        let bytes = self.buffer(view.buffer().index()).zip(end).and_then(|(b, end)| b.get(view.offset()..end));
+        bytes.ok_or_else(|| {
+            let (from, length, buffer) = (view.offset(), view.length(), view.buffer().index());
+            format!("buffer view {} shows {length} bytes from {from} of buffer {buffer}, which has fewer", view.index())
+        })
+    }
+
+    /// An image as 8-bit RGBA.
+    pub fn image(&self, image: &gltf::Image) -> Result<Image, String> {
+        let encoded = match image.source() {
+            gltf::image::Source::View { view, .. } => self.view(&view)?.to_vec(),
+            gltf::image::Source::Uri { uri, .. } => self.read(uri)?,
+        };
+        decode(encoded).map_err(|reason| format!("image {}: {reason}", image.index()))
+    }
+
+    fn read(&self, uri: &str) -> Result<Vec<u8>, String> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let (_, encoded) = data.split_once(";base64,").ok_or("a data URI that is not base64")?;
+            return base64::engine::general_purpose::STANDARD.decode(encoded).map_err(|e| format!("a data URI: {e}"));
+        }
+        let path = self.inside(uri)?;
+        std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
+    /// The path of a file in the document's folder.
+    fn inside(&self, uri: &str) -> Result<PathBuf, String> {
+        let decoded = urlencoding::decode(uri).map_err(|_| format!("the URI {uri:?} is not UTF-8"))?;
+        let path = Path::new(decoded.as_ref());
+        // A backslash separates folders on Windows, a colon a drive or a scheme: neither belongs into a relative URI.
+        let plain = path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        if !plain || decoded.contains(['\\', ':', '\0']) || decoded.is_empty() {
+            return Err(format!(
+                "the URI {uri:?} leads out of the document's folder; put the file beside the document"
+            ));
+        }
+        match &self.folder {
+            Some(folder) => Ok(folder.join(path)),
+            None => Err(format!("the URI {uri:?} names a file, but the document lies in no folder")),
+        }
+    }
+}
+
+fn decode(encoded: Vec<u8>) -> Result<Image, String> {
+    let mut reader = ImageReader::new(Cursor::new(encoded)).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(LARGEST_IMAGE);
+    limits.max_image_height = Some(LARGEST_IMAGE);
+    limits.max_alloc = Some(DECODING_BYTES);
+    reader.limits(limits);
+    let pixels = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
+    let (width, height) = (pixels.width() as usize, pixels.height() as usize);
+    Image::new(width, height, pixels.into_raw().as_chunks::<4>().0.to_vec()).map_err(|e| e.to_string())
+}

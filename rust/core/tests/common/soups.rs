@@ -1,0 +1,43 @@
+//! Small foliage, and the settings of every method.
+
+use glam::DVec3;
+use leafcloud::fit::{Effort, FitSettings, Method, Named, fit};
+use leafcloud::foliage::Attributes;
+use leafcloud::{Cloud, Foliage, Progress, gltf};
+
+use super::in_repository;
+
+/// The shrub that comes with the repository.
+pub fn shrub() -> Foliage {
+    gltf::read(&in_repository("examples/shrub.glb"), &gltf::DEFAULT_NAMES).unwrap()
+}
+
+/// Triangles by their corners; triangles that share a place only are leaves of their own.
+pub fn soup(corners: &[[DVec3; 3]]) -> Foliage {
+    let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
+    let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+}
+
+/// A quick search.
+pub fn quick() -> FitSettings {
+    FitSettings { candidates: 100, ..FitSettings::default() }
+}
+
+/// Every method, the stochastic one with every effort but the longest.
+pub fn all_settings() -> Vec<FitSettings> {
+    let of = |method, effort| FitSettings {
+        method,
+        effort,
+        max_billboards: (method == Method::KMeans).then_some(12),
+        ..quick()
+    };
+    let mut all: Vec<FitSettings> = Effort::ALL[..3].iter().map(|&effort| of(Method::Stochastic, effort)).collect();
+    all.extend([of(Method::Density, Effort::Default), of(Method::KMeans, Effort::Default)]);
+    all
+}
+
+/// The cloud of a foliage.
+pub fn fitted(foliage: &Foliage, settings: &FitSettings) -> Cloud {
+    fit(foliage, settings, Progress::silent()).unwrap()
+}

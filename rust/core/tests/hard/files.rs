@@ -1,0 +1,221 @@
+//! glTF that is broken or hostile: a named error, never a panic, never a byte from outside the document's folder.
+
+use std::path::Path;
+
+use leafcloud::foliage::Foliage;
+use leafcloud::gltf::{DEFAULT_NAMES, parse};
+use leafcloud::{Error, Result};
+
+use crate::common::stability::case;
+
+const GROUP: &str = "Files";
+
+/// One triangle, 36 bytes of positions and three indices of two bytes, in a data URI.
+const GOOD: &str = r#"{
+  "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+  "nodes": [{"mesh": 0, "name": "leaf"}],
+  "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+  "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}}],
+  "accessors": [
+    {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+    {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}],
+  "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+  "buffers": [{"byteLength": 42, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIA"}]
+}"#;
+
+fn read(text: &str) -> Result<Foliage> {
+    parse(text.as_bytes(), Some(Path::new("/nowhere")), &DEFAULT_NAMES)
+}
+
+/// The good document with one thing replaced.
+fn broken(what: &str, by: &str) -> Result<Foliage> {
+    assert!(GOOD.contains(what), "{what}");
+    read(&GOOD.replacen(what, by, 1))
+}
+
+fn refused(name: &'static str, found: Result<Foliage>, naming: &str) {
+    case(GROUP, name, "a named error").refuses(found, naming);
+}
+
+#[test]
+fn the_good_document_is_read() {
+    let foliage = read(GOOD).unwrap();
+    assert_eq!(foliage.triangle_count(), 1);
+}
+
+#[test]
+fn accessors_that_lie() {
+    refused(
+        "more values than bytes",
+        broken(r#""count": 3, "type": "VEC3""#, r#""count": 4, "type": "VEC3""#),
+        "do not fit",
+    );
+    refused(
+        "a count of 2⁶²",
+        broken(r#""count": 3, "type": "VEC3""#, r#""count": 4611686018427387904, "type": "VEC3""#),
+        "2³² − 1",
+    );
+    refused(
+        "a count of 2³² − 1",
+        broken(r#""count": 3, "type": "VEC3""#, r#""count": 4294967295, "type": "VEC3""#),
+        "do not fit",
+    );
+    refused("a count of 0", broken(r#""count": 3, "type": "VEC3""#, r#""count": 0, "type": "VEC3""#), "POSITION");
+    refused("positions of another dimension", broken(r#""type": "VEC3""#, r#""type": "VEC2""#), "glTF does not allow");
+    refused(
+        "positions of bytes",
+        broken(r#""componentType": 5126"#, r#""componentType": 5121"#),
+        "glTF does not allow",
+    );
+    refused("indices of floats", broken(r#""componentType": 5123"#, r#""componentType": 5126"#), "glTF does not allow");
+    refused(
+        "an offset beyond the view",
+        broken(r#"{"bufferView": 1, "#, r#"{"bufferView": 1, "byteOffset": 18446744073709551615, "#),
+        "do not fit",
+    );
+    refused("a view beyond its buffer", broken(r#""byteLength": 36}"#, r#""byteLength": 99}"#), "has fewer");
+    refused(
+        "a view whose end overflows",
+        broken(r#""byteOffset": 36, "byteLength": 6"#, r#""byteOffset": 18446744073709551615, "byteLength": 6"#),
+        "has fewer",
+    );
+    refused(
+        "a stride below the size of a value",
+        broken(r#""byteOffset": 0, "byteLength": 36"#, r#""byteOffset": 0, "byteLength": 36, "byteStride": 4"#),
+        "do not fit",
+    );
+    refused(
+        "an accessor without a view, a count alone",
+        broken(
+            r#"{"bufferView": 0, "componentType": 5126, "count": 3"#,
+            r#"{"componentType": 5126, "count": 4000000000"#,
+        ),
+        "Missing data",
+    );
+    refused("an index beyond the vertices", broken("AAABAAIA", "AAABAAcA"), "index 7 is out of range");
+    let sparse =
+        r#""sparse": {"count": 9, "indices": {"bufferView": 1, "componentType": 5123}, "values": {"bufferView": 0}}, "#;
+    refused(
+        "more sparse values than values",
+        broken(r#"{"bufferView": 0, "#, &format!(r#"{{"bufferView": 0, {sparse}"#)),
+        "sparse",
+    );
+    let sparse = sparse.replace('9', "2").replace(r#""values": {"bufferView": 0"#, r#""values": {"bufferView": 1"#);
+    refused(
+        "sparse values beyond their view",
+        broken(r#"{"bufferView": 0, "#, &format!(r#"{{"bufferView": 0, {sparse}"#)),
+        "do not fit",
+    );
+}
+
+#[test]
+fn documents_that_lie() {
+    refused("no JSON", read("{"), "EOF");
+    refused("nothing at all", read(""), "");
+    refused("a cut binary header", parse(b"glTF\x02\0\0\0", None, &DEFAULT_NAMES), "");
+    refused(
+        "a binary chunk longer than the file",
+        parse(b"glTF\x02\0\0\0\x14\0\0\0\xff\xff\xff\x7fJSON", None, &DEFAULT_NAMES),
+        "",
+    );
+    refused("an index to no accessor", broken(r#""POSITION": 0"#, r#""POSITION": 7"#), "accessor");
+    refused(
+        "a node that is its own child",
+        broken(r#"{"mesh": 0, "#, r#"{"mesh": 0, "children": [0], "#),
+        "reached twice",
+    );
+    refused(
+        "two nodes that are each other's children",
+        broken(
+            r#"[{"mesh": 0, "name": "leaf"}]"#,
+            r#"[{"mesh": 0, "name": "leaf", "children": [1]}, {"children": [0]}]"#,
+        ),
+        "reached twice",
+    );
+    refused(
+        "a matrix that flattens everything",
+        broken(r#"{"mesh": 0, "#, r#"{"mesh": 0, "matrix": [0,0,0,0, 0,0,0,0, 0,0,0,0, 0,0,0,1], "#),
+        "zero area",
+    );
+    refused("a scale of 10³⁹", broken(r#"{"mesh": 0, "#, r#"{"mesh": 0, "scale": [1e39, 1, 1], "#), "");
+    refused("a base colour above 1", broken("[0, 1, 0, 1]", "[0, 5, 0, 1]"), "base colour");
+    refused(
+        "a cutoff above 1",
+        broken(r#"{"pbrMetallicRoughness""#, r#"{"alphaMode": "MASK", "alphaCutoff": 7, "pbrMetallicRoughness""#),
+        "alpha cutoff",
+    );
+    refused("no foliage by that name", broken("leaf", "rock"), "named like");
+    let deep = "[".repeat(100_000);
+    refused("JSON a hundred thousand levels deep", broken(r#""asset""#, &format!(r#""extras": {deep}, "asset""#)), "");
+}
+
+/// A base colour image of this URI.
+fn with_image(uri: &str) -> Result<Foliage> {
+    let text = GOOD.replacen(r#""baseColorFactor""#, r#""baseColorTexture": {"index": 0}, "baseColorFactor""#, 1);
+    read(&text.replacen(
+        r#""buffers""#,
+        &format!(r#""textures": [{{"source": 0}}], "images": [{{"uri": "{uri}"}}], "buffers""#),
+        1,
+    ))
+}
+
+/// The header of a PNG that says how large it is, and nothing else.
+fn png_header(width: u32, height: u32) -> String {
+    use base64::Engine;
+    let mut chunk = b"IHDR".to_vec();
+    chunk.extend(width.to_be_bytes());
+    chunk.extend(height.to_be_bytes());
+    chunk.extend([8, 6, 0, 0, 0]);
+    let mut crc = !0u32;
+    for byte in &chunk {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = (crc >> 1) ^ (0xEDB8_8320 * (crc & 1));
+        }
+    }
+    let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0d".to_vec();
+    bytes.extend(chunk);
+    bytes.extend((!crc).to_be_bytes());
+    bytes.extend(b"\0\0\0\0IDAT\x35\xaf\x06\x1e");
+    format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
+}
+
+#[test]
+fn uris_that_leave_the_folder() {
+    for (name, uri) in [
+        ("an image beside the folder", "../secret.png"),
+        ("an image by its absolute path", "/etc/passwd"),
+        ("an image behind an escape", "%2e%2e/secret.png"),
+        ("an image behind an escaped slash", "..%2Fsecret.png"),
+        ("an image up and down again", "textures/../../secret.png"),
+        ("an image of the file scheme", "file:///etc/passwd"),
+        ("an image of a drive", "C:/secret.png"),
+        ("an image behind backslashes", "..\\\\secret.png"),
+        ("an image of the network", "https://example.com/leaf.png"),
+        ("an image without a name", ""),
+    ] {
+        refused(name, with_image(uri), "leads out of");
+    }
+    let buffer = GOOD.replacen("data:application/octet-stream;base64,", "../", 1);
+    refused("a buffer beside the folder", read(&buffer), "leads out of");
+    let inside = with_image("textures/leaf.png");
+    let reason = inside.as_ref().err().map(Error::to_string).unwrap_or_default();
+    case(GROUP, "an image inside the folder that does not exist", "a named error")
+        .refuses(inside, "/nowhere/textures/leaf.png");
+    assert!(!reason.contains("leads out"));
+    refused(
+        "a file named by a document in memory",
+        parse(GOOD.replacen("data:application/octet-stream;base64,AAAA", "a.bin", 1).as_bytes(), None, &DEFAULT_NAMES),
+        "lies in no folder",
+    );
+}
+
+#[test]
+fn images_that_lie() {
+    refused("an image of 2³¹ × 2³¹ pixels in 50 bytes", with_image(&png_header(1 << 31, 1 << 31)), "image 0");
+    refused("an image of 60 000 × 60 000 pixels in 50 bytes", with_image(&png_header(60_000, 60_000)), "image 0");
+    refused("an image without data", with_image(&png_header(16, 16)), "image 0");
+    refused("an image of no size", with_image(&png_header(0, 0)), "image 0");
+    refused("an image that is none", with_image("data:image/png;base64,AAAA"), "image 0");
+    refused("an image that is not base64", with_image("data:image/png;base64,&&&"), "data URI");
+}

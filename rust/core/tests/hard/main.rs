@@ -1,0 +1,12 @@
+//! Hard cases: where programs of this kind break. Every case has an oracle that does not come from the code under test: a closed form,
+//! exact arithmetic, an invariance, or a bound from the definition. `make stability` shows them all in docs/stability.md.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod arithmetic;
+mod files;
+mod geometry;
+mod pages;
+mod placement;
+mod values;

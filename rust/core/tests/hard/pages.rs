@@ -1,0 +1,218 @@
+//! Outlines on a page and what is drawn there: none, one and too many of everything.
+
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use leafcloud::foliage::{AlphaMode, Attributes, Image, Material, Opacity};
+use leafcloud::geometry::{Outline, Plane, minimum_rectangle};
+use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::sheet::{Sheet, SheetSettings};
+use leafcloud::textures::{Canvas, Clip, Samples, ScreenTriangle, rasterise};
+use leafcloud::{Foliage, Progress};
+
+use crate::common::random::Random;
+use crate::common::soups::quick;
+use crate::common::stability::case;
+
+const GROUP: &str = "Pages";
+
+fn rectangle(width: f64, height: f64) -> Outline {
+    Outline::along(&[DVec2::ZERO, DVec2::new(width, height)], DVec2::X)
+}
+
+fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result<Sheet> {
+    let plane = Plane { normal: DVec3::Z, distance: 0.0 };
+    Sheet::pack(&vec![plane; outlines.len()], outlines, SheetSettings { size, gutter, back_sides: false })
+}
+
+/// Texels that two regions, or a region and the outside of the page, share.
+fn shared(sheet: &Sheet) -> usize {
+    let mut owners = vec![0u32; sheet.size * sheet.size];
+    let mut outside = 0;
+    for b in &sheet.billboards {
+        for y in b.region.y..b.region.y + b.region.height {
+            for x in b.region.x..b.region.x + b.region.width {
+                match owners.get_mut(y * sheet.size + x) {
+                    Some(owner) if x < sheet.size => *owner += 1,
+                    _ => outside += 1,
+                }
+            }
+        }
+    }
+    owners.into_iter().filter(|&o| o > 1).count() + outside
+}
+
+#[test]
+fn outlines_of_any_shape_keep_apart() {
+    let point = minimum_rectangle(&[DVec2::ONE]);
+    let segment = minimum_rectangle(&[DVec2::ZERO, DVec2::new(1.0, 2.0)]);
+    let needle = rectangle(1.0, 1e-9);
+    let outlines = [point, segment, needle, rectangle(1.0, 1.0), rectangle(1e-12, 1e-12)];
+    let sheet = packed(&outlines, 256, 2).unwrap();
+    case(GROUP, "points, segments and needles on one page", "definition: no texel has two owners")
+        .holds(shared(&sheet) as f64, 0.0);
+    let corners = sheet.billboards.iter().flat_map(|b| b.corners).all(DVec3::is_finite);
+    case(GROUP, "corners of billboards without area", "definition: finite").equals(corners, true);
+}
+
+#[test]
+fn more_billboards_than_sixteen_bits_count() {
+    let mut random = Random(21);
+    let outlines: Vec<Outline> =
+        (0..65_537).map(|_| rectangle(1.0 + random.signed() * 0.5, 1.0 + random.signed() * 0.5)).collect();
+    let sheet = packed(&outlines, 4096, 2).unwrap();
+    assert_eq!(sheet.billboards.len(), 65_537);
+    case(GROUP, "65 537 billboards on one page", "definition: no texel has two owners")
+        .holds(shared(&sheet) as f64, 0.0);
+    let planes = sheet.billboards.iter().enumerate().filter(|(i, b)| b.plane as usize != *i).count();
+    case(GROUP, "65 537 billboards keep their numbers", "definition: in the order of planes").holds(planes as f64, 0.0);
+}
+
+#[test]
+fn more_billboards_than_a_page_holds() {
+    let outlines = vec![rectangle(1.0, 1.0); 1000];
+    case(GROUP, "1000 billboards on a page of 64 texels", "a named error")
+        .refuses(packed(&outlines, 64, 2).map(|_| ()), "1000 billboards");
+    case(GROUP, "a page of no texels", "a named error")
+        .refuses(packed(&outlines[..1], 0, 2).map(|_| ()), "a texture of 0 texels");
+    case(GROUP, "an image of no texels", "a named error").refuses(Image::new(0, 4, vec![]).map(|_| ()), "0 × 4");
+    case(GROUP, "an image with fewer texels than it says", "a named error")
+        .refuses(Image::new(2, 2, vec![[0; 4]; 3]).map(|_| ()), "2 × 2");
+    let huge = Image::new(usize::MAX, 2, vec![[0; 4]; 3]).map(|_| ());
+    case(GROUP, "an image whose size overflows", "a named error").refuses(huge, "both sides must be at least 1");
+}
+
+/// A hundred leaf cards in a ball with this image.
+fn cards(image: Image, mode: AlphaMode) -> Foliage {
+    let mut random = Random(22);
+    let (mut positions, mut triangles, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
+    for card in 0..100u32 {
+        let (at, u) = (random.in_ball(), random.in_ball().normalize() * 0.1);
+        let v = u.any_orthonormal_vector() * 0.1;
+        positions.extend([at - u - v, at + u - v, at + u + v, at - u + v]);
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| 4 * card + i);
+        triangles.extend([[a, b, c], [a, c, d]]);
+        uvs.extend([[Vec2::ZERO, Vec2::X, Vec2::ONE], [Vec2::ZERO, Vec2::ONE, Vec2::Y]]);
+    }
+    let material = Material { image: Some(image), alpha_mode: mode, ..Material::default() };
+    Foliage::new(&positions, triangles, Attributes { uvs, ..Attributes::default() }, vec![material]).unwrap()
+}
+
+fn image(width: usize, height: usize, alpha: impl Fn(usize) -> u8) -> Image {
+    Image::new(width, height, (0..width * height).map(|i| [60, 140, 30, alpha(i)]).collect::<Vec<_>>()).unwrap()
+}
+
+/// Texels of the first level's page that are opaque, of all; the whole chain is built and judged.
+fn opaque_share(foliage: &Foliage) -> f64 {
+    let settings = ChainSettings {
+        texture_size: 256,
+        samples: Samples::new(2).unwrap(),
+        fit: quick(),
+        ..ChainSettings::default()
+    };
+    let chain = build_chain(foliage, None, &settings, Progress::silent()).unwrap();
+    for level in &chain.levels {
+        let j = level.judgement;
+        assert!([j.coverage, j.overlap, j.error].into_iter().all(f64::is_finite), "{j:?}");
+    }
+    let page = &chain.levels[0].page;
+    page.pixels().iter().filter(|p| p[3] > 0).count() as f64 / page.pixels().len() as f64
+}
+
+#[test]
+fn alpha_at_its_ends() {
+    for mode in [AlphaMode::Mask(0.5), AlphaMode::Blend] {
+        let nothing = opaque_share(&cards(image(8, 8, |_| 0), mode));
+        case(
+            GROUP,
+            if mode == AlphaMode::Blend { "alpha all 0, blended" } else { "alpha all 0, masked" },
+            "definition: an empty page",
+        )
+        .holds(nothing, 0.0);
+    }
+    let all = cards(image(8, 8, |_| 255), AlphaMode::Mask(0.5));
+    let plain = cards(image(1, 1, |_| 255), AlphaMode::Opaque);
+    case(GROUP, "alpha all 1", "invariance: as without alpha")
+        .holds((opaque_share(&all) - opaque_share(&plain)).abs(), 0.0);
+    let one = opaque_share(&cards(image(64, 64, |i| if i == 32 * 64 + 32 { 255 } else { 0 }), AlphaMode::Mask(0.5)));
+    case(GROUP, "alpha of one texel in 4096", "definition: something, and little").equals(one > 0.0 && one < 0.5, true);
+    let everything = cards(image(4, 4, |i| (i * 16) as u8), AlphaMode::Mask(0.0));
+    case(GROUP, "a cutoff of 0", "invariance: as without alpha")
+        .holds((opaque_share(&everything) - opaque_share(&plain)).abs(), 0.0);
+    let nothing = opaque_share(&cards(image(4, 4, |_| 254), AlphaMode::Mask(1.0)));
+    case(GROUP, "a cutoff of 1 and alpha of 254/255", "definition: an empty page").holds(nothing, 0.0);
+}
+
+#[test]
+fn textures_of_any_shape() {
+    let share = |width, height| opaque_share(&cards(image(width, height, |_| 255), AlphaMode::Mask(0.5)));
+    let plain = share(1, 1);
+    case(GROUP, "a texture of 16 384 × 1", "invariance: as of 1 × 1").holds((share(16_384, 1) - plain).abs(), 0.0);
+    case(GROUP, "a texture of 1 × 16 384", "invariance: as of 1 × 1").holds((share(1, 16_384) - plain).abs(), 0.0);
+}
+
+#[test]
+fn no_texel_is_trimmed_away() {
+    // One opaque texel anywhere in a card: the hull of what can be seen holds its middle.
+    let mut random = Random(23);
+    let mut lost = 0;
+    for _ in 0..200 {
+        let (x, y) = (random.below(200), random.below(150));
+        let foliage = cards(image(200, 150, |i| if i == y * 200 + x { 255 } else { 0 }), AlphaMode::Mask(0.5));
+        let seen = Opacity::of(&foliage);
+        let middle = DVec2::new((x as f64 + 0.5) / 200.0, 1.0 - (y as f64 + 0.5) / 150.0);
+        let uvs = [[DVec2::ZERO, DVec2::X, DVec2::ONE], [DVec2::ZERO, DVec2::ONE, DVec2::Y]];
+        let inside = (0..2).any(|t| {
+            let hull: Vec<DVec2> =
+                seen.get(t).hull.iter().map(|w| uvs[t][0] * w.x + uvs[t][1] * w.y + uvs[t][2] * w.z).collect();
+            hull.len() > 2
+                && (0..hull.len()).all(|i| (hull[(i + 1) % hull.len()] - hull[i]).perp_dot(middle - hull[i]) >= -1e-9)
+        });
+        lost += usize::from(!inside);
+    }
+    case(GROUP, "single opaque texels that trimming leaves out, of 200", "definition: none")
+        .holds(f64::from(lost as u32), 0.0);
+}
+
+#[test]
+fn triangles_that_leave_the_canvas() {
+    let white = cards(image(1, 1, |_| 255), AlphaMode::Opaque);
+    let far = [1e3f32, 1e6, 1e9, 1e20];
+    let mut wrong = 0;
+    for reach in far {
+        // The lower left half of the canvas, the rest of the triangle far outside.
+        let corners = [Vec3::new(-reach, -reach, 0.0), Vec3::new(-reach, reach, 0.0), Vec3::new(reach, reach, 0.0)];
+        let triangle = ScreenTriangle { corners, foliage: &white, triangle: 0, clip: Clip::NONE };
+        let Canvas { pixels, .. } = rasterise(&[triangle], 64, 64, Samples::new(1).unwrap());
+        // Error bound: edges lie where f32 puts them at that size.
+        let slack = f64::from(reach) * 2f64.powi(-22) + 1.0;
+        for (i, p) in pixels.iter().enumerate() {
+            let below = (i / 64) as f64 - (i % 64) as f64;
+            wrong += usize::from((below > slack && p.w != 1.0) || (below < -slack && p.w != 0.0));
+        }
+    }
+    case(GROUP, "a triangle that reaches 10²⁰ pixels beyond the canvas", "closed form: half of the canvas")
+        .holds(wrong as f64, 0.0);
+    let broken = [Vec3::splat(f32::NAN), Vec3::X, Vec3::Y];
+    let triangle = ScreenTriangle { corners: broken, foliage: &white, triangle: 0, clip: Clip::NONE };
+    let drawn = rasterise(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
+    case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(drawn, false);
+}
+
+#[test]
+fn colours_survive_round_trips() {
+    let mut wrong = 0;
+    for code in 0..=255u8 {
+        for alpha in [1u8, 2, 127, 128, 254, 255] {
+            // A canvas holds linear light premultiplied by coverage: it and back.
+            let linear = {
+                let x = f64::from(code) / 255.0;
+                if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+            };
+            let share = f32::from(alpha) / 255.0;
+            let pixel = (Vec3::splat(linear as f32) * share).extend(share);
+            let back = Canvas { width: 1, height: 1, pixels: vec![pixel] }.to_image();
+            wrong += usize::from(back.pixels()[0] != [code, code, code, alpha]);
+        }
+    }
+    case(GROUP, "sRGB → linear, premultiplied → sRGB, all codes, alpha from 1/255", "the standard's formula in f64")
+        .holds(wrong as f64, 0.0);
+}
