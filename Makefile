@@ -13,6 +13,8 @@ MEASURED := ../shared/foliage/pine_cards_20k.glb
 INPUT ?= $(if $(wildcard $(MEASURED)),$(MEASURED),examples/shrub.glb)
 OUT ?= out
 ARGS ?=
+# Of each fuzz target.
+SECONDS ?= 600
 
 # pyo3 asks a Python about itself when it is built; the same one everywhere, or it is built again and again.
 export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
@@ -37,6 +39,7 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 test: setup $(VALIDATOR)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
 test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(environment)/.wheel)
 	cargo test --workspace --release
+	tools/same_bytes.sh
 	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
 
 .PHONY: bench
@@ -44,6 +47,20 @@ bench: ## measure the speed of the core
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud | tee docs/bench/fit.md
+
+.PHONY: stability
+stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
+	.venv/bin/python tools/stability.py
+
+# Nightly, for the fuzzer instruments what it drives, and AddressSanitizer watches.
+.PHONY: fuzz
+fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly Rust and cargo-fuzz
+	@tools/prerequisites.sh rust
+	@rustup toolchain list | grep -q nightly || { echo "leafcloud: make fuzz needs nightly: rustup toolchain install nightly" >&2; exit 1; }
+	@cargo fuzz --version >/dev/null 2>&1 || { echo "leafcloud: make fuzz needs cargo-fuzz: cargo install cargo-fuzz" >&2; exit 1; }
+	for target in fit pack raster read_gltf; do \
+	    cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
+	done
 
 .PHONY: measure
 measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap

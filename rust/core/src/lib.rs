@@ -34,3 +34,13 @@ pub use cloud::Cloud;
 pub use error::{Error, Result};
 pub use foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 pub use progress::Progress;
+
+/// What unit tests share with the others.
+#[cfg(test)]
+#[path = "../tests/common"]
+#[allow(dead_code)] // none of them uses everything
+mod common {
+    pub mod exact;
+    pub mod random;
+    pub mod stability;
+}

@@ -69,7 +69,8 @@ impl Choice {
         Self { middles: sums.into_iter().map(middle).collect(), ..self.clone() }
     }
 
-    fn cost(&self, pieces: &Pieces, piece: usize, slab: &Slab, number: usize) -> f32 {
+    /// What it costs the piece, to `COST_ERROR` over the piece's bound.
+    pub fn cost(&self, pieces: &Pieces, piece: usize, slab: &Slab, number: usize) -> f32 {
         let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
         let points = pieces.points(piece);
         let squares: f32 = points.iter().map(|p| (normal.dot(*p) - distance).powi(2)).sum();

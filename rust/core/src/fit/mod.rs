@@ -263,4 +263,6 @@ fn used(slabs: &[Slab], parents: &[u32]) -> (Vec<Slab>, Vec<u32>) {
 }
 
 #[cfg(test)]
+mod kernel_tests;
+#[cfg(test)]
 mod tests;

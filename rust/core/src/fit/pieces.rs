@@ -26,6 +26,15 @@ const TASK: usize = 2048;
 /// numbers below 2: under 12 · 2⁻²⁴ = 7.2e-7.
 pub const HEIGHT_ERROR: f32 = 1e-6;
 
+/// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms a vector and up to [`MOST_DIRECTIONS`] vectors, all of one
+/// sign, over a sum of as many: a few roundings more than the number of vectors that leaves have.
+#[cfg(test)]
+pub const FACING_ERROR: f32 = 1e-6;
+
+/// Error bound of a plane's cost, times the piece's bound b: with heights h ≤ b, (h ± e)² / b² is off by 2 e / b, and e is [`HEIGHT_ERROR`].
+#[cfg(test)]
+pub const COST_ERROR: f32 = 2.0 * HEIGHT_ERROR + FACING_ERROR;
+
 /// Area vectors closer in direction than this (sine of the angle) are summed: they project alike.
 const PARALLEL: f64 = 1e-6;
 
@@ -237,7 +246,7 @@ impl<'a> Pieces<'a> {
         reach.max(own * (1.0 + 1e-6))
     }
 
-    /// The share of its area that a piece keeps when projected along `normal`; 1 for a piece without area.
+    /// The share of its area that a piece keeps when projected along `normal`, to 10⁻⁶ (`FACING_ERROR`); 1 for a piece without area.
     #[inline]
     pub fn facing(&self, piece: usize, normal: Vec3) -> f32 {
         let total = self.totals[piece];
@@ -318,10 +327,10 @@ impl<'a> Pieces<'a> {
 }
 
 /// Which pieces a slab holds: eight at a time in f32, in f64 where that is too close to tell.
-struct Held<'a> {
-    pieces: &'a Pieces<'a>,
-    slab: &'a Slab,
-    range: std::ops::Range<usize>,
+pub struct Held<'a> {
+    pub pieces: &'a Pieces<'a>,
+    pub slab: &'a Slab,
+    pub range: std::ops::Range<usize>,
 }
 
 #[allow(clippy::inline_always)] // see `lanes`

@@ -141,13 +141,14 @@ impl Histogram {
     }
 }
 
-struct Add<'a> {
-    rows: &'a mut [[i32; LANES]],
-    octet: &'a Octet,
-    pieces: &'a Pieces<'a>,
-    bins: Bins,
-    guard: Guard,
-    members: &'a [(u32, i32)],
+/// Adds pieces to the rows of a histogram.
+pub struct Add<'a> {
+    pub rows: &'a mut [[i32; LANES]],
+    pub octet: &'a Octet,
+    pub pieces: &'a Pieces<'a>,
+    pub bins: Bins,
+    pub guard: Guard,
+    pub members: &'a [(u32, i32)],
 }
 
 #[allow(clippy::inline_always)] // see `lanes`
@@ -204,7 +205,7 @@ fn dot<E: Eight>(e: E, [x, y, z]: [E::Floats; 3], v: &Vec3) -> E::Floats {
 }
 
 /// For each lane the greatest prefix sum and the first bin that has it.
-struct Highest<'a>(&'a [[i32; LANES]]);
+pub struct Highest<'a>(pub &'a [[i32; LANES]]);
 
 #[allow(clippy::inline_always)] // see `lanes`
 impl Kernel for Highest<'_> {

@@ -172,16 +172,24 @@ fn check_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
     if triangles.is_empty() {
         return Err(Error::invalid("the foliage has no triangles; select a mesh with faces"));
     }
-    if u32::try_from(triangles.len()).is_err() || u32::try_from(vertices).is_err() {
-        return Err(Error::invalid(format!(
-            "{} triangles of {vertices} vertices are more than 2³² − 1 of either; split the foliage",
-            triangles.len()
-        )));
-    }
+    check_counts(triangles.len(), vertices)?;
     match triangles.iter().flatten().find(|&&v| v as usize >= vertices) {
         Some(v) => Err(Error::invalid(format!("triangle index {v} is out of range: there are {vertices} vertices"))),
         None => Ok(()),
     }
+}
+
+/// Corners are numbered in 32 bits, three to a triangle; vertices, too.
+fn check_counts(triangles: usize, vertices: usize) -> Result<()> {
+    let corners = triangles.checked_mul(3).and_then(|corners| u32::try_from(corners).ok());
+    if corners.is_some() && u32::try_from(vertices).is_ok() {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "{triangles} triangles of {vertices} vertices; there may be {} and {}: split the foliage",
+        u32::MAX / 3,
+        u32::MAX
+    )))
 }
 
 /// Coordinates beyond this would overflow single precision where files and Blender hold them.
@@ -231,6 +239,7 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::common::stability::case;
 
     fn foliage(positions: &[DVec3], triangles: Vec<[u32; 3]>) -> Result<Foliage> {
         Foliage::new(positions, triangles, Attributes::default(), vec![])
@@ -266,6 +275,19 @@ mod tests {
         assert!(message(Foliage::new(&RIGHT, vec![[0, 1, 2]], short, vec![])).contains("uvs has 2 rows"));
         let unknown = Attributes { material_ids: vec![1], ..Attributes::default() };
         assert!(message(Foliage::new(&RIGHT, vec![[0, 1, 2]], unknown, vec![])).contains("material id 1"));
+    }
+
+    #[test]
+    fn counts_that_thirty_two_bits_cannot_hold() {
+        let most = u32::MAX as usize / 3;
+        case("Geometry", "as many triangles as 32 bits can number the corners of", "definition")
+            .equals(check_counts(most, 3).is_ok(), true);
+        let refuse = |name, triangles, vertices| {
+            case("Geometry", name, "a named error").refuses(check_counts(triangles, vertices), "split the foliage");
+        };
+        refuse("one triangle more than that", most + 1, 3);
+        refuse("2⁶³ triangles", 1 << 63, 3);
+        refuse("2³² vertices", 1, 1 << 32);
     }
 
     #[test]

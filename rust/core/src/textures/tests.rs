@@ -157,3 +157,57 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
         }
     }
 }
+
+#[test]
+fn edges_are_as_near_as_is_said() {
+    use crate::common::random::Random;
+    use crate::common::stability::case;
+    // Triangles anywhere on the largest page; the pixels around them, by exact orientation tests in f64.
+    let white = square(0.0, Material::default());
+    let mut random = Random(52);
+    let mut worst: f64 = 0.0;
+    for _ in 0..60 {
+        let at = Vec2::new(random.signed() as f32 + 1.0, random.signed() as f32 + 1.0) * 8000.0;
+        let corners: [Vec3; 3] = std::array::from_fn(|_| {
+            (at + Vec2::new(random.signed() as f32, random.signed() as f32) * 40.0).max(Vec2::ZERO).extend(0.0)
+        });
+        // Drawn where it lies, but only the part of the page around it is looked at.
+        let origin = (at - 45.0).max(Vec2::ZERO).floor();
+        let page = 16_384;
+        let columns = origin.x as usize..(origin.x as usize + 90).min(page);
+        let clip = Clip { columns: columns.clone(), rows: origin.y as usize..(origin.y as usize + 90).min(page) };
+        let drawn = covered_pixels(&ScreenTriangle { corners, foliage: &white, triangle: 0, clip: clip.clone() });
+        let [a, b, c] = corners.map(|c| c.truncate().as_dvec2());
+        let turn = (b - a).perp_dot(c - a).signum();
+        for y in clip.rows {
+            for x in columns.clone() {
+                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let depth = |from: DVec2, to: DVec2| turn * (to - from).perp_dot(p - from) / (to - from).length();
+                let inside = depth(a, b).min(depth(b, c)).min(depth(c, a));
+                if (inside >= 0.0) != drawn.contains(&(x, y)) {
+                    worst = worst.max(inside.abs());
+                }
+            }
+        }
+    }
+    case("Kernels", "pixels on the wrong side of an edge, distance in texels", "orientation in f64; the stated bound")
+        .holds(worst, 2f64.powi(-8));
+}
+
+/// The pixels whose middle a triangle covers, anywhere on the largest page; drawn tile by tile as the rasteriser does.
+fn covered_pixels(triangle: &ScreenTriangle) -> std::collections::HashSet<(usize, usize)> {
+    let columns = triangle.clip.columns.clone();
+    let width = columns.end;
+    // Only the rows of the clip are kept: a strip of the page, moved up by whole tiles, keeps the coordinates within a tile.
+    let first = triangle.clip.rows.start / 32 * 32;
+    let up = Vec3::Y * first as f32;
+    let moved = ScreenTriangle {
+        corners: triangle.corners.map(|c| c - up),
+        clip: Clip { columns, rows: triangle.clip.rows.start - first..triangle.clip.rows.end - first },
+        ..triangle.clone()
+    };
+    let height = moved.clip.rows.end;
+    let canvas = rasterise(&[moved], width, height, samples(1));
+    let drawn = canvas.pixels.iter().enumerate().filter(|(_, p)| p.w > 0.0);
+    drawn.map(|(i, _)| (i % width, i / width + first)).collect()
+}

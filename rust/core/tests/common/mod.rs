@@ -3,9 +3,11 @@
 
 pub mod exact;
 pub mod literal;
+pub mod promise;
 pub mod random;
 pub mod soups;
 pub mod stability;
+pub mod targets;
 
 use std::path::PathBuf;
 

@@ -8,7 +8,7 @@ use leafcloud::lod::{ChainSettings, build_chain};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress};
 
-use crate::common::exact::farthest_share;
+use crate::common::promise::farthest_share;
 use crate::common::random::Random;
 use crate::common::soups::{all_settings, fitted, quick, soup};
 use crate::common::stability::case;

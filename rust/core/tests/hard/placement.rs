@@ -4,7 +4,7 @@ use glam::DVec3;
 use leafcloud::fit::Method;
 use leafcloud::{Cloud, Foliage};
 
-use crate::common::exact::farthest_share;
+use crate::common::promise::farthest_share;
 use crate::common::random::Random;
 use crate::common::soups::{all_settings, fitted, soup};
 use crate::common::stability::case;

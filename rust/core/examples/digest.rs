@@ -1,0 +1,57 @@
+//! A digest of everything that a chain of the shrub decides, for every method: planes, parents, pages, ranks, judgements. Builds of all kinds and
+//! any number of threads must print the same (`tools/same_bytes.sh`).
+
+use std::path::PathBuf;
+
+use leafcloud::fit::{Effort, FitSettings, Method};
+use leafcloud::lod::{Chain, ChainSettings, build_chain};
+use leafcloud::textures::Samples;
+use leafcloud::{Progress, gltf};
+
+/// FNV-1a.
+struct Digest(u64);
+
+impl Digest {
+    fn add(&mut self, bytes: impl IntoIterator<Item = u8>) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+        }
+    }
+
+    fn add_chain(&mut self, chain: &Chain) {
+        for level in &chain.levels {
+            if let Some(cloud) = &level.cloud {
+                let planes = cloud.planes.iter().flat_map(|p| [p.normal.x, p.normal.y, p.normal.z, p.distance]);
+                self.add(planes.flat_map(f64::to_le_bytes));
+                self.add(cloud.parents.iter().flat_map(|p| p.to_le_bytes()));
+                self.add(cloud.deviations.iter().flat_map(|d| d.to_le_bytes()));
+            }
+            self.add(level.page.pixels().iter().flatten().copied());
+            self.add(level.ranks.iter().flat_map(|r| r.to_le_bytes()));
+            let j = level.judgement;
+            self.add([j.coverage, j.overlap, j.error].into_iter().flat_map(f64::to_le_bytes));
+        }
+        self.add(chain.ranks.iter().flat_map(|r| r.to_le_bytes()));
+    }
+}
+
+fn main() {
+    let shrub = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
+    let foliage = gltf::read(&shrub, &gltf::DEFAULT_NAMES).expect("the shrub comes with the repository");
+    let mut digest = Digest(0xCBF2_9CE4_8422_2325);
+    for (method, effort) in
+        [(Method::Stochastic, Effort::Default), (Method::Density, Effort::Default), (Method::KMeans, Effort::Default)]
+    {
+        let fit = FitSettings {
+            method,
+            effort,
+            candidates: 60,
+            max_billboards: (method == Method::KMeans).then_some(8),
+            ..FitSettings::default()
+        };
+        let samples = Samples::new(2).expect("within the range");
+        let settings = ChainSettings { fit, texture_size: 128, samples, ..ChainSettings::default() };
+        digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
+    }
+    println!("{:016x}", digest.0);
+}

@@ -1,0 +1,21 @@
+//! What every cloud promises, checked without rounding.
+
+use leafcloud::{Cloud, Foliage};
+use num_rational::BigRational;
+use num_traits::ToPrimitive;
+
+use super::exact::{dot, exact};
+
+/// The greatest distance of a vertex from its triangle's plane, as a share of the cloud's bound: at most 1 is promised. Local frame; the
+/// plane's normal is divided by its own exact length. Rounded once, at the end.
+pub fn farthest_share(foliage: &Foliage, cloud: &Cloud) -> f64 {
+    let bound = exact(cloud.bound) / exact(foliage.frame().radius);
+    let square = |t: usize| -> BigRational {
+        let plane = cloud.planes[cloud.parents[t] as usize];
+        let heights = foliage.corners(t).map(|p| dot(plane.normal, p) - exact(plane.distance));
+        let farthest = heights.into_iter().map(|h| &h * &h).max().expect("three corners");
+        farthest / dot(plane.normal, plane.normal)
+    };
+    let greatest = (0..foliage.triangle_count()).map(square).max().expect("a triangle");
+    (greatest / (&bound * &bound)).to_f64().expect("a number").sqrt()
+}

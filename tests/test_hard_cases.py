@@ -1,0 +1,108 @@
+"""Hard cases inside Blender: matrices that mirror, shear and flatten, cameras that are nowhere, laws at their ends."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, points_of
+from mathutils import Matrix
+from scenes import SQUARE, add_mesh, read
+from stability import holds, refuses
+
+import leafcloud
+from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
+from addon.scene import SceneError
+from addon.scene.extract import world_positions
+
+GROUP = "In Blender"
+CORNERS = [*SQUARE, (0.3, 0.2, 0.7)]
+FACES = [(0, 1, 4), (1, 2, 4)]
+
+SHEAR = Matrix(((1.0, 0.7, 0.0, 3.0), (0.0, 1.0, 0.2, 0.0), (0.0, 0.0, 1.0, -2.0), (0.0, 0.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("name", "matrix"),
+    [
+        ("non-uniform scale of 1 : 10⁶ in an object's matrix", Matrix.Diagonal((1e3, 1.0, 1e-3, 1.0))),
+        ("an object's matrix that mirrors", Matrix.Diagonal((-1.0, 1.0, 1.0, 1.0))),
+        ("an object's matrix that turns everything inside out", Matrix.Diagonal((-2.0, -3.0, -0.5, 1.0))),
+        ("an object's matrix that shears", SHEAR),
+        ("an object at 10⁶", Matrix.Translation((1e6, -1e6, 1e6))),
+        ("an object of size 10⁻⁶", Matrix.Scale(1e-6, 4)),
+    ],
+)
+@pytest.mark.parametrize("second", [False, True], ids=["frame", "part"])
+def test_matrices(name: str, matrix: Matrix, second: bool) -> None:
+    """Vertices in the world are the matrix times what the mesh holds, whichever object is the frame."""
+    add_mesh("leaf a", CORNERS, FACES, matrix=Matrix() if second else matrix)
+    add_mesh("leaf b", CORNERS, FACES, matrix=matrix)
+    tree = read()
+    found = world_positions(tree.leaves, tree.matrix).reshape(2, -1, 3)
+    used = np.array([CORNERS[i] for i in sorted({corner for face in FACES for corner in face})], np.float64)
+    expected = used @ np.array(matrix, np.float64)[:3, :3].T + np.array(matrix, np.float64)[:3, 3]
+    # Positions are kept in single precision of the frame's coordinates; the frame's own are exact.
+    size = np.abs(expected).max()
+    scale = np.abs(np.array(matrix)[:3, :3]).max() * 2.0
+    worst = float(np.abs(found[1] - expected).max() / (size + scale))
+    place_of = "as a part" if second else "as the frame"
+    holds(GROUP, f"{name}, {place_of}, relative error", "the matrix times the vertices, f64", worst, 4 * 2.0**-24)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"),
+    [("a matrix that flattens one axis", (1, 1, 0)), ("a matrix that flattens two", (0, 1, 0)), ("a matrix of zeros", (0, 0, 0))],
+)
+def test_singular_matrices(name: str, scale: tuple[float, float, float]) -> None:
+    add_mesh("leaf", CORNERS, FACES, matrix=Matrix.Diagonal((*scale, 1.0)))
+    with pytest.raises(SceneError) as caught:
+        read()
+    refuses(GROUP, name, caught.value, "'leaf' is singular")
+
+
+@pytest.mark.parametrize(
+    ("name", "location"),
+    [
+        ("a camera inside the tree", (0.0, 0.0, 0.0)),
+        ("a camera at 10³⁰", (1e30, 0.0, 0.0)),
+        ("a camera whose place is not a number", (math.nan, 0.0, 0.0)),
+        ("a camera at infinity", (math.inf, 0.0, 0.0)),
+    ],
+)
+def test_cameras(name: str, location: tuple[float, float, float]) -> None:
+    """Every point lies between where it starts and its target."""
+    obj = place(build(FOUR))
+    add_lod_modifier(obj, LodSettings(start=2.0, end=4.0))
+    add_camera(location)
+    points = points_of(evaluate(obj)).astype(np.float64)
+    low, high = np.minimum(FOUR.points, FOUR.targets), np.maximum(FOUR.points, FOUR.targets)
+    worst = max(float((low - points).max()), float((points - high).max())) if np.isfinite(points).all() else math.inf
+    holds(GROUP, name, "definition: 0 ≤ a ≤ 1, nothing leaves its way", worst, 1e-6)
+
+
+@pytest.mark.parametrize("keep", [0.0, 1e-30, 1e-3, 0.5, 1.0 - 2.0**-24, 1.0])
+def test_pruning_by_nodes_beside_the_law(keep: float) -> None:
+    """The nodes work in single precision; the core's law is the reference for which leaves are drawn and their area."""
+    leaves = many_leaves(1000)
+    obj = place(build(leaves))
+    set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=0.0, keep=keep)
+    points = points_of(evaluate(obj)).astype(np.float64)
+    drawn = np.linalg.norm(np.cross(*np.moveaxis(np.diff(points.reshape(-1, 3, 3), axis=1), 1, 0)), axis=1) / 2.0
+    scale = leafcloud.area_scale(leaves.ranks, leaves.areas, keep=float(np.float32(keep)))
+    ramp = np.array([leafcloud.leaf_scale(float(rank), float(np.float32(keep))) for rank in leaves.ranks])
+    expected = float((leaves.areas * (scale * ramp) ** 2).sum())
+    worst = abs(drawn.sum() - expected) / leaves.areas.sum() if np.isfinite(points).all() else math.inf
+    holds(GROUP, f"area drawn by nodes at λ = {keep:g}, share of all", "the law in f64", float(worst), 5e-5)
+
+
+def test_one_leaf() -> None:
+    leaves = many_leaves(1)
+    obj = place(build(leaves))
+    set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=0.3, keep=0.01)
+    found = points_of(evaluate(obj)).astype(np.float64)
+    expected = 0.7 * leaves.points.astype(np.float64) + 0.3 * leaves.targets
+    holds(GROUP, "a tree of one leaf at λ·N < 1", "closed form: the leaf at its own size", float(np.abs(found - expected).max()), 1e-5)
+    assert bpy.context.scene.camera is None
