@@ -24,4 +24,6 @@ def refuses(group: str, name: str, error: BaseException, naming: str) -> None:
 def _record(group: str, name: str, oracle: str, outcome: dict[str, float | str | None]) -> None:
     if path := os.environ.get("LEAFCLOUD_STABILITY"):
         with open(path, "a", encoding="utf-8") as file:
-            file.write(json.dumps({"group": group, "name": name, "oracle": oracle, **outcome}, ensure_ascii=False) + "\n")
+            file.write(
+                json.dumps({"group": group, "name": name, "oracle": oracle, **outcome}, ensure_ascii=False) + "\n"
+            )

@@ -15,12 +15,24 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from lod_scenes import FOUR, Floats, Leaves, add_camera, build, evaluate, many_leaves, place, points_of, store, triangle_areas
+from lod_scenes import (
+    FOUR,
+    Floats,
+    Leaves,
+    add_camera,
+    build,
+    evaluate,
+    many_leaves,
+    place,
+    points_of,
+    store,
+    triangle_areas,
+)
 from mathutils import Euler, Matrix, Vector
-from numpy.typing import NDArray
 
 from addon.build.lod_nodes import GROUP_NAME, NEVER, LodSettings, add_lod_modifier, lod_group, set_manual
 from addon.versions import set_corner_normals, set_modifier_input
+
 
 def expected_points(leaves: Leaves, *, transition: float, keep: float) -> Floats:
     """The law for the leaves that are kept, in their order in the mesh."""

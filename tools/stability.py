@@ -1,7 +1,7 @@
 """Runs the hard cases of both test suites and shows them: `make stability` writes docs/stability.md.
 
-Every case is recorded by the test that asserts it (rust/core/tests/common/stability.rs, tests/stability.py): the greatest
-error that was found beside what is allowed, or the error that refuses what can have no result.
+Every case is recorded by the test that asserts it (rust/core/tests/common/stability.rs, tests/stability.py): the
+greatest error that was found beside what is allowed, or the error that refuses what can have no result.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ RUNS = [
 
 INTRODUCTION = """# Hard cases
 
-Made by `make stability` from the tests themselves; every test run asserts each of these cases. An oracle is what a result
-is compared with, and never comes from the code under test. *Worst* is the greatest error that was found, *allowed* what the
-oracle allows; 0 of 0 means equal to the bit, or that nothing was miscounted. What cannot have a result has a named error,
-never a number that is none, a hang, a panic or an empty success.
+Made by `make stability` from the tests themselves; every test run asserts each of these cases. An oracle is what a
+result is compared with, and never comes from the code under test. *Worst* is the greatest error that was found,
+*allowed* what the oracle allows; 0 of 0 means equal to the bit, or that nothing was miscounted. What cannot have a
+result has a named error, never a number that is none, a hang, a panic or an empty success.
 
-ε is 0.04 R in the geometry cases, and a cloud's worst is the greatest distance of a vertex from its plane over ε, in exact
-fractions: 1 is allowed. "Every method" is the stochastic method at efforts literal, default and final, density, and k-means.
+ε is 0.04 R in the geometry cases, and a cloud's worst is the greatest distance of a vertex from its plane over ε, in
+exact fractions: 1 is allowed. "Every method" is the stochastic method at efforts literal, default and final, density,
+and k-means.
 """
 
 

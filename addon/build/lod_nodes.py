@@ -286,14 +286,20 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
 
 
 def _distance(section: _Section) -> bpy.types.NodeSocket:
-    """d, in the object's coordinates; 0 without a camera, so that the level is drawn whole and at rest."""
+    """d, in the object's coordinates, below `NEVER`.
+
+    0 without a camera, or with one whose place is not a number, so that the level is drawn whole and at rest.
+    """
     camera = section.result("GeometryNodeInputActiveCamera")
     info = section.node("GeometryNodeObjectInfo", camera, label="Camera seen from here", transform_space="RELATIVE")
     # Only the Object Info of no object has the scale 0.
     size = section.vector("LENGTH", info.outputs["Scale"])
     exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
     distance = section.vector("DISTANCE", info.outputs["Location"], section.group_input("Centre"))
-    return section.switch("FLOAT", exists, 0.0, distance, label="Distance d")
+    number = section.compare(distance, "GREATER_EQUAL", 0.0, label="Is it a number?")
+    near = section.math("MINIMUM", distance, NEVER * 0.99, label="Never is farther")
+    known = section.logic(exists, "AND", number)
+    return section.switch("FLOAT", known, 0.0, near, label="Distance d")
 
 
 def _drawn(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
