@@ -59,7 +59,8 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 	@rustup toolchain list | grep -q nightly || { echo "leafcloud: make fuzz needs nightly: rustup toolchain install nightly" >&2; exit 1; }
 	@cargo fuzz --version >/dev/null 2>&1 || { echo "leafcloud: make fuzz needs cargo-fuzz: cargo install cargo-fuzz" >&2; exit 1; }
 	for target in fit pack raster read_gltf; do \
-	    cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
+	    mkdir -p rust/fuzz/target/corpus/$$target; \
+	    RAYON_NUM_THREADS=1 cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target rust/fuzz/target/corpus/$$target rust/fuzz/corpus/$$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
 	done
 
 .PHONY: measure

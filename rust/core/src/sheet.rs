@@ -13,6 +13,9 @@ use crate::geometry::{Outline, Plane};
 /// Billboards beyond which packing must not be quadratic.
 const MANY: usize = 2000;
 
+/// Outlines that are all smaller than this are points, local units: no density brings them out.
+const SMALLEST: f64 = 1e-12;
+
 /// How a sheet is laid out.
 #[derive(Clone, Copy, Debug)]
 pub struct SheetSettings {
@@ -93,7 +96,7 @@ impl Sheet {
         let area: f64 = outlines.iter().map(|o| o.size().x * o.size().y).sum();
         let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
         let size = settings.size as f64;
-        let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(f64::MIN_POSITIVE));
+        let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(SMALLEST));
         loop {
             if let Some(packed) = place(outlines, density, settings) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));

@@ -38,6 +38,7 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
 /// # Errors
 /// As [`read`], without the file's name.
 pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) -> Result<Foliage> {
+    check_header(bytes)?;
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice_without_validation(bytes).map_err(|e| Error::invalid(e.to_string()))?;
     let root = document.into_json();
@@ -84,6 +85,19 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
     });
     let materials = materials.collect::<Result<_>>()?;
     soup.into_foliage(materials)
+}
+
+/// Whether a binary file says that it is at least as long as its header, which the crate `gltf` takes for granted.
+fn check_header(bytes: &[u8]) -> Result<()> {
+    const HEADER: usize = 12;
+    let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<HEADER>() else { return Ok(()) };
+    let length = u32::from_le_bytes(*length) as usize;
+    if length >= HEADER {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "the binary header says that the file has {length} bytes; the header alone has {HEADER}"
+    )))
 }
 
 /// Triangles as they are gathered from the primitives.

@@ -112,6 +112,11 @@ fn accessors_that_lie() {
 fn documents_that_lie() {
     refused("no JSON", read("{"), "EOF");
     refused("nothing at all", read(""), "");
+    refused(
+        "a binary header that says 0 bytes",
+        parse(b"glTF\x02\0\0\0\0\0\0\0\x14\0\0\0JSON{}", None, &DEFAULT_NAMES),
+        "says that the file has 0 bytes",
+    );
     refused("a cut binary header", parse(b"glTF\x02\0\0\0", None, &DEFAULT_NAMES), "");
     refused(
         "a binary chunk longer than the file",
