@@ -40,18 +40,18 @@ pub fn quantise(share: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::common::stability::case;
+    use crate::common::stability::{case, worse};
 
     #[test]
     fn codes_are_as_near_as_is_said() {
         let exactly = |x: f64| if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         let share = |i: u32| i as f32 / (1u32 << 20) as f32;
         let off = |i| (f64::from(encode(share(i))) - exactly(f64::from(share(i))) * 255.0).abs();
-        let worst = (0..=1 << 20).map(off).fold(0.0, f64::max);
+        let worst = (0..=1 << 20).map(off).fold(0.0, worse);
         case("Kernels", "linear light to an sRGB code, in codes", "the standard's formula in f64; the stated bound")
             .holds(worst, 0.75);
         let off = |i| (f64::from(quantise(share(i))) - f64::from(share(i)) * 255.0).abs();
-        let worst = (0..=1 << 20).map(off).fold(0.0, f64::max);
+        let worst = (0..=1 << 20).map(off).fold(0.0, worse);
         case("Kernels", "a share to a code, in codes", "definition: half a code and the rounding of f32")
             .holds(worst, 0.5 + 255.0 * 2f64.powi(-23));
     }

@@ -2,7 +2,8 @@
 //!
 //! A leaf card is mostly transparent. What a card covers is what its texels cover, not its area. A triangle is cut into
 //! [`FINE`]² equal small ones; triangles of the same texture coordinates and material are looked at once. The share asks each small one in its
-//! middle. The hull takes every small one whose box of texels has an opaque one: it never leaves out what a picture would show, and is
+//! middle. The hull takes every small one whose box of texels has an opaque one: it never leaves out what a picture would show (but for blended
+//! alpha below [`FAINTEST`], and see `texel_mask` for an image's edge), and is
 //! too large by up to one small triangle's box.
 
 use std::collections::HashMap;
@@ -82,6 +83,12 @@ impl Opacity {
         let masks = Masks::of(foliage);
         let looked = examples.par_iter().map(|&t| look(&masks.triangle(t), cuts));
         Self { kinds: std::iter::once(Visible::whole()).chain(looked.collect::<Vec<_>>()).collect(), kind }
+    }
+
+    /// Whether nothing can be seen of any triangle.
+    #[must_use]
+    pub fn shows_nothing(&self) -> bool {
+        !self.kind.is_empty() && self.kind.iter().all(|&kind| self.kinds[kind as usize].hull.is_empty())
     }
 
     /// What can be seen of a triangle.

@@ -103,7 +103,7 @@ fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
 mod tests {
     use super::*;
     use crate::common::random::Random;
-    use crate::common::stability::case;
+    use crate::common::stability::{case, worse};
 
     /// Bilinear alpha by its definition, in f64.
     fn alpha(image: &Image, u: f64, v: f64) -> f64 {
@@ -131,7 +131,7 @@ mod tests {
                 // Wrapping is exact in f64; in f32 a coordinate of 3 has lost two bits, which are its own.
                 let (u, v) = (u.rem_euclid(1.0), v.rem_euclid(1.0));
                 let found = f64::from(Texels::at(&image, Vec2::new(u, v)).alpha());
-                worst = worst.max((found - alpha(&image, f64::from(u), f64::from(v))).abs() / bound);
+                worst = worse(worst, (found - alpha(&image, f64::from(u), f64::from(v))).abs() / bound);
             }
         }
         case("Kernels", "bilinear alpha, f32, as a share of its bound", "the definition in f64; the stated bound")

@@ -11,7 +11,7 @@ use glam::Vec2;
 use super::Image;
 
 /// Coordinates that lie this little beyond an image's edge lie at it.
-const WHOLE_PERIOD: f32 = 1e-5;
+const WHOLE_PERIOD: f32 = 2e-6;
 
 /// Blocks along each side of an image, at most.
 const MOST_BLOCKS: usize = 1024;

@@ -8,8 +8,8 @@ use gltf::{Accessor, Semantic};
 
 use super::source::Source;
 
-/// Whether the attributes of all primitives refer to accessors that are there: the validation of the crate `gltf` looks at positions before
-/// it looks whether they exist.
+/// Whether the attributes of all primitives refer to accessors that are there, and all images say where they lie: the crate `gltf` looks at
+/// positions before it looks whether they exist, and takes an image's URI or type for granted.
 ///
 /// # Errors
 /// The first that does not exist, in words.
@@ -17,7 +17,12 @@ pub fn check_references(root: &gltf::json::Root) -> Result<(), String> {
     let count = root.accessors.len();
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let missing = primitives.flat_map(|p| p.attributes.values()).find(|accessor| accessor.value() >= count);
-    missing.map_or(Ok(()), |a| Err(format!("an attribute refers to accessor {}; there are {count}", a.value())))
+    if let Some(accessor) = missing {
+        return Err(format!("an attribute refers to accessor {}; there are {count}", accessor.value()));
+    }
+    let lost =
+        root.images.iter().position(|i| if i.buffer_view.is_some() { i.mime_type.is_none() } else { i.uri.is_none() });
+    lost.map_or(Ok(()), |image| Err(format!("image {image} has neither a URI nor a buffer view with its type")))
 }
 
 /// Checks everything that will be read of a primitive.
@@ -60,7 +65,17 @@ fn fits(accessor: &Accessor, source: &Source) -> Result<(), String> {
         return Err(format!("{} sparse values of {count}", sparse.count()));
     }
     let (indices, values) = (sparse.indices(), sparse.values());
-    inside(&indices.view(), indices.offset(), sparse.count(), indices.index_type().size(), source)?;
+    let size = indices.index_type().size();
+    inside(&indices.view(), indices.offset(), sparse.count(), size, source)?;
+    let (view, stride) = (source.view(&indices.view())?, indices.view().stride().unwrap_or(size));
+    let index = |i: usize| {
+        let bytes = &view[indices.offset() + i * stride..][..size];
+        bytes.iter().rev().fold(0usize, |number, &byte| number << 8 | usize::from(byte))
+    };
+    let rising = (1..sparse.count()).all(|i| index(i - 1) < index(i));
+    if !rising || index(sparse.count() - 1) >= count {
+        return Err(format!("sparse indices that do not rise, or reach {count}"));
+    }
     inside(&values.view(), values.offset(), sparse.count(), accessor.size(), source)
 }
 

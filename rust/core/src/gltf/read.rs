@@ -26,7 +26,7 @@ pub const DEFAULT_NAMES: [&str; 5] = ["leaf", "leaves", "foliage", "needle", "fr
 pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     let fail = |reason: String| Error::File { path: path.display().to_string(), reason };
     let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     parse(&bytes, Some(folder), names).map_err(|error| match error {
         Error::Invalid(reason) => fail(reason),
         other => other,
@@ -44,7 +44,7 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
     let root = document.into_json();
     accessors::check_references(&root).map_err(Error::Invalid)?;
     let document = gltf::Document::from_json(root).map_err(|e| Error::invalid(e.to_string()))?;
-    let source = Source::of(&document, blob, folder).map_err(Error::Invalid)?;
+    let mut source = Source::of(&document, blob, folder).map_err(Error::Invalid)?;
     let mut soup = Soup::default();
     let names: Vec<String> = names.iter().map(|n| n.as_ref().to_lowercase()).collect();
     let is_foliage = |found: Option<&str>| {

@@ -3,6 +3,7 @@
 //! A document may come from anyone. What it names is read only from its own folder or below (no absolute path, no `..`, no other scheme),
 //! and no image is decoded that claims to be larger than [`LARGEST_IMAGE`].
 
+use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
@@ -17,10 +18,14 @@ const LARGEST_IMAGE: u32 = 16_384;
 /// Memory for decoding one image: four 8-bit channels of the largest, and as much again.
 const DECODING_BYTES: u64 = 2 << 30;
 
-/// A document's folder and the bytes of its buffers.
+/// Pixels of all images together.
+const MOST_PIXELS: usize = 1 << 30;
+
+/// A document's folder, the bytes of its buffers, and the images that were asked for.
 pub struct Source {
     folder: Option<PathBuf>,
     buffers: Vec<Vec<u8>>,
+    images: HashMap<usize, Image>,
 }
 
 impl Source {
@@ -29,7 +34,7 @@ impl Source {
     /// # Errors
     /// What is wrong with a buffer, in words.
     pub fn of(document: &gltf::Document, mut blob: Option<Vec<u8>>, folder: Option<&Path>) -> Result<Self, String> {
-        let mut source = Self { folder: folder.map(Path::to_owned), buffers: Vec::new() };
+        let mut source = Self { folder: folder.map(Path::to_owned), buffers: Vec::new(), images: HashMap::new() };
         for buffer in document.buffers() {
             let bytes = match buffer.source() {
                 gltf::buffer::Source::Bin => blob.take().ok_or("the file has no binary chunk for its buffer")?,
@@ -63,13 +68,22 @@ impl Source {
         })
     }
 
-    /// An image as 8-bit RGBA.
-    pub fn image(&self, image: &gltf::Image) -> Result<Image, String> {
+    /// An image as 8-bit RGBA; decoded once.
+    pub fn image(&mut self, image: &gltf::Image) -> Result<Image, String> {
+        if let Some(known) = self.images.get(&image.index()) {
+            return Ok(known.clone());
+        }
         let encoded = match image.source() {
             gltf::image::Source::View { view, .. } => self.view(&view)?.to_vec(),
             gltf::image::Source::Uri { uri, .. } => self.read(uri)?,
         };
-        decode(encoded).map_err(|reason| format!("image {}: {reason}", image.index()))
+        let decoded = decode(encoded).map_err(|reason| format!("image {}: {reason}", image.index()))?;
+        self.images.insert(image.index(), decoded.clone());
+        let pixels: usize = self.images.values().map(|image| image.pixels().len()).sum();
+        if pixels > MOST_PIXELS {
+            return Err(format!("images of {pixels} pixels together; there may be {MOST_PIXELS}"));
+        }
+        Ok(decoded)
     }
 
     fn read(&self, uri: &str) -> Result<Vec<u8>, String> {
@@ -93,7 +107,17 @@ impl Source {
             ));
         }
         match &self.folder {
-            Some(folder) => Ok(folder.join(path)),
+            Some(folder) => {
+                let path = folder.join(path);
+                // A link inside the folder may lead out of it, too. What does not exist is told when it is read.
+                let real = path.canonicalize().ok().zip(folder.canonicalize().ok());
+                if real.is_some_and(|(path, folder)| !path.starts_with(folder)) {
+                    return Err(format!(
+                        "the URI {uri:?} is a link that leads out of the document's folder; put the file itself there"
+                    ));
+                }
+                Ok(path)
+            }
             None => Err(format!("the URI {uri:?} names a file, but the document lies in no folder")),
         }
     }

@@ -8,7 +8,7 @@ use super::{ChainSettings, Judges, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
+use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
 use crate::groups::Groups;
 use crate::judge::{Judge, Judgement};
@@ -69,6 +69,8 @@ pub struct Level {
 pub(super) struct Step<'a> {
     /// The level before.
     pub finer: &'a Foliage,
+    /// What can be seen of it.
+    pub opacity: Opacity,
     /// R of the leaves.
     pub radius: f64,
     /// How it is fitted; ε as a share of `radius`.
@@ -84,14 +86,14 @@ pub(super) struct Step<'a> {
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let started = Instant::now();
     let (finer, fit) = (step.finer, &step.fit);
-    let opacity = fit.opacity(finer);
-    let cloud = fit_within(finer, &opacity, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
+    let opacity = &step.opacity;
+    let cloud = fit_within(finer, opacity, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
     let fitted = Instant::now();
 
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
     let shape = OutlineSettings { corners: settings.fit.max_corners };
-    let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity, shape);
+    let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], opacity, shape);
     let two_sided = match settings.back_sides {
         Some(wish) => wish,
         None => sides::differ(finer, &cloud, &projection, &outlines)?,

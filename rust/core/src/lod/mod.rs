@@ -136,10 +136,19 @@ pub fn build_chain(
     let mut levels: Vec<Level> = Vec::with_capacity(count);
     for index in 0..settings.levels {
         let finer = levels.last().map(Level::foliage).transpose()?;
+        let finer = finer.as_ref().unwrap_or(foliage);
+        let fit = settings.fit_of(index, levels.last().and_then(|finer| finer.epsilon));
+        let opacity = fit.opacity(finer);
+        if index == 0 && opacity.shows_nothing() {
+            return Err(Error::invalid(
+                "nothing can be seen of the leaves: no texel reaches its material's alpha cutoff; check the alpha of the materials",
+            ));
+        }
         let step = level::Step {
-            finer: finer.as_ref().unwrap_or(foliage),
+            finer,
+            opacity,
             radius: frame.radius,
-            fit: settings.fit_of(index, levels.last().and_then(|finer| finer.epsilon)),
+            fit,
             deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
             judges: &judges,

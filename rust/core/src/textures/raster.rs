@@ -199,14 +199,14 @@ struct Edges {
 }
 
 impl Edges {
-    /// `None` for a triangle without area, and for one that turns its back when only fronts are drawn.
+    /// `None` for a triangle without area, for one whose area is beyond f32, and for one that turns its back when only fronts are drawn.
     fn new([a, b, c]: [Vec2; 3], double_sided: bool) -> Option<Self> {
         let (u, v) = (b - a, c - a);
         let twice_area = u.perp_dot(v);
         // y is down: counter-clockwise to the viewer is negative here.
         let shown = twice_area < 0.0 || (double_sided && twice_area > 0.0);
         let inverse = 1.0 / twice_area;
-        (shown && inverse.is_finite()).then(|| Self {
+        (shown && twice_area.is_finite() && inverse.is_finite()).then(|| Self {
             origin: a,
             second: Vec2::new(v.y, -v.x) * inverse,
             third: Vec2::new(-u.y, u.x) * inverse,

@@ -161,7 +161,7 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
 #[test]
 fn edges_are_as_near_as_is_said() {
     use crate::common::random::Random;
-    use crate::common::stability::case;
+    use crate::common::stability::{case, worse};
     // Triangles anywhere on the largest page; the pixels around them, by exact orientation tests in f64.
     let white = square(0.0, Material::default());
     let mut random = Random(52);
@@ -185,7 +185,7 @@ fn edges_are_as_near_as_is_said() {
                 let depth = |from: DVec2, to: DVec2| turn * (to - from).perp_dot(p - from) / (to - from).length();
                 let inside = depth(a, b).min(depth(b, c)).min(depth(c, a));
                 if (inside >= 0.0) != drawn.contains(&(x, y)) {
-                    worst = worst.max(inside.abs());
+                    worst = worse(worst, inside.abs());
                 }
             }
         }

@@ -10,6 +10,11 @@ pub struct Case {
     oracle: &'static str,
 }
 
+/// The greater of two errors; one that is not a number is the greatest of all.
+pub fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
 /// A case of a group, by name.
 pub fn case(group: &'static str, name: &'static str, oracle: &'static str) -> Case {
     Case { group, name, oracle }

@@ -86,6 +86,10 @@ fn try_fit(u: &mut Unstructured) -> Result<()> {
     let Ok(cloud) = fit(&foliage, &settings, Progress::silent()) else { return Ok(()) };
     assert_eq!(cloud.parents.len(), foliage.triangle_count());
     let bound = cloud.bound / foliage.frame().radius;
+    // A budget decides the bound, and k-means reports one; else it is what was asked for.
+    if settings.max_billboards.is_none() && settings.method != Method::KMeans {
+        assert!(bound <= settings.epsilon * (1.0 + 1e-15), "{settings:?}: {bound}");
+    }
     for (t, &parent) in cloud.parents.iter().enumerate() {
         let plane = cloud.planes[parent as usize];
         assert!((plane.normal.length() - 1.0).abs() < 1e-9, "{settings:?}: {plane:?}");

@@ -8,7 +8,7 @@ use leafcloud::{Cloud, Foliage};
 use crate::common::exact::{sum, ulps};
 use crate::common::random::Random;
 use crate::common::soups::{all_settings, fitted, soup};
-use crate::common::stability::case;
+use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Arithmetic";
 
@@ -103,10 +103,10 @@ fn frames_there_and_back() {
             let at = DVec3::new(1.0, -2.0, 0.5) * (offset * size);
             let corners: Vec<_> = (0..50).map(|_| [0; 3].map(|_| at + random.in_ball() * size)).collect();
             let foliage = soup(&corners);
-            let largest = corners.iter().flatten().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+            let largest = corners.iter().flatten().map(|p| p.abs().max_element()).fold(0.0, worse);
             for (t, corner) in corners.iter().enumerate() {
                 for (p, q) in corner.iter().zip(foliage.corners(t)) {
-                    worst = worst.max(foliage.frame().to_caller(q).distance(*p) / largest);
+                    worst = worse(worst, foliage.frame().to_caller(q).distance(*p) / largest);
                 }
             }
         }

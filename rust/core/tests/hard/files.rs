@@ -100,6 +100,13 @@ fn accessors_that_lie() {
         broken(r#"{"bufferView": 0, "#, &format!(r#"{{"bufferView": 0, {sparse}"#)),
         "sparse",
     );
+    let falling = sparse.replace(r#""count": 9"#, r#""count": 3"#);
+    let mixed = GOOD.replacen("AAABAAIA", "AAACAAEA", 1);
+    refused(
+        "sparse indices that do not rise",
+        read(&mixed.replacen(r#"{"bufferView": 0, "#, &format!(r#"{{"bufferView": 0, {falling}"#), 1)),
+        "do not rise",
+    );
     let sparse = sparse.replace('9', "2").replace(r#""values": {"bufferView": 0"#, r#""values": {"bufferView": 1"#);
     refused(
         "sparse values beyond their view",
@@ -217,6 +224,16 @@ fn uris_that_leave_the_folder() {
 
 #[test]
 fn images_that_lie() {
+    let text = GOOD.replacen(r#""baseColorFactor""#, r#""baseColorTexture": {"index": 0}, "baseColorFactor""#, 1);
+    let declared = |image: &str| {
+        read(&text.replacen(
+            r#""buffers""#,
+            &format!(r#""textures": [{{"source": 0}}], "images": [{image}], "buffers""#),
+            1,
+        ))
+    };
+    refused("an image that lies nowhere", declared("{}"), "image 0 has neither");
+    refused("an image in a view, of no type", declared(r#"{"bufferView": 0}"#), "image 0 has neither");
     refused("an image of 2³¹ × 2³¹ pixels in 50 bytes", with_image(&png_header(1 << 31, 1 << 31)), "image 0");
     refused("an image of 60 000 × 60 000 pixels in 50 bytes", with_image(&png_header(60_000, 60_000)), "image 0");
     refused("an image without data", with_image(&png_header(16, 16)), "image 0");

@@ -7,7 +7,7 @@ use leafcloud::{Cloud, Foliage};
 use crate::common::promise::farthest_share;
 use crate::common::random::Random;
 use crate::common::soups::{all_settings, fitted, soup};
-use crate::common::stability::case;
+use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Placement";
 
@@ -67,7 +67,7 @@ fn offsets_that_round() {
         [("offset by 10⁸ R, coordinates rounded there", 1e8), ("offset by 10¹² R, coordinates rounded there", 1e12)]
     {
         let foliage = moved(&corners, |p| p + DVec3::new(0.7, -0.9, 1.0) * far);
-        let worst = all_settings().iter().map(|s| farthest_share(&foliage, &fitted(&foliage, s))).fold(0.0, f64::max);
+        let worst = all_settings().iter().map(|s| farthest_share(&foliage, &fitted(&foliage, s), s)).fold(0.0, worse);
         case(GROUP, name, "exact fractions: every vertex, as it is stored, within ε").holds(worst, 1.0);
     }
 }
@@ -88,7 +88,7 @@ fn in_the_callers_coordinates() {
         for (t, &parent) in cloud.parents.iter().enumerate() {
             let plane = cloud.planes[parent as usize].to_caller(frame);
             for p in foliage.corners(t) {
-                worst = worst.max(plane.height(frame.to_caller(p)).abs() - cloud.bound);
+                worst = worse(worst, plane.height(frame.to_caller(p)).abs() - cloud.bound);
             }
         }
         case(GROUP, name, "definition: ε, and eight roundings of coordinates of that size")
