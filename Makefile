@@ -39,6 +39,7 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 test: setup $(VALIDATOR)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
 test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(environment)/.wheel)
 	cargo test --workspace --release
+	cargo test --package leafcloud --lib --test corpus
 	tools/same_bytes.sh
 	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
 

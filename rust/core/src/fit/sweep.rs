@@ -182,8 +182,10 @@ impl Kernel for Add<'_> {
             let to = e.mul(e.sub(e.add(least, reach), low), scale);
             let (from, to) = (e.nearest(e.min(e.max(from, zero), limit)), e.nearest(e.min(e.max(to, zero), limit)));
             let size = weight.abs() as f32;
-            let sloped = e.mul(projected, e.splat(size * guard.slope / pieces.area(piece).max(SMALLEST_AREA)));
-            let value = e.nearest(e.add(sloped, e.splat(size * (1.0 - guard.slope))));
+            // A piece without area has nothing to lose.
+            let slope = if pieces.area(piece) > SMALLEST_AREA { guard.slope } else { 0.0 };
+            let sloped = e.mul(projected, e.splat(size * slope / pieces.area(piece).max(SMALLEST_AREA)));
+            let value = e.nearest(e.add(sloped, e.splat(size * (1.0 - slope))));
             let held = e.chosen(value, from, to, projected, wanted);
             if held == [0; LANES] {
                 continue;
