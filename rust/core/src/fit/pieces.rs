@@ -26,6 +26,9 @@ const TASK: usize = 2048;
 /// numbers below 2: under 12 · 2⁻²⁴ = 7.2e-7.
 pub const HEIGHT_ERROR: f32 = 1e-6;
 
+/// A piece of no more area than this has none: a weight over it must stay finite in f32.
+pub const SMALLEST_AREA: f32 = 1e-30;
+
 /// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms a vector and up to [`MOST_DIRECTIONS`] vectors, all of one
 /// sign, over a sum of as many: a few roundings more than the number of vectors that leaves have.
 #[cfg(test)]
@@ -250,7 +253,11 @@ impl<'a> Pieces<'a> {
     #[inline]
     pub fn facing(&self, piece: usize, normal: Vec3) -> f32 {
         let total = self.totals[piece];
-        if total > 0.0 { self.areas(piece).iter().map(|a| a.dot(normal).abs()).sum::<f32>() / total } else { 1.0 }
+        if total > SMALLEST_AREA {
+            self.areas(piece).iter().map(|a| a.dot(normal).abs()).sum::<f32>() / total
+        } else {
+            1.0
+        }
     }
 
     /// The greatest distance of a piece's points from the plane, in f32.

@@ -16,11 +16,8 @@ use glam::{DVec3, Vec3};
 
 pub use super::lanes::LANES;
 use super::lanes::{Eight, Kernel, dispatch};
-use super::pieces::{HEIGHT_ERROR, Pieces, Slab};
+use super::pieces::{HEIGHT_ERROR, Pieces, SMALLEST_AREA, Slab};
 use crate::geometry::Plane;
-
-/// Areas below this count as this: a weight over it must stay finite.
-const SMALLEST_AREA: f32 = 1e-30;
 
 /// Bins of a histogram, at most.
 const MOST_BINS: usize = 4096;
@@ -354,7 +351,7 @@ mod tests {
             let weight = |normal: Vec3, distance: f64, margin: f64| -> f64 {
                 let held = |&&(i, _): &&(u32, i32)| {
                     let high = pieces.points(i as usize).iter().map(|p| (normal.as_dvec3().dot(p.as_dvec3()) - distance).abs());
-                    high.fold(0.0, f64::max) <= 0.08 + margin && f64::from(pieces.facing(i as usize, normal)) >= f64::from(facing) + 10.0 * margin
+                    high.fold(0.0, f64::max) <= 0.08 + margin && f64::from(pieces.facing(i as usize, normal)) >= f64::from(facing) - 10.0 * margin
                 };
                 let value = |&(i, w): &(u32, i32)| {
                     f64::from(w) * (1.0 - f64::from(slope) * (1.0 - f64::from(pieces.facing(i as usize, normal))))
