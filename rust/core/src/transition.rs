@@ -139,13 +139,14 @@ impl Lay {
 }
 
 /// The law of a: 0 up to `start`, 1 from `end`, linear between; a step at `end` when `end ≤ start`. A distance that is NaN
-/// (no camera) gives 0.
+/// (no camera) gives 0, and limits that are not numbers, or both infinite, a step at `end`.
 #[must_use]
 pub fn transition(distance: f64, start: f64, end: f64) -> f64 {
     if end <= start || distance.is_nan() {
         return f64::from(distance >= end);
     }
-    ((distance - start) / (end - start)).clamp(0.0, 1.0)
+    let share = (distance - start) / (end - start);
+    if share.is_nan() { f64::from(distance >= end) } else { share.clamp(0.0, 1.0) }
 }
 
 /// The distance from which a length of `deviation` is seen smaller than `pixels` by a perspective camera of `resolution` pixels

@@ -25,7 +25,7 @@ mod thinnest;
 use glam::Vec3;
 
 use crate::cloud::Cloud;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
 use crate::outlines::{OutlineSettings, outlines};
@@ -103,6 +103,7 @@ pub(crate) fn fit_within(
     progress: Progress,
     better: Option<&(dyn Fn(Cloud) + Sync)>,
 ) -> Result<Cloud> {
+    check_precision(foliage, bound)?;
     let task = Task { foliage, settings, opacity };
     // Inside the pool, so that its threads do not have to be woken for every small part of the work.
     let cloud = rayon::scope(|_| match (settings.method, settings.max_billboards, settings.max_texels) {
@@ -112,6 +113,22 @@ pub(crate) fn fit_within(
     })?;
     progress.tell("fit", 1.0)?;
     Ok(cloud)
+}
+
+/// Roundings between the local frame and the caller's coordinates: a vertex, a plane's distance, and their products.
+const ROUNDINGS: f64 = 8.0;
+
+/// So far from the origin that f64 itself rounds vertices by more than a tenth of the bound, the bound would mean nothing there.
+fn check_precision(foliage: &Foliage, bound: f64) -> Result<()> {
+    let far = foliage.frame().centre.abs().max_element();
+    let rounded = ROUNDINGS * far * f64::EPSILON / 2.0;
+    if rounded <= bound / 10.0 {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "the foliage lies {far:.3e} from the origin, where coordinates are rounded by {rounded:.1e}; leaves may move by {bound:.1e}: move \
+         the foliage nearer to the origin or raise epsilon"
+    )))
 }
 
 /// The search's unit of work, for benches: sweeps all pieces over eight times `octets` directions once. Returns for how many points and area vectors

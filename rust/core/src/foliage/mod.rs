@@ -211,6 +211,9 @@ fn check_finite(positions: &[DVec3]) -> Result<()> {
     }
 }
 
+/// Texture coordinates beyond this are no longer told apart to a texel of a texture of 16 texels.
+const FARTHEST_UV: f32 = 1_048_576.0;
+
 fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize) -> Result<()> {
     let Attributes { uvs, normals, colors, material_ids, leaf_ids } = attributes;
     let lengths = [
@@ -226,6 +229,11 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
     let not_finite = |name| Err(Error::invalid(format!("{name} has a value that is not finite; repair the mesh")));
     if !uvs.iter().flatten().all(|uv| uv.is_finite()) {
         return not_finite("uvs");
+    }
+    if let Some(uv) = uvs.iter().flatten().find(|uv| uv.abs().max_element() > FARTHEST_UV) {
+        return Err(Error::invalid(format!(
+            "uvs has the value {uv}; a texture may repeat at most {FARTHEST_UV} times, for beyond that single precision misses texels"
+        )));
     }
     if !colors.iter().flatten().all(|c| c.is_finite()) {
         return not_finite("colors");

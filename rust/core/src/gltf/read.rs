@@ -12,7 +12,7 @@ use glam::{DMat4, DVec3, Vec2, Vec4};
 use gltf::mesh::Mode;
 
 use super::accessors;
-use super::source::Source;
+use super::source::{Source, read_file};
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 
@@ -25,7 +25,7 @@ pub const DEFAULT_NAMES: [&str; 5] = ["leaf", "leaves", "foliage", "needle", "fr
 /// The file cannot be read or is not glTF; no part has such a name; what [`Foliage::new`] refuses.
 pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     let fail = |reason: String| Error::File { path: path.display().to_string(), reason };
-    let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+    let bytes = read_file(path).map_err(fail)?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     parse(&bytes, Some(folder), names).map_err(|error| match error {
         Error::Invalid(reason) => fail(reason),

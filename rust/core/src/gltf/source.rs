@@ -92,7 +92,7 @@ impl Source {
             return base64::engine::general_purpose::STANDARD.decode(encoded).map_err(|e| format!("a data URI: {e}"));
         }
         let path = self.inside(uri)?;
-        std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))
+        read_file(&path).map_err(|reason| format!("{}: {reason}", path.display()))
     }
 
     /// The path of a file in the document's folder.
@@ -121,6 +121,18 @@ impl Source {
             None => Err(format!("the URI {uri:?} names a file, but the document lies in no folder")),
         }
     }
+}
+
+/// The bytes of a regular file: a pipe would never end, a device may have no end.
+///
+/// # Errors
+/// What the system says, or that it is no regular file.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, String> {
+    let regular = std::fs::metadata(path).map_err(|e| e.to_string())?.is_file();
+    if !regular {
+        return Err("it is not a regular file".to_owned());
+    }
+    std::fs::read(path).map_err(|e| e.to_string())
 }
 
 fn decode(encoded: Vec<u8>) -> Result<Image, String> {

@@ -152,6 +152,17 @@ fn textures_of_any_shape() {
 }
 
 #[test]
+fn coordinates_beyond_any_texture() {
+    let foliage = |uv: f32| {
+        let attributes = Attributes { uvs: vec![[Vec2::ZERO, Vec2::X * uv, Vec2::Y]], ..Attributes::default() };
+        Foliage::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], attributes, vec![]).map(|_| ())
+    };
+    case(GROUP, "texture coordinates of 10³⁰", "a named error").refuses(foliage(1e30), "may repeat at most");
+    case(GROUP, "texture coordinates at infinity", "a named error").refuses(foliage(f32::INFINITY), "not finite");
+    case(GROUP, "a texture that repeats 10⁵ times", "definition: allowed").equals(foliage(1e5).is_ok(), true);
+}
+
+#[test]
 fn no_texel_is_trimmed_away() {
     // One opaque texel anywhere in a card: the hull of what can be seen holds its middle.
     let mut random = Random(23);

@@ -1,12 +1,12 @@
 //! Far from the origin, very small, very large: the result must follow.
 
 use glam::DVec3;
-use leafcloud::fit::Method;
-use leafcloud::{Cloud, Foliage};
+use leafcloud::fit::{FitSettings, Method, fit};
+use leafcloud::{Cloud, Foliage, Progress};
 
 use crate::common::promise::farthest_share;
 use crate::common::random::Random;
-use crate::common::soups::{all_settings, fitted, soup};
+use crate::common::soups::{all_settings, fitted, quick, soup};
 use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Placement";
@@ -94,4 +94,13 @@ fn in_the_callers_coordinates() {
         case(GROUP, name, "definition: ε, and eight roundings of coordinates of that size")
             .holds(worst, 8.0 * far * 2f64.powi(-53));
     }
+}
+
+#[test]
+fn too_far_for_epsilon() {
+    let foliage = moved(&on_a_grid(20), |p| p + DVec3::X * 2f64.powi(40));
+    let settings = FitSettings { epsilon: 1e-6, ..quick() };
+    let found = fit(&foliage, &settings, Progress::silent()).map(|_| ());
+    case(GROUP, "ε of 10⁻⁶ R at 10¹² R, below what f64 can hold there", "a named error")
+        .refuses(found, "from the origin");
 }

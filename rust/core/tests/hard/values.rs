@@ -73,6 +73,15 @@ fn the_transition() {
         [transition(1.0, 2.0, 2.0), transition(2.0, 2.0, 2.0), transition(1.9, 3.0, 2.0), transition(2.0, 3.0, 2.0)],
         [0.0, 1.0, 0.0, 1.0],
     );
+    let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 3.0];
+    let mut within = true;
+    for distance in odd {
+        for start in odd {
+            within &= odd.iter().all(|&end| (0.0..=1.0).contains(&transition(distance, start, end)));
+        }
+    }
+    case(GROUP, "a for distances and limits that are infinite or no numbers", "definition: within [0, 1]")
+        .equals(within, true);
     let inside = (0..1000).map(|i| a(f64::from(i) * 0.01)).all(|a| (0.0..=1.0).contains(&a));
     case(GROUP, "a stays within [0, 1]", "definition").equals(inside, true);
     let worst = [1e-30, 1e-6, 1.0, 1e30].map(|deviation| {
