@@ -10,6 +10,7 @@ mod budget;
 mod compact;
 mod density;
 mod descent;
+mod drafts;
 mod greedy;
 mod kmeans;
 mod lanes;

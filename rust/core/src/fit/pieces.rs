@@ -5,14 +5,14 @@
 //! of the triangles. What a piece promises is decided in f64: [`Pieces::holds`] asks the f32 points first, and the foliage's own corners
 //! where their rounding could matter.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::axes::Axes;
 use super::bounds::Bounds;
+use super::drafts::{Draft, Source, extent, own_plane};
 use super::lanes::{Eight, Kernel, LANES, dispatch};
-use super::thinnest::thin_enough;
-use crate::foliage::{Foliage, Opacity, area_vector};
+use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
 use crate::groups::{Groups, Rows};
 
@@ -29,7 +29,7 @@ pub const HEIGHT_ERROR: f32 = 1e-6;
 /// A piece of no more area than this has none: a weight over it must stay finite in f32.
 pub const SMALLEST_AREA: f32 = 1e-30;
 
-/// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms a vector and up to [`MOST_DIRECTIONS`] vectors, all of one
+/// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms a vector and up to 64 vectors, all of one
 /// sign, over a sum of as many: a few roundings more than the number of vectors that leaves have.
 #[cfg(test)]
 pub const FACING_ERROR: f32 = 1e-6;
@@ -37,12 +37,6 @@ pub const FACING_ERROR: f32 = 1e-6;
 /// Error bound of a plane's cost, times the piece's bound b: with heights h ≤ b, (h ± e)² / b² is off by 2 e / b, and e is [`HEIGHT_ERROR`].
 #[cfg(test)]
 pub const COST_ERROR: f32 = 2.0 * HEIGHT_ERROR + FACING_ERROR;
-
-/// Area vectors closer in direction than this (sine of the angle) are summed: they project alike.
-const PARALLEL: f64 = 1e-6;
-
-/// Directions of area vectors that are told apart in one piece; a leaf of more (a hedge in one mesh) is summed less, never searched longer.
-const MOST_DIRECTIONS: usize = 64;
 
 /// A plane, canonical, and how far from a centre it may hold pieces.
 #[derive(Clone, Copy, Debug)]
@@ -89,16 +83,6 @@ type Slot = [[f32; LANES]; 3];
 struct Block {
     centre: Vec3,
     half: Vec3,
-    bound: f32,
-}
-
-/// What is found out about one leaf or triangle before pieces are put in order.
-struct Draft {
-    key: (u64, [u32; 3]),
-    triangles: Vec<u32>,
-    points: Vec<Vec3>,
-    areas: Vec<Vec3>,
-    weight: f32,
     bound: f32,
 }
 
@@ -228,9 +212,7 @@ impl<'a> Pieces<'a> {
 
     /// A plane that holds the piece.
     pub fn own_plane(&self, piece: usize) -> Plane {
-        let corners = corners(self.foliage, self.axes, self.triangles(piece));
-        let areas = merge_parallel(&corners);
-        thin_enough(&distinct(&corners), &areas, f64::from(self.bounds[piece]))
+        own_plane(self.foliage, self.axes, self.triangles(piece), f64::from(self.bounds[piece]))
     }
 
     /// A slab around the piece's own plane.
@@ -381,88 +363,6 @@ impl Kernel for Held<'_> {
     }
 }
 
-/// What drafts are made from.
-struct Source<'a> {
-    foliage: &'a Foliage,
-    axes: Axes,
-    bounds: &'a Bounds,
-    opacity: &'a Opacity,
-}
-
-impl Source<'_> {
-    /// Whether a slab is as thick as the leaf is wide: then to keep it whole costs next to nothing.
-    fn is_small(&self, triangles: &[u32]) -> bool {
-        let corners = triangles.iter().flat_map(|&t| self.foliage.corners(t as usize));
-        let (low, high) =
-            corners.clone().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-        high.distance(low) <= 2.0 * f64::from(self.bounds.of(corners))
-    }
-
-    /// `None` when no plane holds all triangles.
-    fn draft(&self, triangles: &[u32]) -> Option<Draft> {
-        let corners = corners(self.foliage, self.axes, triangles);
-        let vertices = distinct(&corners);
-        let areas = merge_parallel(&corners);
-        let bound = self.bounds.of(vertices.iter().map(|&v| self.axes.to_local(v)));
-        if triangles.len() > 1 {
-            let plane = thin_enough(&vertices, &areas, f64::from(bound));
-            // A hair less, so that another order of the same sums cannot find it too far.
-            let held = f64::from(bound) * (1.0 - 1e-7);
-            if vertices.iter().any(|&v| plane.height(v).abs() > held) {
-                return None;
-            }
-        }
-        let points: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
-        let areas = areas.iter().map(|a| a.as_vec3()).filter(|a| *a != Vec3::ZERO).collect();
-        let visible =
-            |&t: &u32| self.foliage.area_vector(t as usize).length() as f32 * self.opacity.get(t as usize).share;
-        let (low, high) = extent(&points);
-        let key = (morton((low + high) * 0.5), points[0].to_array().map(f32::to_bits));
-        let weight = triangles.iter().map(visible).sum();
-        Some(Draft { key, triangles: triangles.to_vec(), points, areas, weight, bound })
-    }
-}
-
-/// The corners of triangles, canonical; triangles in an order that follows from where they lie.
-fn corners(foliage: &Foliage, axes: Axes, triangles: &[u32]) -> Vec<[DVec3; 3]> {
-    let mut corners: Vec<[DVec3; 3]> =
-        triangles.iter().map(|&t| foliage.corners(t as usize).map(|p| axes.to_canonical(p))).collect();
-    corners.sort_by(|a, b| {
-        a.iter().zip(b).map(|(a, b)| by_coordinates(a, b)).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-    });
-    corners
-}
-
-fn by_coordinates(a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
-    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
-}
-
-fn distinct(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
-    // Adding 0 turns −0 into +0: the same place.
-    let mut kept: Vec<DVec3> = corners.iter().flatten().map(|&p| p + DVec3::ZERO).collect();
-    kept.sort_by(by_coordinates);
-    kept.dedup();
-    kept
-}
-
-/// Sums area vectors of one direction, whichever way they wind, and drops those without length.
-fn merge_parallel(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
-    let mut merged: Vec<DVec3> = Vec::new();
-    for area in corners.iter().map(|&c| area_vector(c)).filter(|a| *a != DVec3::ZERO) {
-        let parallel = |m: &&mut DVec3| m.cross(area).length() <= PARALLEL * m.length() * area.length();
-        let searched = merged.len().min(MOST_DIRECTIONS);
-        match merged[..searched].iter_mut().find(parallel) {
-            Some(m) => *m += if m.dot(area) < 0.0 { -area } else { area },
-            None => merged.push(area),
-        }
-    }
-    merged
-}
-
-fn extent(points: &[Vec3]) -> (Vec3, Vec3) {
-    points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
-}
-
 fn blocks(points: &Rows<Vec3>, bounds: &[f32]) -> Vec<Block> {
     let block = |first: usize| {
         let range = first..(first + BLOCK).min(points.len());
@@ -486,19 +386,6 @@ fn slots(points: &Rows<Vec3>) -> Rows<Slot> {
         }));
     }
     slots
-}
-
-/// The Morton code of a point: 21 bits an axis, interleaved.
-fn morton(p: Vec3) -> u64 {
-    let spread = |x: f32| {
-        let mut bits = ((x * 0.5 + 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64;
-        bits = (bits | (bits << 32)) & 0x001F_0000_0000_FFFF;
-        bits = (bits | (bits << 16)) & 0x001F_0000_FF00_00FF;
-        bits = (bits | (bits << 8)) & 0x100F_00F0_0F00_F00F;
-        bits = (bits | (bits << 4)) & 0x10C3_0C30_C30C_30C3;
-        (bits | (bits << 2)) & 0x1249_2492_4924_9249
-    };
-    spread(p.x) | (spread(p.y) << 1) | (spread(p.z) << 2)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use leafcloud::foliage::Attributes;
 use leafcloud::{Cloud, Foliage, Progress, gltf};
 
 use super::in_repository;
+use super::random::Random;
 
 /// The shrub that comes with the repository.
 pub fn shrub() -> Foliage {
@@ -17,6 +18,17 @@ pub fn soup(corners: &[[DVec3; 3]]) -> Foliage {
     let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
     let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+}
+
+/// The corners of small triangles that face any way, in a ball.
+pub fn random_corners(count: usize, seed: u64) -> Vec<[DVec3; 3]> {
+    let mut random = Random(seed);
+    (0..count)
+        .map(|_| {
+            let at = random.in_ball();
+            [at, at + random.in_ball() * 0.05, at + random.in_ball() * 0.05]
+        })
+        .collect()
 }
 
 /// A quick search.

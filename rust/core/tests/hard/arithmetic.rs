@@ -7,7 +7,7 @@ use leafcloud::{Cloud, Foliage};
 
 use crate::common::exact::{sum, ulps};
 use crate::common::random::Random;
-use crate::common::soups::{all_settings, fitted, soup};
+use crate::common::soups::{all_settings, fitted, random_corners, soup};
 use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Arithmetic";
@@ -64,13 +64,7 @@ fn sums_that_cancel() {
 
 #[test]
 fn threads_do_not_matter() {
-    let mut random = Random(32);
-    let corners: Vec<_> = (0..3000)
-        .map(|_| {
-            let at = random.in_ball();
-            [at, at + random.in_ball() * 0.05, at + random.in_ball() * 0.05]
-        })
-        .collect();
+    let corners = random_corners(3000, 32);
     let foliage = soup(&corners);
     let mut differ = 0;
     for settings in all_settings() {

@@ -10,7 +10,7 @@ use leafcloud::{Foliage, Progress};
 
 use crate::common::promise::farthest_share;
 use crate::common::random::Random;
-use crate::common::soups::{all_settings, fitted, quick, soup};
+use crate::common::soups::{all_settings, fitted, quick, random_corners, soup};
 use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Geometry";
@@ -36,12 +36,6 @@ const HELD: &str = "exact fractions: every vertex within ε of its plane, by eve
 
 fn small(at: DVec3, u: DVec3, v: DVec3) -> [DVec3; 3] {
     [at, at + u * 0.05, at + v * 0.05]
-}
-
-/// Small triangles facing any way, in a ball.
-fn leaves(count: usize, seed: u64) -> Vec<[DVec3; 3]> {
-    let mut random = Random(seed);
-    (0..count).map(|_| small(random.in_ball(), random.in_ball(), random.in_ball())).collect()
 }
 
 /// Small triangles that face up, at a height.
@@ -109,7 +103,7 @@ fn layers_as_far_apart_as_a_slab_and_an_ulp_more_or_less() {
 
 #[test]
 fn slivers_among_good_triangles() {
-    let mut corners = leaves(120, 3);
+    let mut corners = random_corners(120, 3);
     let mut random = Random(4);
     for i in 0..60 {
         let (at, along, aside) = (random.in_ball(), random.in_ball(), random.in_ball());
@@ -175,7 +169,7 @@ fn leaves_that_are_closed_balls() {
 
 #[test]
 fn faces_doubled_with_opposite_winding() {
-    let plain = leaves(150, 7);
+    let plain = random_corners(150, 7);
     let doubled: Vec<_> = plain.iter().flat_map(|&[a, b, c]| [[a, b, c], [a, c, b]]).collect();
     let foliage = soup(&doubled);
     let mut apart = 0;
@@ -233,7 +227,7 @@ fn normals_at_the_poles() {
 
 #[test]
 fn recursion_down_to_one_billboard() {
-    let foliage = soup(&leaves(200, 8));
+    let foliage = soup(&random_corners(200, 8));
     let settings = ChainSettings {
         levels: 12,
         cross: false,

@@ -5,8 +5,7 @@ use leafcloud::fit::{FitSettings, Method, fit};
 use leafcloud::{Cloud, Foliage, Progress};
 
 use crate::common::promise::farthest_share;
-use crate::common::random::Random;
-use crate::common::soups::{all_settings, fitted, quick, soup};
+use crate::common::soups::{all_settings, fitted, quick, random_corners, soup};
 use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Placement";
@@ -14,14 +13,8 @@ const GROUP: &str = "Placement";
 /// Triangles whose coordinates are whole multiples of 2⁻¹², so that moving them by powers of two and scaling them by powers of two
 /// rounds nothing. R is about 1.
 fn on_a_grid(count: usize) -> Vec<[DVec3; 3]> {
-    let mut random = Random(11);
     let grid = |p: DVec3| (p * 4096.0).round() / 4096.0;
-    (0..count)
-        .map(|_| {
-            let at = random.in_ball();
-            [at, at + random.in_ball() * 0.05, at + random.in_ball() * 0.05].map(grid)
-        })
-        .collect()
+    random_corners(count, 11).into_iter().map(|t| t.map(grid)).collect()
 }
 
 fn moved(corners: &[[DVec3; 3]], to: impl Fn(DVec3) -> DVec3) -> Foliage {
@@ -56,13 +49,7 @@ fn exact_offsets_and_scales() {
 
 #[test]
 fn offsets_that_round() {
-    let mut random = Random(12);
-    let corners: Vec<_> = (0..250)
-        .map(|_| {
-            let at = random.in_ball();
-            [at, at + random.in_ball() * 0.05, at + random.in_ball() * 0.05]
-        })
-        .collect();
+    let corners = random_corners(250, 12);
     for (name, far) in
         [("offset by 10⁸ R, coordinates rounded there", 1e8), ("offset by 10¹² R, coordinates rounded there", 1e12)]
     {
