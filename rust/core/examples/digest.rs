@@ -1,8 +1,9 @@
-//! A digest of everything that a chain of the shrub decides, for every method: planes, parents, pages, ranks, judgements. Builds of all kinds and
+//! A digest of everything that a chain of the shrub decides, for every method: planes, parents, places on the page, pages, ranks, judgements. Builds of all kinds and
 //! any number of threads must print the same (`tools/same_bytes.sh`).
 
 use std::path::PathBuf;
 
+use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
 use leafcloud::textures::Samples;
@@ -26,6 +27,13 @@ impl Digest {
                 self.add(cloud.parents.iter().flat_map(|p| p.to_le_bytes()));
                 self.add(cloud.deviations.iter().flat_map(|d| d.to_le_bytes()));
             }
+            for b in &level.sheet.billboards {
+                let region = [b.region.x, b.region.y, b.region.width, b.region.height];
+                self.add(region.into_iter().flat_map(usize::to_le_bytes));
+                self.add(b.corners.iter().flat_map(DVec3::to_array).flat_map(f64::to_le_bytes));
+                self.add(level.sheet.uvs(b).flatten().flat_map(f32::to_le_bytes));
+            }
+            self.add(level.alpha_cutoff.to_le_bytes());
             self.add(level.page.pixels().iter().flatten().copied());
             self.add(level.ranks.iter().flat_map(|r| r.to_le_bytes()));
             let j = level.judgement;
@@ -39,9 +47,13 @@ fn main() {
     let shrub = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples/shrub.glb");
     let foliage = gltf::read(&shrub, &gltf::DEFAULT_NAMES).expect("the shrub comes with the repository");
     let mut digest = Digest(0xCBF2_9CE4_8422_2325);
-    for (method, effort) in
-        [(Method::Stochastic, Effort::Default), (Method::Density, Effort::Default), (Method::KMeans, Effort::Default)]
-    {
+    for (method, effort) in [
+        (Method::Stochastic, Effort::Literal),
+        (Method::Stochastic, Effort::Default),
+        (Method::Stochastic, Effort::Final),
+        (Method::Density, Effort::Default),
+        (Method::KMeans, Effort::Default),
+    ] {
         let fit = FitSettings {
             method,
             effort,

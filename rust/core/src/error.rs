@@ -30,3 +30,13 @@ impl Error {
         Self::Invalid(message.into())
     }
 }
+
+/// A number as people write it: digits while there are few of them, a power of ten otherwise.
+#[must_use]
+pub fn number(value: f64) -> String {
+    if value == 0.0 || (1e-9..1e15).contains(&value.abs()) || !value.is_finite() {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;
+use leafcloud::textures::Samples;
 use numpy::ndarray::ArrayView2;
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayDescrMethods, PyArrayLike2, PyArrayLikeDyn,
@@ -9,7 +10,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use crate::errors::refuse;
+use crate::errors::{Failure, read, refuse};
 
 /// A (rows, 3) array of floats.
 pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
@@ -29,7 +30,11 @@ pub fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     if shape.len() != 2 || (shape[1] != 3 && shape[0] != 0) {
         return Err(refuse(format!("triangles has the shape {shape:?}; it must be (rows, 3)")));
     }
-    let index = |&i: &i64| u32::try_from(i).map_err(|_| refuse(format!("triangle index {i} is out of range")));
+    let index = |&i: &i64| {
+        u32::try_from(i).map_err(|_| {
+            refuse(format!("triangle index {i} is out of range; indices count vertices from 0, below 2^32"))
+        })
+    };
     let flat = view.iter().map(index).collect::<PyResult<Vec<u32>>>()?;
     Ok(flat.as_chunks::<3>().0.to_vec())
 }
@@ -122,9 +127,15 @@ pub fn point_groups<const M: usize>(
     flat.into_pyarray(py).reshape([rows, M, 3])
 }
 
+/// Sub-samples along each side of a texel or pixel.
+pub fn samples(value: &Bound<'_, PyAny>) -> PyResult<Samples> {
+    let count = read(value, "samples", "a whole number between 1 and 16")?;
+    Ok(Samples::new(count).map_err(Failure::from)?)
+}
+
 /// Three floats.
 pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
-    let values: Vec<f64> = value.extract().map_err(|_| refuse(format!("{name} must be three floats")))?;
+    let values: Vec<f64> = read(value, name, "three floats")?;
     match values[..] {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
         _ => Err(refuse(format!("{name} has {} values; it must have three", values.len()))),

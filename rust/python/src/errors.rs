@@ -46,6 +46,24 @@ pub fn refuse(message: impl Into<String>) -> PyErr {
     LeafcloudError::new_err(message.into())
 }
 
+/// The value as a `T`, or a refusal that says what is wanted.
+pub fn read<'py, T>(value: &Bound<'py, PyAny>, name: &str, wanted: &str) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py>,
+{
+    value.extract().map_err(|_| refuse(format!("{name} is {}; it must be {wanted}", shown(value))))
+}
+
+/// The value as Python writes it, cut where that is long.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    let written =
+        value.repr().map_or_else(|_| "not to be shown".to_owned(), |repr| repr.to_string_lossy().into_owned());
+    match written.char_indices().nth(60) {
+        Some((end, _)) => format!("{}…", &written[..end]),
+        None => written,
+    }
+}
+
 /// Runs work of the core; a panic in it becomes an error like any other, so that it can never take its host down.
 pub fn guard<T>(work: impl FnOnce() -> leafcloud::Result<T>) -> Result<T, Failure> {
     match catch_unwind(AssertUnwindSafe(work)) {

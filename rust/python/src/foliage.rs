@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{guard, refuse};
+use crate::errors::{guard, read, refuse};
 
 #[pyclass(name = "Material", module = "leafcloud", frozen)]
 #[derive(Clone)]
@@ -17,10 +17,10 @@ pub struct PyMaterial(pub Material);
 #[pymethods]
 impl PyMaterial {
     #[new]
-    #[pyo3(signature = (name = "leaf", *, base_color = [1.0; 4], image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true))]
+    #[pyo3(signature = (name = "leaf", *, base_color = None, image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true))]
     fn new(
         name: &str,
-        base_color: [f32; 4],
+        base_color: Option<&Bound<'_, PyAny>>,
         image: Option<&Bound<'_, PyAny>>,
         alpha_mode: &str,
         alpha_cutoff: f32,
@@ -32,6 +32,7 @@ impl PyMaterial {
             "BLEND" => AlphaMode::Blend,
             other => return Err(refuse(format!("alpha_mode is {other:?}; it must be OPAQUE, MASK or BLEND"))),
         };
+        let base_color = base_color.map_or(Ok([1.0; 4]), |v| read(v, "base_color", "four floats in [0, 1]"))?;
         let image = image.map(arrays::image).transpose()?;
         let material = Material {
             name: name.to_owned(),
@@ -66,7 +67,7 @@ impl PyFoliage {
         normals: Option<&Bound<'_, PyAny>>,
         colors: Option<&Bound<'_, PyAny>>,
         material_ids: Option<&Bound<'_, PyAny>>,
-        materials: Option<Vec<Bound<'_, PyMaterial>>>,
+        materials: Option<&Bound<'_, PyAny>>,
         leaf_ids: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let positions = arrays::points(positions, "positions")?;
@@ -80,7 +81,9 @@ impl PyFoliage {
             material_ids: material_ids.map_or(Ok(Vec::new()), material_indices)?,
             leaf_ids: leaf_ids.map_or(Ok(Vec::new()), |v| arrays::identifiers(v, "leaf_ids"))?,
         };
-        let materials = materials.unwrap_or_default().iter().map(|m| m.get().0.clone()).collect();
+        let materials: Vec<Bound<'_, PyMaterial>> =
+            materials.map_or(Ok(Vec::new()), |v| read(v, "materials", "a list of Material"))?;
+        let materials = materials.iter().map(|m| m.get().0.clone()).collect();
         let foliage = py.detach(|| guard(|| Foliage::new(&positions, triangles, attributes, materials)))?;
         Ok(Self(Arc::new(foliage)))
     }
@@ -112,6 +115,8 @@ impl PyFoliage {
 }
 
 fn material_indices(value: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
-    let index = |i: i64| u32::try_from(i).map_err(|_| refuse(format!("material id {i} is out of range")));
+    let index = |i: i64| {
+        u32::try_from(i).map_err(|_| refuse(format!("material id {i} is out of range; ids count the materials from 0")))
+    };
     arrays::identifiers(value, "material_ids")?.into_iter().map(index).collect()
 }

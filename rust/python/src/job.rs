@@ -10,7 +10,7 @@ use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::{Failure, guard, refuse};
+use crate::errors::{Failure, guard, read, refuse};
 use crate::foliage::PyFoliage;
 use crate::levels::{CloudInFrame, PyChain, PyCloud};
 use crate::options::Options;
@@ -48,11 +48,17 @@ impl Work {
         Ok(Self::Fit(Arc::clone(&foliage.0), settings))
     }
 
-    fn chain(foliage: &PyFoliage, wood: Option<&PyFoliage>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn chain(
+        foliage: &PyFoliage,
+        wood: Option<&Bound<'_, PyAny>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let wood: Option<Bound<'_, PyFoliage>> =
+            wood.map_or(Ok(None), |wood| read(wood, "wood", "a Foliage or None").map(Some))?;
         let options = Options::new(options)?;
         let settings = options.chain()?;
         options.finish()?;
-        Ok(Self::Chain(Arc::clone(&foliage.0), wood.map(|w| Arc::clone(&w.0)), settings))
+        Ok(Self::Chain(Arc::clone(&foliage.0), wood.map(|w| Arc::clone(&w.get().0)), settings))
     }
 
     /// `better` is told complete results on the way, each better than the one before.
@@ -80,6 +86,9 @@ impl Work {
 
     /// Runs on a thread of its own while this one, which alone hears Ctrl-C, calls `progress` and waits for its answers.
     fn run_here(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
+        if let Some(progress) = progress.as_ref().map(|p| p.bind(py)).filter(|p| !p.is_callable()) {
+            return Err(refuse(format!("progress is {progress}; it must be a function of a stage and a fraction")));
+        }
         let cancelled = AtomicBool::new(false);
         let (told, tells) = mpsc::channel::<(String, f64)>();
         let (answered, answers) = mpsc::channel::<()>();
@@ -150,7 +159,7 @@ pub fn fit(
 pub fn build_chain(
     py: Python<'_>,
     foliage: &PyFoliage,
-    wood: Option<&PyFoliage>,
+    wood: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
@@ -167,7 +176,7 @@ pub fn start_fit(foliage: &PyFoliage, options: Option<&Bound<'_, PyDict>>) -> Py
 #[pyo3(signature = (foliage, *, wood = None, **options))]
 pub fn start_chain(
     foliage: &PyFoliage,
-    wood: Option<&PyFoliage>,
+    wood: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<PyJob> {
     PyJob::start(Work::chain(foliage, wood, options)?)

@@ -3,12 +3,13 @@
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::ChainSettings;
-use leafcloud::textures::Samples;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::errors::{Failure, refuse};
+use crate::errors::{Failure, read, refuse};
+
+const COUNT: &str = "a whole number between 0 and 2^64 - 1";
 
 /// Options that are taken out one by one.
 pub struct Options<'py>(Option<Bound<'py, PyDict>>);
@@ -26,23 +27,23 @@ impl<'py> Options<'py> {
     }
 
     fn number(&self, name: &str, default: f64) -> PyResult<f64> {
-        self.take(name, |v| v.extract().map_err(|_| wrong(name, v, "a number")), default)
+        self.take(name, |v| read(v, name, "a number"), default)
     }
 
     fn count(&self, name: &str, default: usize) -> PyResult<usize> {
-        self.take(name, |v| v.extract().map_err(|_| wrong(name, v, "a whole number of at least 0")), default)
+        self.take(name, |v| read(v, name, COUNT), default)
     }
 
     fn some<T>(&self, name: &str, wanted: &str) -> PyResult<Option<T>>
     where
         T: for<'a> FromPyObject<'a, 'py>,
     {
-        self.take(name, |v| v.extract().map_err(|_| wrong(name, v, wanted)), None)
+        self.take(name, |v| read(v, name, wanted), None)
     }
 
     fn named<T: Named>(&self, default: T) -> PyResult<T> {
         let read = |v: &Bound<'py, PyAny>| {
-            let name: String = v.extract().map_err(|_| wrong(T::WHAT, v, "a name"))?;
+            let name: String = read(v, T::WHAT, "a name")?;
             Ok(T::from_name(&name).map_err(Failure::from)?)
         };
         self.take(T::WHAT, read, default)
@@ -60,8 +61,7 @@ impl<'py> Options<'py> {
 
     fn preference(&self, up: DVec3) -> PyResult<Preference> {
         let views = |v: &Bound<'py, PyAny>| {
-            let views: Vec<Bound<'py, PyAny>> =
-                v.extract().map_err(|_| wrong("views", v, "a list of directions, three floats each"))?;
+            let views: Vec<Bound<'py, PyAny>> = read(v, "views", "a list of directions, three floats each")?;
             views.iter().map(|view| arrays::vector(view, "a direction of views")).collect()
         };
         let default = Preference::default();
@@ -78,7 +78,7 @@ impl<'py> Options<'py> {
     }
 
     fn flag(&self, name: &str, default: bool) -> PyResult<bool> {
-        self.take(name, |v| v.extract().map_err(|_| wrong(name, v, "True or False")), default)
+        self.take(name, |v| read(v, name, "True or False"), default)
     }
 
     pub fn fit(&self) -> PyResult<FitSettings> {
@@ -88,7 +88,7 @@ impl<'py> Options<'py> {
 
     fn fit_with(&self, up: DVec3) -> PyResult<FitSettings> {
         let default = FitSettings::default();
-        let count = "a whole number of at least 0, or None";
+        let count = "a whole number between 0 and 2^64 - 1, or None";
         Ok(FitSettings {
             method: self.named(default.method)?,
             effort: self.named(default.effort)?,
@@ -112,11 +112,7 @@ impl<'py> Options<'py> {
 
     pub fn chain(&self) -> PyResult<ChainSettings> {
         let default = ChainSettings::default();
-        let sides = |v: &Bound<'py, PyAny>| v.extract().map_err(|_| wrong("back_sides", v, "True, False or None"));
-        let samples = |v: &Bound<'py, PyAny>| {
-            let count = v.extract().map_err(|_| wrong("samples", v, "a whole number"))?;
-            Ok(Samples::new(count).map_err(Failure::from)?)
-        };
+        let sides = |v: &Bound<'py, PyAny>| read(v, "back_sides", "True, False or None");
         let up = self.up()?;
         Ok(ChainSettings {
             fit: self.fit_with(up)?,
@@ -124,7 +120,7 @@ impl<'py> Options<'py> {
             cross: self.flag("cross", default.cross)?,
             up,
             texture_size: self.count("texture_size", default.texture_size)?,
-            samples: self.take("samples", samples, default.samples)?,
+            samples: self.take("samples", arrays::samples, default.samples)?,
             back_sides: self.take("back_sides", sides, default.back_sides)?,
         })
     }
@@ -134,8 +130,4 @@ impl<'py> Options<'py> {
         let left: Vec<String> = self.0.iter().flat_map(PyDictMethods::keys).map(|key| key.to_string()).collect();
         if left.is_empty() { Ok(()) } else { Err(refuse(format!("unknown option {}", left.join(", ")))) }
     }
-}
-
-fn wrong(name: &str, value: &Bound<'_, PyAny>, wanted: &str) -> PyErr {
-    refuse(format!("{name} is {value}; it must be {wanted}"))
 }

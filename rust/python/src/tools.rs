@@ -11,30 +11,31 @@ use numpy::{AllowTypeChange, PyArray3, PyArrayLike1};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{Failure, guard, refuse};
+use crate::errors::{guard, read, refuse};
 use crate::foliage::PyFoliage;
 
 #[pyfunction]
-#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = 4))]
+#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None))]
 #[allow(clippy::too_many_arguments)] // the Python signature
 pub fn render<'py>(
     py: Python<'py>,
-    parts: Vec<Bound<'py, PyFoliage>>,
+    parts: &Bound<'py, PyAny>,
     direction: &Bound<'py, PyAny>,
-    size: usize,
+    size: &Bound<'py, PyAny>,
     centre: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
     up: Option<&Bound<'py, PyAny>>,
-    samples: usize,
+    samples: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let view = View {
         direction: arrays::vector(direction, "direction")?,
         up: up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))?,
         centre: arrays::vector(centre, "centre")?,
-        radius,
-        size,
-        samples: Samples::new(samples).map_err(Failure::from)?,
+        radius: read(radius, "radius", "a number above 0")?,
+        size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
+        samples: samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?,
     };
+    let parts: Vec<Bound<'py, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
     let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
     let image = py.detach(|| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
@@ -62,13 +63,14 @@ pub fn read_gltf(py: Python<'_>, path: PathBuf, names: Option<Vec<String>>) -> P
 pub fn keep(distance: f64, start: f64, half: f64) -> PyResult<f64> {
     let allowed = start > 0.0 && half > 0.0 && half <= 0.5;
     if !allowed {
-        return Err(refuse(format!("start is {start} and half {half}; start must be above 0, half in (0, 0.5]")));
+        return Err(refuse(format!("start is {start:?} and half {half:?}; start must be above 0, half in (0, 0.5]")));
     }
     Ok(prune::keep(distance, start, half))
 }
 
 #[pyfunction]
 pub fn leaf_scale(rank: f64, keep: f64) -> PyResult<f64> {
+    check_rank(rank)?;
     Ok(prune::leaf_scale(rank, share(keep)?))
 }
 
@@ -82,6 +84,10 @@ pub fn area_scale(
     if ranks.len() != areas.len() {
         return Err(refuse(format!("{} ranks and {} areas; there must be as many of each", ranks.len(), areas.len())));
     }
+    ranks.iter().try_for_each(|&rank| check_rank(rank))?;
+    if let Some(area) = areas.iter().find(|area| !(0.0..f64::INFINITY).contains(*area)) {
+        return Err(refuse(format!("an area is {area:?}; areas must be finite and at least 0")));
+    }
     Ok(prune::area_scale(ranks.iter().copied().zip(areas.iter().copied()), share(keep)?))
 }
 
@@ -92,19 +98,27 @@ pub fn transition(distance: f64, start: f64, end: f64) -> f64 {
 
 #[pyfunction]
 pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_view: f64) -> PyResult<f64> {
-    let positive = [pixels, resolution, field_of_view].iter().all(|x| *x > 0.0);
-    if !(positive && deviation >= 0.0 && field_of_view < std::f64::consts::PI) {
+    let above = |x: f64| x > 0.0 && x.is_finite();
+    let positive = [pixels, resolution, field_of_view].into_iter().all(above);
+    if !(positive && (deviation == 0.0 || above(deviation)) && field_of_view < std::f64::consts::PI) {
         return Err(refuse(format!(
-            "deviation {deviation}, pixels {pixels}, resolution {resolution}, field of view {field_of_view}; all must be above 0, \
-             the field of view below π"
+            "deviation {deviation:?}, pixels {pixels:?}, resolution {resolution:?}, field of view {field_of_view:?}; the deviation must \
+             be at least 0, the others above 0, all finite, the field of view below π"
         )));
     }
     Ok(laws::switch_distance(deviation, pixels, resolution, field_of_view))
+}
+
+fn check_rank(rank: f64) -> PyResult<()> {
+    if (0.0..1.0).contains(&rank) {
+        return Ok(());
+    }
+    Err(refuse(format!("a rank is {rank:?}; ranks must lie in [0, 1)")))
 }
 
 fn share(keep: f64) -> PyResult<f64> {
     if (0.0..=1.0).contains(&keep) {
         return Ok(keep);
     }
-    Err(refuse(format!("keep is {keep}; it must lie in [0, 1]")))
+    Err(refuse(format!("keep is {keep:?}; it must lie in [0, 1]")))
 }

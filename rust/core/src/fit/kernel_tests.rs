@@ -19,7 +19,7 @@ use crate::geometry::Plane;
 const GROUP: &str = "Kernels";
 
 /// Quads of many sizes in a ball, each a leaf.
-fn foliage(count: u32, size: f64) -> Foliage {
+pub(super) fn foliage(count: u32, size: f64) -> Foliage {
     let mut random = Random(41);
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for quad in 0..count {
@@ -31,7 +31,7 @@ fn foliage(count: u32, size: f64) -> Foliage {
     Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
 }
 
-fn pieces(foliage: &Foliage, bound: f64) -> Pieces<'_> {
+pub(super) fn pieces(foliage: &Foliage, bound: f64) -> Pieces<'_> {
     Pieces::of(foliage, Whole::Always, &Bounds { greatest: bound, image: None }, &Opacity::ignored())
 }
 

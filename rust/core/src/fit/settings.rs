@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, number};
 use crate::foliage::{Foliage, Opacity};
 
 /// How planes are found.
@@ -221,7 +221,10 @@ impl FitSettings {
         if let Some(view) =
             self.preference.views.iter().chain(&self.preference.up).find(|v| v.try_normalize().is_none())
         {
-            return Err(Error::invalid(format!("the direction {view} has no finite length above 0; it shows nowhere")));
+            return Err(Error::invalid(format!(
+                "the direction {:?} has no finite length above 0; it shows nowhere",
+                view.to_array()
+            )));
         }
         if self.method == Method::KMeans { self.check_clusters() } else { Ok(()) }
     }
@@ -252,7 +255,7 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
-    Err(Error::invalid(format!("{name} is {value}; it must lie between {least} and {most}")))
+    Err(Error::invalid(format!("{name} is {}; it must lie between {least} and {most}", number(value))))
 }
 
 impl Preference {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec4;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, number};
 
 /// What alpha means, as in glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,14 +97,16 @@ impl Material {
         let within = |x: f32| (0.0..=1.0).contains(&x);
         if !self.base_color.to_array().into_iter().all(within) {
             return Err(Error::invalid(format!(
-                "material {:?} has the base colour {}; each part must lie in [0, 1]",
-                self.name, self.base_color
+                "material {:?} has the base colour {:?}; each part must lie in [0, 1]",
+                self.name,
+                self.base_color.to_array()
             )));
         }
         match self.alpha_mode {
             AlphaMode::Mask(cutoff) if !within(cutoff) => Err(Error::invalid(format!(
-                "material {:?} has the alpha cutoff {cutoff}; it must lie in [0, 1]",
-                self.name
+                "material {:?} has the alpha cutoff {}; it must lie in [0, 1]",
+                self.name,
+                number(f64::from(cutoff))
             ))),
             _ => Ok(()),
         }

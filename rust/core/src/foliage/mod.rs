@@ -64,9 +64,17 @@ impl Foliage {
         check_attributes(&attributes, triangles.len(), materials.len())?;
         // Only what triangles use counts: a stray vertex must not set the scale.
         let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
-        let degenerate =
-            || Error::invalid(format!("all {} triangles have zero area; check the scale of the mesh", triangles.len()));
-        let frame = Frame::of(corners).ok_or_else(degenerate)?;
+        let degenerate = || {
+            let far = corners.clone().map(DVec3::length).fold(0.0, f64::max);
+            Error::invalid(format!(
+                "all {} triangles have zero area; check the scale of the mesh, and its place: {far:.1e} from the origin coordinates are \
+                 rounded by {:.1e}",
+                triangles.len(),
+                far * f64::EPSILON
+            ))
+        };
+        let frame = Frame::of(corners.clone()).ok_or_else(degenerate)?;
+        check_strays(positions, &triangles, &frame)?;
         let local: Vec<DVec3> = positions.iter().map(|&p| frame.to_local(p)).collect();
         if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])).length() == 0.0) {
             return Err(degenerate());
@@ -198,17 +206,35 @@ const FARTHEST: f64 = 1e37;
 fn check_finite(positions: &[DVec3]) -> Result<()> {
     if let Some(i) = positions.iter().position(|p| p.is_finite() && p.abs().max_element() > FARTHEST) {
         return Err(Error::invalid(format!(
-            "vertex {i} lies at {}, farther than {FARTHEST:e} from the origin; remove it or repair the mesh",
-            positions[i]
+            "vertex {i} lies at {:?}, farther than {FARTHEST:e} from the origin; remove it or repair the mesh",
+            positions[i].to_array()
         )));
     }
     match positions.iter().position(|p| !p.is_finite()) {
         Some(i) => Err(Error::invalid(format!(
-            "vertex {i} lies at {}, which is not finite; remove it or repair the mesh",
-            positions[i]
+            "vertex {i} lies at {:?}, which is not finite; remove it or repair the mesh",
+            positions[i].to_array()
         ))),
         None => Ok(()),
     }
+}
+
+/// How many times larger than what has an area a triangle without one may make the foliage.
+const STRAY: f64 = 1000.0;
+
+/// A collapsed triangle far away must not set the scale: nothing of it can be seen, and ε is a share of R.
+fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> Result<()> {
+    let corners = |t: &[u32; 3]| t.map(|v| frame.to_local(positions[v as usize]));
+    let has_area = |t: &[u32; 3]| area_vector(corners(t)).length() > 0.0;
+    let seen = triangles.iter().filter(|t| has_area(t)).flat_map(corners);
+    let Some(seen) = Frame::of(seen) else { return Ok(()) };
+    let distance = |t: &[u32; 3]| corners(t).into_iter().map(|p| p.distance(seen.centre)).fold(0.0, f64::max);
+    let stray = triangles.iter().position(|t| !has_area(t) && distance(t) > STRAY * seen.radius);
+    let Some(stray) = stray.filter(|_| seen.radius * STRAY < 1.0) else { return Ok(()) };
+    Err(Error::invalid(format!(
+        "triangle {stray} has zero area and lies {:.1e} times the radius of the others away, where at most {STRAY} is taken; remove it",
+        distance(&triangles[stray]) / seen.radius
+    )))
 }
 
 /// Texture coordinates beyond this are no longer told apart to a texel of a texture of 16 texels.
@@ -232,7 +258,8 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
     }
     if let Some(uv) = uvs.iter().flatten().find(|uv| uv.abs().max_element() > FARTHEST_UV) {
         return Err(Error::invalid(format!(
-            "uvs has the value {uv}; a texture may repeat at most {FARTHEST_UV} times, for beyond that single precision misses texels"
+            "uvs has the value {:?}; a texture may repeat at most {FARTHEST_UV} times, for beyond that single precision misses texels",
+            uv.to_array()
         )));
     }
     if !colors.iter().flatten().all(|c| c.is_finite()) {

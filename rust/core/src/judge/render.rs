@@ -27,18 +27,23 @@ pub struct View {
 /// Renders all parts into one picture; pixels that nothing covers are transparent.
 ///
 /// # Errors
-/// A direction without length, a radius or a size that is not above 0.
+/// No parts; a direction without length; a centre or "up" that is not finite; a radius or a size that is not above 0; parts so much larger
+/// than the picture that single precision cannot place them.
 pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
     let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
-        Error::invalid(format!("the view's direction is {}; it needs a finite length above 0", view.direction))
+        Error::invalid(format!(
+            "the view's direction is {:?}; it needs a finite length above 0",
+            view.direction.to_array()
+        ))
     })?;
     let radius_counts = view.radius > 0.0 && view.radius.is_finite();
     if !radius_counts || !(1..=16_384).contains(&view.size) {
         return Err(Error::invalid(format!(
-            "a picture of radius {} and {} pixels a side; the radius must be above 0, the pixels between 1 and 16384",
+            "a picture of radius {:?} and {} pixels a side; the radius must be above 0, the pixels between 1 and 16384",
             view.radius, view.size
         )));
     }
+    check_place(parts, view)?;
     let right = view.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
     let up = eye.cross(right);
     let half = view.size as f64 / 2.0;
@@ -57,4 +62,23 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }
     Ok(rasterise(&triangles, view.size, view.size, view.samples).to_image())
+}
+
+/// How many radii of the picture its parts may reach from its centre.
+const REACH: f64 = 1e6;
+
+fn check_place(parts: &[&Foliage], view: &View) -> Result<()> {
+    if parts.is_empty() {
+        return Err(Error::invalid("there are no parts to render; give one foliage at least"));
+    }
+    if let Some((name, v)) = [("centre", view.centre), ("up", view.up)].into_iter().find(|(_, v)| !v.is_finite()) {
+        return Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array())));
+    }
+    let reach = |part: &&Foliage| (part.frame().centre.distance(view.centre) + part.frame().radius) / view.radius;
+    match parts.iter().map(reach).find(|reach| reach.is_nan() || *reach > REACH) {
+        Some(reach) => Err(Error::invalid(format!(
+            "a part reaches {reach:.1e} radii from the picture's centre; it may reach {REACH:e}: move the centre or raise the radius"
+        ))),
+        None => Ok(()),
+    }
 }

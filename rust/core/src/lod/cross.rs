@@ -1,5 +1,6 @@
 //! The last level: two perpendicular billboards that stand along "up" through the centre of the bounding sphere, each showing the whole
-//! tree, wood and all. It promises no ε and is not morphed to.
+//! tree, wood and all. It promises no ε and is not morphed to. What lies flat, as leaves on water do, would show neither of them anything:
+//! it gets one billboard that lies flat, too.
 
 use std::time::Instant;
 
@@ -27,8 +28,9 @@ pub(super) fn build(
     let frame = *leaves.frame();
     let parts: Vec<&Foliage> = std::iter::once(leaves).chain(wood).collect();
     let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = parts.iter().flat_map(|part| in_frame(part, frame)).collect();
-    let planes = perpendicular_planes(settings.up);
-    let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, settings.up, &triangles)).collect();
+    let up = settings.up.normalize();
+    let planes = planes(up, &triangles);
+    let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
     // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture unless asked for.
     let two_sided = settings.back_sides == Some(true);
     let sheet = Sheet::pack(&planes, &outlines, SheetSettings::of_size(page, two_sided))?;
@@ -80,9 +82,22 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
     })
 }
 
+/// What is less high than this share of R lies flat.
+const FLAT: f64 = 1.0 / 64.0;
+
+/// The two planes that stand, or the one that lies.
+fn planes(up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
+    let heights = triangles.iter().flat_map(|t| t.2).map(|p| up.dot(p));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
+    if high - low < FLAT {
+        vec![Plane { normal: up, distance: f64::midpoint(low, high) }]
+    } else {
+        perpendicular_planes(up).to_vec()
+    }
+}
+
 /// Two planes through the origin that contain `up`; facing −y and x when up is z, as front and side views do.
 fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
-    let up = up.normalize();
     let first = [DVec3::NEG_Y, DVec3::NEG_Z]
         .map(|axis| axis - up * axis.dot(up))
         .into_iter()
@@ -95,7 +110,8 @@ fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
 /// The rectangle around all triangles with one side along `up`.
 fn upright(plane: &Plane, up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Outline {
     let (x, y) = plane.axes();
-    let across = up.cross(plane.normal).normalize();
+    // A plane that lies has no side along "up": any will do.
+    let across = up.cross(plane.normal).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let points = in_plane(plane, triangles.iter().flat_map(|t| t.2));
     Outline::along(&points, DVec2::new(x.dot(across), y.dot(across)))
 }

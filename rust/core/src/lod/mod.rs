@@ -70,8 +70,11 @@ impl ChainSettings {
         if self.levels > 16 {
             return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
         }
+        if self.levels == 0 && !self.cross {
+            return Err(Error::invalid("levels is 0 without a cross; ask for one level at least, or for the cross"));
+        }
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
-            return Err(Error::invalid(format!("up is {}; it needs a finite length above 0", self.up)));
+            return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
         if !(64..=16_384).contains(&self.texture_size) {
             return Err(Error::invalid(format!(
@@ -117,7 +120,8 @@ pub struct Chain {
 /// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
 ///
 /// # Errors
-/// A setting outside its range; more billboards than the page holds; [`Error::Cancelled`].
+/// A setting outside its range; leaves of which nothing can be seen, or nothing on their page; wood out of all proportion; more billboards
+/// than the page holds; [`Error::Cancelled`].
 pub fn build_chain(
     foliage: &Foliage,
     wood: Option<&Foliage>,
@@ -126,6 +130,7 @@ pub fn build_chain(
 ) -> Result<Chain> {
     settings.check()?;
     let frame = *foliage.frame();
+    wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let judges = Judges::new(&[foliage], &frame)?;
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
@@ -161,6 +166,20 @@ pub fn build_chain(
     }
     progress.tell("bake", 1.0)?;
     Ok(Chain { levels, ranks: prune::order(foliage, settings.fit.seed) })
+}
+
+/// How far, in R of the leaves, the wood may reach from them.
+const WOOD_REACH: f64 = 1000.0;
+
+/// The cross shows leaves and wood on one page; beside wood that is too large no texel would be left for the leaves.
+fn check_wood(wood: &Frame, leaves: &Frame) -> Result<()> {
+    let reach = (wood.centre.distance(leaves.centre) + wood.radius) / leaves.radius;
+    if reach <= WOOD_REACH {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "the wood reaches {reach:.1e} times the leaves' radius away from them; it may reach {WOOD_REACH}: apply its scale, or leave it out"
+    )))
 }
 
 /// The two judges of a chain: what the one sees decides settings, what the other sees is reported.

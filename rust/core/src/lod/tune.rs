@@ -7,7 +7,7 @@
 
 use super::level::{billboards, page_material};
 use crate::cloud::Cloud;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
@@ -18,9 +18,9 @@ use crate::transition::{HAND_OVER, Projection};
 /// The limits of the stretch that may be chosen.
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
-/// The cutoffs that may be chosen, and where the search begins.
+/// The cutoffs that may be chosen, and where the search begins when there are texels that reach it.
 const CUTOFFS: [f32; 8] = [0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
-const FIRST: usize = 5;
+const FIRST: f32 = 0.5;
 
 /// What a difference in coverage weighs beside the loss of overlap, when a cutoff is chosen: getting denser by 5 % is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
@@ -48,14 +48,20 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Proj
 
 /// The alpha cutoff with which the billboards look most like what they take over from.
 ///
-/// From ½ it moves along [`CUTOFFS`] while that improves; coverage falls as the cutoff rises, so the cost has one valley.
+/// From ½ it moves along [`CUTOFFS`] while that improves; coverage falls as the cutoff rises, so the cost has one valley. A page so sparse that
+/// no texel reaches the least of them is cut at half of its greatest alpha.
+///
+/// # Errors
+/// No texel of the page shows anything.
 pub fn cutoff(sheet: &Sheet, page: &Image, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
     let cost_of = |index: usize| -> Result<f64> {
         let shown = billboards(sheet, frame, page_material(page, CUTOFFS[index], double_sided))?;
         let glance = before.glance(&shown)?;
         Ok(1.0 - glance.overlap + COVERAGE_WEIGHT * (glance.coverage - 1.0).abs())
     };
-    let (mut best, mut least) = (FIRST, cost_of(FIRST)?);
+    let most = greatest_alpha(page)?;
+    let Some(first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
+    let (mut best, mut least) = (first, cost_of(first)?);
     for direction in [-1isize, 1] {
         while let Some(next) = best.checked_add_signed(direction).filter(|&i| i < CUTOFFS.len()) {
             let cost = cost_of(next)?;
@@ -64,9 +70,21 @@ pub fn cutoff(sheet: &Sheet, page: &Image, frame: &Frame, double_sided: bool, be
             }
             (best, least) = (next, cost);
         }
-        if best != FIRST {
+        if best != first {
             break;
         }
     }
     Ok(CUTOFFS[best])
+}
+
+fn greatest_alpha(page: &Image) -> Result<f32> {
+    let most = page.pixels().iter().map(|p| p[3]).max().unwrap_or(0);
+    if most > 0 {
+        return Ok(f32::from(most) / 255.0);
+    }
+    Err(Error::invalid(format!(
+        "nothing shows on a page of {} texels a side: what is to be seen there is thinner than the samples of a texel; raise texture_size or \
+         samples, or lower epsilon",
+        page.width()
+    )))
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use leafcloud::foliage::Foliage;
 use leafcloud::gltf::{DEFAULT_NAMES, parse};
 use leafcloud::{Error, Result};
@@ -41,6 +42,29 @@ fn refused(name: &'static str, found: Result<Foliage>, naming: &str) {
 fn the_good_document_is_read() {
     let foliage = read(GOOD).unwrap();
     assert_eq!(foliage.triangle_count(), 1);
+}
+
+#[test]
+fn matrices_of_nodes() {
+    // Column by column: x ↦ −2x, y ↦ 1000 y, z ↦ 0.001 z, sheared and moved. glTF is Y-up, the core Z-up: (x, y, z) ↦ (x, −z, y).
+    let matrix = [-2.0, 0.0, 0.5, 0.0, 0.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.001, 0.0, 3.0, 4.0, 5.0, 1.0];
+    let moved = broken(r#"{"mesh": 0, "#, &format!(r#"{{"mesh": 0, "matrix": {matrix:?}, "#)).unwrap();
+    let place = |[x, y, z]: [f64; 3]| {
+        let at = |row: usize| matrix[row] * x + matrix[4 + row] * y + matrix[8 + row] * z + matrix[12 + row];
+        DVec3::new(at(0), -at(2), at(1))
+    };
+    let expected = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(place);
+    let found = moved.corners(0).map(|p| moved.frame().to_caller(p));
+    // A matrix that mirrors turns the winding round, so that fronts stay fronts: in which order is free.
+    let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
+    assert!(normal(found).dot(normal(expected)) < 0.0);
+    let nearest = |p: DVec3| found.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
+    case(
+        GROUP,
+        "a node's matrix that mirrors, shears and scales by 1 : 10⁶",
+        "closed form; entries are rounded to f32",
+    )
+    .holds(expected.map(nearest).into_iter().fold(0.0, f64::max), 1000.0 * 2f64.powi(-24));
 }
 
 #[test]

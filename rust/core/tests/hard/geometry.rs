@@ -86,18 +86,20 @@ fn layers_closer_than_a_slab() {
 
 #[test]
 fn layers_as_far_apart_as_a_slab_and_an_ulp_more_or_less() {
-    // Half of what ε allows to either side, and the bound's own margin for rounding; the corners (±1, 0) make R = 1 exactly.
-    let half: f64 = 0.04 * (1.0 - 1e-4);
-    for (name, z) in [
-        ("two layers exactly as far apart as a slab is thick", half),
-        ("two layers an ulp closer than that", half.next_down()),
-        ("two layers an ulp farther apart than that", half.next_up()),
+    // The corners (±1, 0) make R = 1 exactly, so that ε is 0.04 to either side. The layers are wide: no tilted plane holds both. That an ulp
+    // more takes two planes is what the exact check says; how close to ε one plane is found is up to the search's own margin, a tenth.
+    let half: f64 = 0.04;
+    for (name, z, most) in [
+        ("two layers exactly as far apart as a slab is thick", half, 2),
+        ("two layers an ulp closer than that", half.next_down(), 2),
+        ("two layers an ulp farther apart than that", half.next_up(), 2),
+        ("two layers a tenth closer than that", half * 0.9, 1),
     ] {
         let wide = [[-1.0, 0.0], [1.0, 0.0], [0.2, 0.25]].map(|[x, y]| DVec3::new(x, y, 0.0));
-        let layers = [z, -z].map(|z| [[0.1, -0.25], [0.2, -0.25], [0.1, -0.1]].map(|[x, y]| DVec3::new(x, y, z)));
+        let layers = [z, -z].map(|z| [[-0.8, -0.5], [0.8, -0.5], [0.0, 0.5]].map(|[x, y]| DVec3::new(x, y, z)));
         let foliage = soup(&[wide, layers[0], layers[1]]);
         assert_eq!(foliage.frame().radius, 1.0);
-        kept_by_all_methods(name, "exact fractions: ε; two planes are enough", &foliage, 2);
+        kept_by_all_methods(name, "exact fractions: ε; one plane or two are enough", &foliage, most);
     }
 }
 

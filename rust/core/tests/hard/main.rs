@@ -7,6 +7,7 @@ mod common;
 mod arithmetic;
 mod files;
 mod geometry;
+mod levels;
 mod pages;
 mod placement;
 mod values;

@@ -102,8 +102,8 @@ fn image(width: usize, height: usize, alpha: impl Fn(usize) -> u8) -> Image {
 
 fn chain(foliage: &Foliage) -> leafcloud::Result<Chain> {
     let settings = ChainSettings {
-        texture_size: 256,
-        samples: Samples::new(2).unwrap(),
+        texture_size: 512,
+        samples: Samples::new(4).unwrap(),
         fit: quick(),
         ..ChainSettings::default()
     };
@@ -212,6 +212,57 @@ fn triangles_that_leave_the_canvas() {
     let triangle = ScreenTriangle { corners: broken, foliage: &white, triangle: 0, clip: Clip::NONE };
     let drawn = rasterise(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
     case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(drawn, false);
+}
+
+/// Two triangles over a whole canvas of this size, front to the viewer or back.
+fn drawn_whole(of: &Foliage, size: usize, samples: usize, front: bool) -> Image {
+    let side = size as f32;
+    // The quads' corners in the order of their texture coordinates: lower left, lower right, upper right, upper left; rows go down.
+    let [a, b, c, d] = [[0.0, side], [side, side], [side, 0.0], [0.0, 0.0]].map(|[x, y]| {
+        let x = if front { x } else { side - x };
+        Vec3::new(x, y, 0.0)
+    });
+    let triangle = |triangle, corners| ScreenTriangle { corners, foliage: of, triangle, clip: Clip::NONE };
+    let both = [triangle(0, [a, b, c]), triangle(1, [a, c, d])];
+    rasterise(&both, size, size, Samples::new(samples).unwrap()).to_image()
+}
+
+#[test]
+fn textures_survive_being_drawn() {
+    let mut random = Random(24);
+    let pixels: Vec<[u8; 4]> = (0..64 * 64).map(|_| std::array::from_fn(|_| random.below(256) as u8)).collect();
+    let image = Image::new(64, 64, pixels).unwrap();
+    let masked = cards(image.clone(), AlphaMode::Mask(0.5));
+    // One sample, in the middle of a texel: filtering takes that texel alone.
+    let found = drawn_whole(&masked, 64, 1, true);
+    let wrong = found
+        .pixels()
+        .iter()
+        .zip(image.pixels())
+        .filter(|(a, b)| if f32::from(b[3]) / 255.0 >= 0.5 { **a != [b[0], b[1], b[2], 255] } else { a[3] != 0 });
+    case(
+        GROUP,
+        "a texture drawn texel on texel, premultiplied and back",
+        "definition: the same codes where alpha passes",
+    )
+    .holds(wrong.count() as f64, 0.0);
+    let mirrored = drawn_whole(&masked, 64, 1, false);
+    let turned = (0..64 * 64).filter(|i| found.pixels()[i / 64 * 64 + 63 - i % 64] != mirrored.pixels()[*i]).count();
+    case(GROUP, "two-sided leaves seen from behind", "invariance: the mirrored picture").holds(turned as f64, 0.0);
+    let single = masked.with_materials(|m| Material { double_sided: false, ..m.clone() });
+    let seen = |front| drawn_whole(&single, 64, 1, front).pixels().iter().any(|p| p[3] > 0);
+    case(GROUP, "one-sided leaves, from the front and from behind", "definition: seen, not seen")
+        .equals([seen(true), seen(false)], [true, false]);
+    // Blended alpha: the share of samples whose threshold it exceeds.
+    let constant = |alpha: u8| cards(Image::new(1, 1, vec![[90, 90, 90, alpha]]).unwrap(), AlphaMode::Blend);
+    let off = |alpha: u8| {
+        let found = drawn_whole(&constant(alpha), 8, 16, true);
+        // The triangles meet in the pixels of the diagonal, whose samples take their thresholds from two orders.
+        let inside = found.pixels().iter().enumerate().filter(|(i, _)| i / 8 + i % 8 != 7);
+        inside.map(|(_, p)| (f64::from(p[3]) - f64::from(alpha)).abs()).fold(0.0, f64::max)
+    };
+    case(GROUP, "blended alpha of all codes, 256 samples, in codes", "definition: one sample of 256, and half a code")
+        .holds((0..=255).map(off).fold(0.0, f64::max), 1.5);
 }
 
 #[test]

@@ -1,0 +1,194 @@
+//! Whole chains and pictures of things of which hardly anything can be seen: something, or a named error, never an empty success.
+
+use glam::DVec3;
+use leafcloud::foliage::{Attributes, Opacity};
+use leafcloud::geometry::Plane;
+use leafcloud::judge::{View, render};
+use leafcloud::lod::{Chain, ChainSettings, build_chain};
+use leafcloud::outlines::{OutlineSettings, outlines};
+use leafcloud::sheet::{Sheet, SheetSettings};
+use leafcloud::textures::{Drawn, Samples, bake};
+use leafcloud::transition::Projection;
+use leafcloud::{Cloud, Foliage, Progress};
+
+use crate::common::random::Random;
+use crate::common::soups::{quick, random_corners, soup};
+use crate::common::stability::case;
+
+const GROUP: &str = "Levels";
+
+fn settings() -> ChainSettings {
+    ChainSettings { texture_size: 128, samples: Samples::new(2).unwrap(), fit: quick(), ..ChainSettings::default() }
+}
+
+fn chain(foliage: &Foliage, wood: Option<&Foliage>, settings: &ChainSettings) -> leafcloud::Result<Chain> {
+    build_chain(foliage, wood, settings, Progress::silent())
+}
+
+/// Needles through a ball, of this width beside their length.
+fn needles(width: f64) -> Foliage {
+    let mut random = Random(71);
+    let needle = |_| {
+        let (at, along) = (random.in_ball() * 0.5, random.in_ball().normalize() * 0.5);
+        [at - along, at + along, at + along + along.any_orthonormal_vector() * width]
+    };
+    soup(&(0..40).map(needle).collect::<Vec<_>>())
+}
+
+/// Squares that lie in one horizontal plane.
+fn lying() -> Foliage {
+    let mut random = Random(72);
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for leaf in 0..60u32 {
+        let at = DVec3::new(random.signed(), random.signed(), 0.0);
+        positions.extend([[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]].map(|[x, y]| at + DVec3::new(x, y, 0.0)));
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| 4 * leaf + i);
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+}
+
+/// Texels that are drawn, on the page that has fewest.
+fn fewest_drawn(chain: &Chain) -> usize {
+    let drawn = |level: &leafcloud::lod::Level| {
+        let cutoff = (f64::from(level.alpha_cutoff) * 255.0).ceil() as u8;
+        level.page.pixels().iter().filter(|p| p[3] >= cutoff.max(1)).count()
+    };
+    chain.levels.iter().map(drawn).min().unwrap()
+}
+
+#[test]
+fn leaves_thinner_than_a_texel() {
+    let thin = chain(&needles(0.003), None, &settings()).unwrap();
+    case(GROUP, "needles a tenth of a texel thin", "definition: every page shows something")
+        .equals(fewest_drawn(&thin) > 0, true);
+    let found = chain(&needles(1e-9), None, &settings()).map(|_| ());
+    case(GROUP, "needles of aspect 10⁹, thinner than any sample", "a named error")
+        .refuses(found, "nothing shows on a page");
+}
+
+#[test]
+fn foliage_that_lies_flat() {
+    let flat = chain(&lying(), None, &settings()).unwrap();
+    let cross = flat.levels.last().unwrap();
+    assert_eq!((cross.method, cross.sheet.billboards.len()), ("cross", 1));
+    assert!(fewest_drawn(&flat) > 0);
+    // Seen along its plane neither covers anything, from everywhere else both cover the same.
+    let off = (cross.judgement.coverage - 1.0).abs();
+    case(
+        GROUP,
+        "coverage lost by the cross of leaves that lie in one plane",
+        "closed form: 0, but for texels at edges",
+    )
+    .holds(off, 0.05);
+}
+
+#[test]
+fn nothing_asked_for() {
+    let none = ChainSettings { levels: 0, cross: false, ..settings() };
+    case(GROUP, "no levels and no cross", "a named error")
+        .refuses(chain(&lying(), None, &none).map(|_| ()), "levels is 0");
+    let cross = chain(&lying(), None, &ChainSettings { levels: 0, ..settings() }).unwrap();
+    case(GROUP, "no levels, the cross alone", "definition: one level").equals(cross.levels.len(), 1);
+}
+
+#[test]
+fn wood_out_of_proportion() {
+    let leaves = soup(&random_corners(50, 73));
+    let wood = |scale: f64, at: f64| {
+        soup(&random_corners(20, 74).into_iter().map(|t| t.map(|p| p * scale + DVec3::X * at)).collect::<Vec<_>>())
+    };
+    for (name, wood) in
+        [("wood 10³⁰ times as large as the leaves", wood(1e30, 0.0)), ("wood 10⁹ R away", wood(1.0, 1e9))]
+    {
+        case(GROUP, name, "a named error")
+            .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the wood reaches");
+    }
+    let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &settings()).unwrap();
+    case(GROUP, "wood twenty times as large", "definition: every page shows something")
+        .equals(fewest_drawn(&tall) > 0, true);
+}
+
+#[test]
+fn a_collapsed_triangle_far_away() {
+    let mut corners = random_corners(50, 75);
+    let found = |corners: &[[DVec3; 3]]| {
+        let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        Foliage::new(&corners.concat(), triangles, Attributes::default(), vec![])
+    };
+    corners.push([DVec3::splat(1e9); 3]);
+    case(GROUP, "a triangle of zero area at 10⁹ R", "a named error")
+        .refuses(found(&corners).map(|_| ()), "triangle 50 has zero area and lies");
+    corners[50] = [DVec3::splat(3.0); 3];
+    case(GROUP, "a triangle of zero area at 5 R", "definition: taken, as any other")
+        .equals(found(&corners).is_ok(), true);
+}
+
+#[test]
+fn views_that_see_nothing() {
+    let leaves = soup(&random_corners(50, 76));
+    let view = View {
+        direction: DVec3::Y,
+        up: DVec3::Z,
+        centre: DVec3::ZERO,
+        radius: 1.0,
+        size: 32,
+        samples: Samples::new(1).unwrap(),
+    };
+    let refused = |name, parts: &[&Foliage], view: View, naming| {
+        case(GROUP, name, "a named error").refuses(render(parts, &view).map(|_| ()), naming);
+    };
+    refused("a picture of nothing", &[], view, "no parts");
+    refused("a centre that is not a number", &[&leaves], View { centre: DVec3::NAN, ..view }, "the view's centre");
+    refused("an up at infinity", &[&leaves], View { up: DVec3::INFINITY, ..view }, "the view's up");
+    refused("a direction of no length", &[&leaves], View { direction: DVec3::ZERO, ..view }, "the view's direction");
+    refused("a radius of 10⁻³⁰⁰", &[&leaves], View { radius: 1e-300, ..view }, "radii from the picture's centre");
+    refused("a radius that is not a number", &[&leaves], View { radius: f64::NAN, ..view }, "a picture of radius NaN");
+    refused("a picture of no pixels", &[&leaves], View { size: 0, ..view }, "0 pixels");
+    let along = render(&[&leaves], &View { up: DVec3::Y, ..view }).unwrap();
+    case(GROUP, "a view along up", "definition: a picture all the same")
+        .equals(along.pixels().iter().any(|p| p[3] > 0), true);
+}
+
+#[test]
+fn a_plane_for_each_of_65_537_triangles() {
+    let foliage = soup(&random_corners(65_537, 77));
+    let plane = |t: usize| {
+        let [a, b, c] = foliage.corners(t);
+        Plane::through_points([a, b, c]).expect("a triangle with an area")
+    };
+    let count = foliage.triangle_count();
+    let cloud = Cloud::new(&foliage, (0..count).map(plane).collect(), (0..count as u32).collect(), 1.0);
+    let projection = Projection::new(&foliage, &cloud, 1.0);
+    let shape = OutlineSettings { corners: 4 };
+    let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
+    let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096, gutter: 2, back_sides: false }).unwrap();
+    let page = bake(&sheet, Samples::new(4).unwrap(), |p| {
+        let t = p as usize;
+        vec![Drawn { foliage: &foliage, triangle: t, targets: projection.targets[t], corners: foliage.corners(t) }]
+    });
+    let blank = |b: &&leafcloud::sheet::Billboard| {
+        let row = |y: usize| &page.pixels()[y * page.width() + b.region.x..][..b.region.width];
+        (b.region.y..b.region.y + b.region.height).all(|y| row(y).iter().all(|p| p[3] == 0))
+    };
+    // A sample sees a triangle when it is wider than a quarter of a texel everywhere that counts: all but slivers.
+    let wide = |b: &&leafcloud::sheet::Billboard| {
+        let corners = foliage.corners(b.plane as usize);
+        let longest = (0..3).map(|i| corners[i].distance(corners[(i + 1) % 3])).fold(0.0, f64::max);
+        2.0 * foliage.area_vector(b.plane as usize).length() / longest > sheet.texel()
+    };
+    let asked = sheet.billboards.iter().filter(wide).count();
+    assert!(asked > 1000, "{asked}");
+    case(
+        GROUP,
+        "65 537 planes projected, packed and baked: billboards wider than a texel that show nothing",
+        "definition: none",
+    )
+    .holds(sheet.billboards.iter().filter(wide).filter(blank).count() as f64, 0.0);
+    let heights = cloud.deviations.iter().copied().fold(0.0, f64::max);
+    case(GROUP, "deviation where each triangle has its own plane, of 65 537", "closed form: 0")
+        .holds(heights, 8.0 * f64::EPSILON);
+    let uvs = sheet.billboards.iter().flat_map(|b| sheet.uvs(b)).all(|uv| uv.iter().all(|x| (0.0..=1.0).contains(x)));
+    case(GROUP, "texture coordinates of 65 537 billboards", "definition: on the page").equals(uvs, true);
+}
