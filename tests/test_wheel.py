@@ -244,7 +244,7 @@ def test_job_keeps_its_error(foliage: Foliage) -> None:
     [
         ({"epsilon": 0}, "epsilon is 0"),
         ({"epsilon": float("nan")}, "epsilon is NaN"),
-        ({"epsilon": "wide"}, "epsilon is wide"),
+        ({"epsilon": "wide"}, "epsilon is 'wide'"),
         ({"candidates": 0}, "candidates is 0"),
         ({"candidates": -1}, "candidates is -1"),
         ({"effort": "huge"}, "effort .huge. is unknown"),
@@ -304,6 +304,34 @@ def test_wrong_attributes_and_materials() -> None:
         Material(image=np.zeros((2, 2, 3), np.uint8))
     with pytest.raises(LeafcloudError, match="base colour"):
         Material(base_color=(2, 0, 0, 1))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda f: Material(base_color=(1, 0, 0)), "base_color is .1, 0, 0.; it must be four floats"),
+        (
+            lambda f: Foliage(np.eye(3), [[0, 1, 2]], materials=["bark"]),
+            "materials is .*; it must be a list of Material",
+        ),
+        (lambda f: leafcloud.fit(f, seed=2**64), "seed is 18446744073709551616; it must be .* between 0 and 2.64 - 1"),
+        (lambda f: leafcloud.fit(f, epsilon=1e300), "epsilon is 1e300; it must lie between"),
+        (lambda f: leafcloud.fit(f, progress=3), "progress is 3; it must be a function"),
+        (lambda f: leafcloud.build_chain(f, wood="oak"), "wood is 'oak'; it must be a Foliage"),
+        (lambda f: leafcloud.build_chain(f, levels=0, cross=False), "levels is 0 without a cross"),
+        (lambda f: leafcloud.render([f], (0, 1, 0), -1, centre=(0, 0, 0), radius=1), "size is -1"),
+        (lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius="wide"), "radius is 'wide'"),
+        (lambda f: leafcloud.render([], (0, 1, 0), 8, centre=(0, 0, 0), radius=1), "no parts to render"),
+        (lambda f: leafcloud.leaf_scale(1.0, 0.5), "a rank is 1.0"),
+        (lambda f: leafcloud.area_scale([0.5], [float("nan")], 0.5), "an area is NaN"),
+        (lambda f: leafcloud.switch_distance(float("inf"), 8, 1000, 1), "deviation inf"),
+        (lambda f: leafcloud.switch_distance(1, 8, float("inf"), 1), "all finite"),
+    ],
+)
+def test_refusals_are_the_wheels_own(foliage: Foliage, call: Any, message: str) -> None:
+    with pytest.raises(LeafcloudError, match=message) as caught:
+        call(foliage)
+    assert len(str(caught.value)) < 300
 
 
 def test_a_picture_of_a_square() -> None:

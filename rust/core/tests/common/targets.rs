@@ -67,7 +67,7 @@ fn some_foliage(u: &mut Unstructured) -> Result<leafcloud::Result<Foliage>> {
 fn try_fit(u: &mut Unstructured) -> Result<()> {
     let Ok(foliage) = some_foliage(u)? else { return Ok(()) };
     let method = *u.choose(&[Method::Stochastic, Method::Stochastic, Method::Density, Method::KMeans])?;
-    // The density method's grid is as fine as ε, whatever there is to fit: slow, not wrong.
+    // The density method's grid is as fine as ε, whatever there is to fit: slow, not wrong. A budget would try several.
     let epsilons: &[f64] =
         if method == Method::Density { &[0.1, 0.3, 1.0] } else { &[0.04, 0.3, 1.0, 1e-3, 1e-6, 1e-9] };
     let settings = FitSettings {
@@ -77,7 +77,7 @@ fn try_fit(u: &mut Unstructured) -> Result<()> {
         candidates: u.int_in_range(1..=40)?,
         whole_leaves: bool::arbitrary(u)?,
         gather: *u.choose(&[0.0, 0.0, 4.0])?,
-        max_billboards: *u.choose(&[None, None, Some(1), Some(7)])?,
+        max_billboards: u.choose(&[None, None, Some(1), Some(7)])?.filter(|_| method != Method::Density),
         max_size: *u.choose(&[None, None, Some(1.0)])?,
         compact: *u.choose(&[None, None, Some(0.1)])?,
         seed: u64::from(u8::arbitrary(u)?),
