@@ -34,7 +34,9 @@ impl Digest {
                 self.add(level.sheet.uvs(b).flatten().flat_map(f32::to_le_bytes));
             }
             self.add(level.alpha_cutoff.to_le_bytes());
-            self.add(level.page.pixels().iter().flatten().copied());
+            for (_, image) in level.page.images() {
+                self.add(image.pixels().iter().flatten().copied());
+            }
             self.add(level.ranks.iter().flat_map(|r| r.to_le_bytes()));
             let j = level.judgement;
             self.add([j.coverage, j.overlap, j.error].into_iter().flat_map(f64::to_le_bytes));

@@ -40,6 +40,7 @@ impl PyMaterial {
             image,
             alpha_mode,
             double_sided,
+            ..Material::default()
         };
         material.check().map_err(|e| refuse(e.to_string()))?;
         Ok(Self(material))

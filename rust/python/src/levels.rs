@@ -153,7 +153,7 @@ impl PyLevel {
 
     #[getter]
     fn base_color<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        image_array(py, &self.level().page)
+        image_array(py, &self.level().page.base_color)
     }
 
     #[getter]

@@ -1,8 +1,10 @@
 //! How a triangle's surface looks: base colour, alpha and sides.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
+
+use super::pyramid::{self, Encoding, Pyramid, Texel};
 
 use crate::error::{Error, Result, number};
 
@@ -17,12 +19,27 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// An sRGB picture with straight alpha; row 0 on top.
-#[derive(Clone, Debug, PartialEq)]
+/// A picture with straight alpha, sRGB where it shows colours; row 0 on top.
+#[derive(Clone, Debug)]
 pub struct Image {
     width: usize,
     height: usize,
     pixels: Arc<[[u8; 4]]>,
+    pyramids: Arc<Pyramids>,
+}
+
+/// Each made when it is first asked for; on one thread, for whoever waits for it may be a worker whose help it would need.
+#[derive(Debug, Default)]
+struct Pyramids {
+    /// As sRGB and as linear codes.
+    colors: [OnceLock<Pyramid<Texel>>; 2],
+    greatest_alpha: OnceLock<Pyramid<u8>>,
+}
+
+impl PartialEq for Image {
+    fn eq(&self, other: &Self) -> bool {
+        (self.width, self.height, &self.pixels) == (other.width, other.height, &other.pixels)
+    }
 }
 
 impl Image {
@@ -38,7 +55,7 @@ impl Image {
                 pixels.len()
             )));
         }
-        Ok(Self { width, height, pixels })
+        Ok(Self { width, height, pixels, pyramids: Arc::default() })
     }
 
     /// Pixels in a row.
@@ -58,6 +75,20 @@ impl Image {
     pub fn pixels(&self) -> &[[u8; 4]] {
         &self.pixels
     }
+
+    /// The level of its pyramid for points `footprint` texels apart; `None` is the image itself.
+    pub(super) fn pyramid(&self, encoding: Encoding, footprint: f32) -> Option<&pyramid::Level<Texel>> {
+        if pyramid::is_near(footprint) {
+            return None;
+        }
+        let colors = &self.pyramids.colors[encoding as usize];
+        colors.get_or_init(|| pyramid::of_colors(self, encoding)).level(footprint)
+    }
+
+    /// The greatest alpha near places of which none lies farther than half of `length` texels from where it is looked up.
+    pub(super) fn greatest_alpha(&self, length: f32) -> Option<&pyramid::Level<u8>> {
+        self.pyramids.greatest_alpha.get_or_init(|| pyramid::of_greatest_alpha(self)).wider_than(length)
+    }
 }
 
 /// Base colour, alpha and sides.
@@ -73,10 +104,22 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Otherwise only the side from which triangles wind counter-clockwise is drawn.
     pub double_sided: bool,
+    /// A tangent-space normal map laid like `image`, as in glTF: red to the right, green up, codes linear.
+    pub normal: Option<Image>,
+    /// In [0, 1].
+    pub roughness: f32,
+    /// In [0, 1].
+    pub metallic: f32,
+    /// Occlusion, roughness and metallic in red, green and blue that multiply the factors, laid like `image`, codes linear.
+    pub gloss: Option<Image>,
+    /// Linear colour of the light that shines through; black where none does.
+    pub translucency: Vec3,
+    /// Multiplies it, laid like `image`.
+    pub translucency_image: Option<Image>,
 }
 
 impl Default for Material {
-    /// White, opaque, double-sided.
+    /// White, opaque, double-sided, rough.
     fn default() -> Self {
         Self {
             name: "leaf".to_owned(),
@@ -84,15 +127,26 @@ impl Default for Material {
             image: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
+            normal: None,
+            roughness: 1.0,
+            metallic: 0.0,
+            gloss: None,
+            translucency: Vec3::ZERO,
+            translucency_image: None,
         }
     }
 }
 
 impl Material {
-    /// Checks the factor and the cutoff.
+    /// The share of its texels that is drawn; `None` without an image.
+    pub(super) fn coverage(&self) -> Option<Pyramid<u8>> {
+        self.image.as_ref().map(|image| pyramid::of_coverage(image, self.alpha_mode, self.base_color.w))
+    }
+
+    /// Checks the factors and the cutoff.
     ///
     /// # Errors
-    /// A base colour outside [0, 1] or a cutoff outside [0, 1]; NaN is outside.
+    /// A factor or a cutoff outside [0, 1]; NaN is outside.
     pub fn check(&self) -> Result<()> {
         let within = |x: f32| (0.0..=1.0).contains(&x);
         if !self.base_color.to_array().into_iter().all(within) {
@@ -100,6 +154,15 @@ impl Material {
                 "material {:?} has the base colour {:?}; each part must lie in [0, 1]",
                 self.name,
                 self.base_color.to_array()
+            )));
+        }
+        let shares = [("roughness", self.roughness), ("metallic", self.metallic)];
+        let translucency = self.translucency.to_array().map(|part| ("translucency", part));
+        if let Some((what, share)) = shares.into_iter().chain(translucency).find(|(_, share)| !within(*share)) {
+            return Err(Error::invalid(format!(
+                "material {:?} has the {what} {}; it must lie in [0, 1]",
+                self.name,
+                number(f64::from(share))
             )));
         }
         match self.alpha_mode {

@@ -3,20 +3,22 @@
 mod leaves;
 mod material;
 mod opaque;
+mod pyramid;
 mod surface;
 mod texel_mask;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 pub use material::{AlphaMode, Image, Material};
 pub use opaque::{Opacity, Visible, place};
-pub(crate) use surface::Surface;
+pub(crate) use surface::{RUN, Surface};
 
 use crate::error::{Error, Result};
 use crate::geometry::Frame;
 use crate::groups::{Groups, number_by_appearance};
+use pyramid::Pyramid;
 
 /// What each triangle's corners carry beside their positions; each array is empty or as long as the triangles.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +43,8 @@ pub struct Foliage {
     triangles: Vec<[u32; 3]>,
     attributes: Attributes,
     materials: Arc<[Material]>,
+    /// How much of each material's texels is drawn, made when it is first looked at from far.
+    coverage: Arc<[OnceLock<Pyramid<u8>>]>,
     leaf_ids: Vec<u32>,
     leaf_count: usize,
 }
@@ -84,7 +88,8 @@ impl Foliage {
         } else {
             number_by_appearance(attributes.leaf_ids.iter())
         };
-        Ok(Self { frame, positions: local, triangles, attributes, materials, leaf_ids, leaf_count })
+        let coverage = unmade(&materials);
+        Ok(Self { frame, positions: local, triangles, attributes, materials, coverage, leaf_ids, leaf_count })
     }
 
     /// Where the foliage lies in the caller's coordinates.
@@ -144,7 +149,21 @@ impl Foliage {
     /// How a triangle looks.
     #[must_use]
     pub fn material(&self, triangle: usize) -> &Material {
-        &self.materials[self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)]
+        &self.materials[self.material_id(triangle)]
+    }
+
+    fn material_id(&self, triangle: usize) -> usize {
+        self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)
+    }
+
+    /// The pyramid of how much of the texels of a triangle's material is drawn. Made on one thread: whoever waits for it may be a worker
+    /// whose help it would need.
+    ///
+    /// # Panics
+    /// When its material has no image.
+    fn coverage(&self, triangle: usize) -> &Pyramid<u8> {
+        let material = self.material_id(triangle);
+        self.coverage[material].get_or_init(|| self.materials[material].coverage().expect("a material with an image"))
     }
 
     /// The same leaves with their corners elsewhere; `corners` are local, one entry a triangle.
@@ -160,14 +179,20 @@ impl Foliage {
         let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let leaf_ids = self.leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect();
         let attributes = Attributes { leaf_ids, ..self.attributes.clone() };
-        Self::new(&positions, triangles, attributes, self.materials.to_vec())
+        let moved = Self::new(&positions, triangles, attributes, self.materials.to_vec())?;
+        Ok(Self { coverage: Arc::clone(&self.coverage), ..moved })
     }
 
     /// The same foliage with other materials: `change` sees each.
     #[must_use]
     pub fn with_materials(&self, change: impl Fn(&Material) -> Material) -> Self {
-        Self { materials: self.materials.iter().map(change).collect(), ..self.clone() }
+        let materials: Arc<[Material]> = self.materials.iter().map(change).collect();
+        Self { coverage: unmade(&materials), materials, ..self.clone() }
     }
+}
+
+fn unmade(materials: &[Material]) -> Arc<[OnceLock<Pyramid<u8>>]> {
+    materials.iter().map(|_| OnceLock::new()).collect()
 }
 
 /// Unit normal × area, in the units of the corners.
@@ -264,6 +289,9 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
     }
     if !colors.iter().flatten().all(|c| c.is_finite()) {
         return not_finite("colors");
+    }
+    if !normals.iter().flatten().all(|n| n.is_finite()) {
+        return not_finite("normals");
     }
     match material_ids.iter().find(|&&m| m as usize >= materials) {
         Some(m) => Err(Error::invalid(format!("material id {m} is out of range: there are {materials} materials"))),

@@ -190,7 +190,7 @@ fn look(looked: &Look, cuts: usize) -> Visible {
                 if looked.may_show(small) {
                     corners.extend_from_slice(small);
                     let middle = barycentric((small[0] + small[1] + small[2]) / 3.0).as_vec3();
-                    seen += usize::from(looked.surface.sample(middle, 0.5).is_some());
+                    seen += usize::from(looked.surface.passes(middle, 0.5));
                 }
             }
         }

@@ -1,25 +1,81 @@
-//! What a point of a triangle looks like: alpha test and linear base colour.
+//! What a point of a triangle looks like: whether it is drawn, and what each channel shows of it.
+//!
+//! Textures are filtered over the distance at which the points lie: bilinearly where that is about a texel or less, from the nearest level of
+//! a pyramid beyond. An alpha mask seen from far is no mask any more, but the share that the cutoff lets through.
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::pyramid::{self, Encoding, Texel};
 use super::{AlphaMode, Foliage, Image, Material};
-use crate::color::decode_table;
 
-/// A triangle's surface, ready to be sampled.
+/// A triangle's surface, ready to be sampled at points some distance apart.
 pub struct Surface<'a> {
     material: &'a Material,
     uvs: [Vec2; 3],
     colors: Option<[Vec4; 3]>,
+    normals: Option<[Vec3; 3]>,
+    /// Of texture space, between neighbouring points.
+    spread: f32,
+    alpha: Alpha<'a>,
+    /// Where it says less, nothing is drawn anywhere in a run.
+    near: Option<(&'a pyramid::Level<u8>, f32)>,
+}
+
+/// Points in a row that are looked at together.
+pub const RUN: usize = 8;
+
+/// Which points are drawn. Shares are compared with a threshold: thresholds spread evenly over [0, 1) make them coverage.
+enum Alpha<'a> {
+    All,
+    /// From the image's own texels; above the cutoff, or as a share.
+    Cut(&'a Image, f32),
+    Share(&'a Image),
+    /// The shares that a mask or a blend has on texels of a level.
+    Level(&'a pyramid::Level<u8>),
+    /// Without an image.
+    Flat,
 }
 
 impl<'a> Surface<'a> {
+    /// For single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
+        Self::spread(foliage, triangle, [Vec3::ZERO; 2])
+    }
+
+    /// For points on a grid, whose barycentric weights change by `steps` along its two axes.
+    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2]) -> Self {
         let attributes = foliage.attributes();
-        Self {
-            material: foliage.material(triangle),
-            uvs: attributes.uvs.get(triangle).copied().unwrap_or_default(),
-            colors: attributes.colors.get(triangle).copied(),
-        }
+        let material = foliage.material(triangle);
+        let uvs = attributes.uvs.get(triangle).copied().unwrap_or_default();
+        let colors = attributes.colors.get(triangle).copied();
+        let [across, down] = steps.map(|w| uvs[0] * w.x + uvs[1] * w.y + uvs[2] * w.z);
+        let spread = across.perp_dot(down).abs();
+        // Corners of different alpha move the edge of a mask: no pyramid knows it.
+        let even = colors.is_none_or(|colors| colors.iter().all(|c| c.w == 1.0));
+        let alpha = match (&material.image, material.alpha_mode) {
+            (_, AlphaMode::Opaque) => Alpha::All,
+            (None, _) => Alpha::Flat,
+            (Some(image), mode) => {
+                let footprint = footprint(image, spread);
+                let from_far = even && !pyramid::is_near(footprint);
+                match (if from_far { foliage.coverage(triangle).level(footprint) } else { None }, mode) {
+                    (Some(level), _) => Alpha::Level(level),
+                    (None, AlphaMode::Mask(cutoff)) => Alpha::Cut(image, cutoff),
+                    (None, _) => Alpha::Share(image),
+                }
+            }
+        };
+        let near = if even { least_drawn(material) } else { None };
+        let near = near.and_then(|(image, least)| {
+            let size = Vec2::new(image.width() as f32, image.height() as f32);
+            Some((image.greatest_alpha((across * size).abs().max_element() * RUN as f32)?, least))
+        });
+        Self { material, uvs, colors, normals: attributes.normals.get(triangle).copied(), spread, alpha, near }
+    }
+
+    /// Whether any of at most [`RUN`] points in a row may be drawn, by the weights of their middle.
+    pub fn may_pass(&self, middle: Vec3) -> bool {
+        self.near.is_none_or(|(level, least)| f32::from(nearest(level, self.uv(middle))) >= least)
     }
 
     /// Whether the side that winds clockwise is drawn, too.
@@ -27,25 +83,104 @@ impl<'a> Surface<'a> {
         self.material.double_sided
     }
 
-    /// The linear colour at barycentric weights, or `None` where the alpha test lets through what lies behind. Blended alpha passes when
-    /// it is above `threshold`: thresholds spread evenly over [0, 1) make it coverage.
-    pub fn sample(&self, weights: Vec3, threshold: f32) -> Option<Vec3> {
-        let factor = match &self.colors {
+    /// Whether the point at barycentric weights is drawn; what is drawn in part is where its share is above `threshold`.
+    pub fn passes(&self, weights: Vec3, threshold: f32) -> bool {
+        match self.alpha {
+            Alpha::All => true,
+            Alpha::Cut(image, cutoff) => self.factor(weights).w * Texels::at(image, self.uv(weights)).alpha() >= cutoff,
+            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, self.uv(weights)).alpha() > threshold,
+            Alpha::Level(level) => f32::from(nearest(level, self.uv(weights))) > threshold * 255.0,
+            Alpha::Flat => match self.material.alpha_mode {
+                AlphaMode::Mask(cutoff) => self.factor(weights).w >= cutoff,
+                _ => self.factor(weights).w > threshold,
+            },
+        }
+    }
+
+    /// The linear base colour there.
+    pub fn base_color(&self, weights: Vec3) -> Vec3 {
+        self.factor(weights).truncate() * self.texture(self.material.image.as_ref(), weights, Encoding::Srgb)
+    }
+
+    /// Occlusion, roughness and metallic there.
+    pub fn gloss(&self, weights: Vec3) -> Vec3 {
+        let factors = Vec3::new(1.0, self.material.roughness, self.material.metallic);
+        factors * self.texture(self.material.gloss.as_ref(), weights, Encoding::Linear)
+    }
+
+    /// The linear colour of the light that shines through there.
+    pub fn translucency(&self, weights: Vec3) -> Vec3 {
+        self.material.translucency * self.texture(self.material.translucency_image.as_ref(), weights, Encoding::Srgb)
+    }
+
+    /// The unit normal on the side that winds counter-clockwise, in the foliage's axes; `corners` are the triangle's. `None` without an area.
+    pub fn normal(&self, weights: Vec3, corners: &[Vec3; 3]) -> Option<Vec3> {
+        let [a, b, c] = *corners;
+        let (u, v) = (b - a, c - a);
+        let flat = u.cross(v).try_normalize()?;
+        let smooth = self.normals.map_or(flat, |[a, b, c]| a * weights.x + b * weights.y + c * weights.z);
+        let smooth = smooth.try_normalize().unwrap_or(flat);
+        let Some(image) = &self.material.normal else { return Some(smooth) };
+        // Along which the texture's columns run (glTF: the green of a normal points up the texture, v is up here).
+        let (s, t) = (self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]);
+        let across = (u * t.y - v * s.y) * s.perp_dot(t).signum();
+        let Some(tangent) = (across - smooth * smooth.dot(across)).try_normalize() else { return Some(smooth) };
+        let bitangent = smooth.cross(tangent) * s.perp_dot(t).signum();
+        let mapped = self.texture(Some(image), weights, Encoding::Linear) * 2.0 - 1.0;
+        (tangent * mapped.x + bitangent * mapped.y + smooth * mapped.z).try_normalize().or(Some(smooth))
+    }
+
+    fn uv(&self, weights: Vec3) -> Vec2 {
+        let [a, b, c] = self.uvs;
+        a * weights.x + b * weights.y + c * weights.z
+    }
+
+    fn factor(&self, weights: Vec3) -> Vec4 {
+        match &self.colors {
             Some([a, b, c]) => self.material.base_color * (*a * weights.x + *b * weights.y + *c * weights.z),
             None => self.material.base_color,
-        };
-        let texels = self.material.image.as_ref().map(|image| {
-            let [a, b, c] = self.uvs;
-            Texels::at(image, a * weights.x + b * weights.y + c * weights.z)
-        });
-        let alpha = || factor.w * texels.as_ref().map_or(1.0, Texels::alpha);
-        let passes = match self.material.alpha_mode {
-            AlphaMode::Opaque => true,
-            AlphaMode::Mask(cutoff) => alpha() >= cutoff,
-            AlphaMode::Blend => alpha() > threshold,
-        };
-        passes.then(|| factor.truncate() * texels.map_or(Vec3::ONE, |t| t.color()))
+        }
     }
+
+    /// What an image shows there; white without one.
+    fn texture(&self, image: Option<&Image>, weights: Vec3, encoding: Encoding) -> Vec3 {
+        let Some(image) = image else { return Vec3::ONE };
+        match image.pyramid(encoding, footprint(image, self.spread)) {
+            None => Texels::at(image, self.uv(weights)).color(encoding),
+            Some(level) => between(level, self.uv(weights)),
+        }
+    }
+}
+
+/// The image that decides what is drawn, and the least code of alpha that is; none where everything is.
+fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
+    let image = material.image.as_ref()?;
+    match material.alpha_mode {
+        AlphaMode::Opaque => None,
+        // Filtering rounds: a hair less.
+        AlphaMode::Mask(cutoff) => Some((image, cutoff / material.base_color.w * 255.0 * (1.0 - 1e-5))),
+        AlphaMode::Blend => Some((image, 1.0)),
+    }
+}
+
+/// How many texels of an image lie between neighbouring points, the geometric mean of both axes.
+fn footprint(image: &Image, spread: f32) -> f32 {
+    (spread * image.width() as f32 * image.height() as f32).sqrt()
+}
+
+/// The texel that holds the place; the level repeats.
+fn nearest(level: &pyramid::Level<u8>, uv: Vec2) -> u8 {
+    let (column, row) = (uv.x, 1.0 - uv.y);
+    level.at(column - floor(column), row - floor(row))
+}
+
+/// The colour between the four texels around the place, weighted by their alpha; of premultiplied colours. Plain black where all are transparent.
+fn between(level: &pyramid::Level<Texel>, uv: Vec2) -> Vec3 {
+    let (x0, x1, fx) = neighbours(uv.x, level.width, level.scale.x);
+    let (y0, y1, fy) = neighbours(1.0 - uv.y, level.height, level.scale.y);
+    let texel = |x: usize, y: usize| Vec4::from_array(level.texels[y * level.width + x].map(f32::from));
+    let sum = texel(x0, y0).lerp(texel(x1, y0), fx).lerp(texel(x0, y1).lerp(texel(x1, y1), fx), fy);
+    if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO }
 }
 
 /// The four texels around a point and their bilinear weights; the image repeats.
@@ -60,8 +195,8 @@ struct Texels {
 impl Texels {
     fn at(image: &Image, uv: Vec2) -> Self {
         // Texel centres lie at half-integers; v is up, rows go down.
-        let (x0, x1, fx) = neighbours(uv.x, image.width());
-        let (y0, y1, fy) = neighbours(1.0 - uv.y, image.height());
+        let (x0, x1, fx) = neighbours(uv.x, image.width(), image.width() as f32);
+        let (y0, y1, fy) = neighbours(1.0 - uv.y, image.height(), image.height() as f32);
         let pixels = image.pixels();
         let texel = |x: usize, y: usize| pixels[y * image.width() + x];
         Self {
@@ -76,9 +211,8 @@ impl Texels {
     }
 
     /// Weighted by alpha, so that the colour under transparent texels does not bleed in; plain where all four are transparent.
-    fn color(&self) -> Vec3 {
-        let table = decode_table();
-        let linear = |t: &[u8; 4]| Vec3::new(table[t[0] as usize], table[t[1] as usize], table[t[2] as usize]);
+    fn color(&self, encoding: Encoding) -> Vec3 {
+        let linear = |t: &[u8; 4]| Vec3::from_array([t[0], t[1], t[2]].map(|code| pyramid::decoded(code, encoding)));
         let mean = |alpha: fn(&[u8; 4]) -> f32| {
             let weighted = self.texels.iter().zip(self.weights);
             weighted.fold((Vec3::ZERO, 0.0), |(sum, total), (t, w)| {
@@ -90,13 +224,19 @@ impl Texels {
     }
 }
 
-/// The two texels around a coordinate, in [0, 1) of an axis that repeats, and the weight of the second.
-fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
-    let wrapped = (coordinate - coordinate.floor()) * size as f32 - 0.5;
-    let first = wrapped.floor();
-    // `wrapped` lies in [−½, size − ½], so one period either way is enough.
-    let index = |i: f32| (i + size as f32) as usize % size;
-    (index(first), index(first + 1.0), wrapped - first)
+/// The two texels around a coordinate of an axis that repeats after `scale` texels, and the weight of the second.
+fn neighbours(coordinate: f32, size: usize, scale: f32) -> (usize, usize, f32) {
+    let place = (coordinate - floor(coordinate)) * scale - 0.5;
+    // `place` lies in [−½, size − ½]: one texel before the first is the last. What is not a number is taken as 0.
+    let (first, below) = if place < 0.0 { (size - 1, -1.0) } else { ((place as usize).min(size - 1), floor(place)) };
+    let second = if first + 1 == size { 0 } else { first + 1 };
+    (first, second, place - below)
+}
+
+/// As `f32::floor`, for texture coordinates and places on images: without SSE 4.1, which not every processor has, that is a call.
+fn floor(x: f32) -> f32 {
+    let whole = x as i32 as f32;
+    if whole > x { whole - 1.0 } else { whole }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use glam::{DMat4, DVec3, Vec2, Vec4};
+use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 use gltf::mesh::Mode;
 
 use super::accessors;
@@ -122,6 +122,7 @@ impl Soup {
             return Err(format!("index {index} is out of range: there are {count} vertices"));
         }
         let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect());
+        let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
         let colors: Option<Vec<[f32; 4]>> = reader.read_colors(0).map(|colors| colors.into_rgba_f32().collect());
         if u32::try_from(self.positions.len() + count).is_err() {
             return Err("all primitives together have 2³² vertices or more; split the file".to_owned());
@@ -130,11 +131,18 @@ impl Soup {
         let to_z_up = |p: DVec3| DVec3::new(p.x, -p.z, p.y);
         let place = |p: &[f32; 3]| to_z_up(matrix.transform_point3(DVec3::from_array(p.map(f64::from))));
         self.positions.extend(positions.iter().map(place));
-        // Missing or short arrays read as zeros (texture coordinates) and white (colours).
+        // Missing or short arrays read as zeros (texture coordinates, normals: then the triangle's own counts) and white (colours).
         let uv =
             |i: u32| uvs.as_ref().and_then(|u| u.get(i as usize)).map_or(Vec2::ZERO, |u| Vec2::new(u[0], 1.0 - u[1]));
         let color =
             |i: u32| colors.as_ref().and_then(|c| c.get(i as usize)).map_or(Vec4::ONE, |&c| Vec4::from_array(c));
+        // A matrix that flattens has no inverse: what it makes of normals is nothing, like its triangles' areas.
+        let across = glam::DMat3::from_mat4(matrix).inverse().transpose();
+        let turned = |n: &[f32; 3]| {
+            let normal = to_z_up(across * DVec3::from_array(n.map(f64::from)));
+            normal.try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
+        };
+        let normal = |i: u32| normals.as_ref().and_then(|n| n.get(i as usize)).map_or(Vec3::ZERO, turned);
         let mirrored = matrix.determinant() < 0.0;
         for &[a, b, c] in indices.as_chunks::<3>().0 {
             // A mirrored node shows the front of its triangles where they wind the other way.
@@ -142,6 +150,7 @@ impl Soup {
             self.triangles.push(corners.map(|i| first + i));
             self.attributes.uvs.push(corners.map(uv));
             self.attributes.colors.push(corners.map(color));
+            self.attributes.normals.push(corners.map(normal));
             // A primitive without a material has the default one, behind all others.
             self.attributes.material_ids.push(primitive.material().index().map_or(u32::MAX, |i| i as u32));
         }
@@ -156,6 +165,9 @@ impl Soup {
         materials.push(Material::default());
         if self.attributes.colors.iter().flatten().all(|c| *c == Vec4::ONE) {
             self.attributes.colors.clear();
+        }
+        if self.attributes.normals.iter().flatten().all(|n| *n == Vec3::ZERO) {
+            self.attributes.normals.clear();
         }
         Foliage::new(&self.positions, self.triangles, self.attributes, materials)
     }
@@ -172,6 +184,9 @@ fn material(source: &gltf::Material, image: Option<Image>) -> Result<Material> {
             gltf::material::AlphaMode::Blend => AlphaMode::Blend,
         },
         double_sided: source.double_sided(),
+        roughness: source.pbr_metallic_roughness().roughness_factor(),
+        metallic: source.pbr_metallic_roughness().metallic_factor(),
+        ..Material::default()
     };
     made.check()?;
     Ok(made)

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
-use crate::textures::{Clip, Samples, ScreenTriangle, rasterise};
+use crate::textures::{Channel, Samples, ScreenTriangle, Window, rasterise};
 
 /// Where the picture is taken from.
 #[derive(Clone, Copy, Debug)]
@@ -56,12 +56,13 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
         let place = |triangle: usize| ScreenTriangle {
             corners: foliage.corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
             foliage,
-            triangle,
-            clip: Clip::NONE,
+            triangle: triangle as u32,
+            window: &Window::WHOLE,
         };
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }
-    Ok(rasterise(&triangles, view.size, view.size, view.samples).to_image())
+    let channel = Channel::BaseColor;
+    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples, &[channel])[0]))
 }
 
 /// How many radii of the picture its parts may reach from its centre.

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
-use super::level::{Level, Seconds, billboard_ranks, billboards, page_material};
+use super::level::{Level, Seconds, billboard_ranks, billboards};
 use super::{ChainSettings, Judges, tune};
 use crate::error::Result;
 use crate::foliage::Foliage;
@@ -37,7 +37,7 @@ pub(super) fn build(
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
-    let page = bake(&sheet, settings.samples, |plane| {
+    let page = bake(&sheet, settings.samples, &settings.channels, |plane| {
         let plane = planes[plane as usize];
         let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
             foliage,
@@ -50,8 +50,7 @@ pub(super) fn build(
     progress.tell("bake", 0.8)?;
     let judges = Judges::new(&parts, &frame)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
-    let judgement =
-        judges.report.judge(&billboards(&sheet, &frame, page_material(&page, alpha_cutoff, !two_sided))?)?;
+    let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));

@@ -8,7 +8,7 @@ use super::{ChainSettings, Judges, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material, Opacity};
+use crate::foliage::{Attributes, Foliage, Material, Opacity};
 use crate::geometry::Frame;
 use crate::groups::Groups;
 use crate::judge::{Judge, Judgement};
@@ -16,7 +16,7 @@ use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{Sheet, SheetSettings};
-use crate::textures::{Drawn, Samples, bake};
+use crate::textures::{Channels, Drawn, Page, Samples, bake};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -45,8 +45,8 @@ pub struct Level {
     pub frame: Frame,
     /// Where each billboard lies on the page.
     pub sheet: Sheet,
-    /// The page: sRGB base colour and alpha.
-    pub page: Image,
+    /// What the billboards show.
+    pub page: Page,
     /// Texels of at least this alpha are drawn.
     pub alpha_cutoff: f32,
     /// Whether the sides have textures of their own, as pairs of single-sided billboards.
@@ -102,13 +102,13 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;
-    let page = bake_cloud(finer, &cloud, &projection, &sheet, settings.samples);
+    let page = bake_cloud(finer, &cloud, &projection, &sheet, settings.samples, &settings.channels);
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
     let before = Judge::new(&[&collapsed], finer.frame(), tune::views()?)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
-    let shown = billboards(&sheet, finer.frame(), page_material(&page, alpha_cutoff, !two_sided))?;
+    let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let judgement = step.judges.report.judge(&shown)?;
     Ok(Level {
         method: settings.fit.method.name(),
@@ -140,13 +140,14 @@ pub(super) fn bake_cloud(
     projection: &Projection,
     sheet: &Sheet,
     samples: Samples,
-) -> Image {
+    channels: &Channels,
+) -> Page {
     let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
     let drawn = |triangle: &u32| {
         let triangle = *triangle as usize;
         Drawn { foliage, triangle, targets: projection.targets[triangle], corners: foliage.corners(triangle) }
     };
-    bake(sheet, samples, |plane| triangles.get(plane as usize).iter().map(drawn).collect())
+    bake(sheet, samples, channels, |plane| triangles.get(plane as usize).iter().map(drawn).collect())
 }
 
 /// The pruning order of billboards, as of leaves.
@@ -163,18 +164,7 @@ impl Level {
     /// # Errors
     /// All billboards are without area.
     pub fn foliage(&self) -> Result<Foliage> {
-        billboards(&self.sheet, &self.frame, page_material(&self.page, self.alpha_cutoff, !self.two_sided))
-    }
-}
-
-/// How billboards with this page look.
-pub(super) fn page_material(page: &Image, alpha_cutoff: f32, double_sided: bool) -> Material {
-    Material {
-        name: "billboards".to_owned(),
-        image: Some(page.clone()),
-        alpha_mode: AlphaMode::Mask(alpha_cutoff),
-        double_sided,
-        ..Material::default()
+        billboards(&self.sheet, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
     }
 }
 

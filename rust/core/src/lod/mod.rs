@@ -16,7 +16,7 @@ use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
 use crate::progress::Progress;
 use crate::prune;
-use crate::textures::Samples;
+use crate::textures::{Channels, Samples};
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
@@ -44,6 +44,8 @@ pub struct ChainSettings {
     pub texture_size: usize,
     /// Of the textures.
     pub samples: Samples,
+    /// What pages have beside base colour.
+    pub channels: Channels,
     /// Textures of their own for the two sides; `None` lets each level decide by looking whether they differ.
     pub back_sides: Option<bool>,
 }
@@ -57,6 +59,7 @@ impl Default for ChainSettings {
             up: DVec3::Z,
             texture_size: 2048,
             samples: Samples::default(),
+            channels: Channels::default(),
             back_sides: None,
         }
     }
@@ -67,6 +70,7 @@ impl ChainSettings {
     /// The first setting that is outside its range.
     pub fn check(&self) -> Result<()> {
         self.fit.check()?;
+        self.channels.check()?;
         if self.levels > 16 {
             return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
         }

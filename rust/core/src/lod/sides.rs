@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Outline;
 use crate::sheet::{Billboard, Region, Sheet, SheetSettings};
-use crate::textures::Samples;
+use crate::textures::{Channels, Samples};
 use crate::transition::Projection;
 
 use super::level::bake_cloud;
@@ -29,7 +29,9 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
         return Ok(false); // too many billboards for a look
     };
     let back = Sheet { size: front.size, billboards: front.billboards.iter().map(Billboard::mirrored).collect() };
-    let look = |sheet: &Sheet| -> Result<Image> { Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?)) };
+    let look = |sheet: &Sheet| -> Result<Image> {
+        Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?, &Channels::default()).base_color)
+    };
     Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
 }
 

@@ -5,14 +5,14 @@
 //! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps the silhouettes at
 //! the moment when the billboards take over from the collapsed leaves. Both figures are exact on any machine.
 
-use super::level::{billboards, page_material};
+use super::level::billboards;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
 use crate::sheet::Sheet;
-use crate::textures::Samples;
+use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
 
 /// The limits of the stretch that may be chosen.
@@ -53,13 +53,13 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Proj
 ///
 /// # Errors
 /// No texel of the page shows anything.
-pub fn cutoff(sheet: &Sheet, page: &Image, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
+pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
     let cost_of = |index: usize| -> Result<f64> {
-        let shown = billboards(sheet, frame, page_material(page, CUTOFFS[index], double_sided))?;
+        let shown = billboards(sheet, frame, page.material(CUTOFFS[index], double_sided))?;
         let glance = before.glance(&shown)?;
         Ok(1.0 - glance.overlap + COVERAGE_WEIGHT * (glance.coverage - 1.0).abs())
     };
-    let most = greatest_alpha(page)?;
+    let most = greatest_alpha(&page.base_color)?;
     let Some(first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
     let (mut best, mut least) = (first, cost_of(first)?);
     for direction in [-1isize, 1] {

@@ -2,38 +2,43 @@
 //! "The Lumigraph", 1996). Averages of what is there are pulled up a pyramid and pushed down to where nothing is. O(texels).
 
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::raster::Canvas;
 
 /// Gives each pixel without coverage the colour of its surroundings; coverage stays 0. Without any covered pixel nothing changes.
 pub fn fill_transparent(canvas: &mut Canvas) {
-    let filled = fill(canvas);
-    for (pixel, color) in canvas.pixels.iter_mut().zip(filled) {
-        if pixel.w == 0.0 {
-            *pixel = color.extend(0.0);
-        }
+    if canvas.pixels.par_iter().all(|p| p.w > 0.0) || (canvas.width == 1 && canvas.height == 1) {
+        return;
     }
+    let mut coarse = halve(canvas);
+    fill_transparent(&mut coarse);
+    canvas.pixels.par_chunks_mut(canvas.width).enumerate().for_each(|(y, row)| {
+        let below = &coarse.pixels[y / 2 * coarse.width..][..coarse.width];
+        for (x, pixel) in row.iter_mut().enumerate().filter(|(_, pixel)| pixel.w == 0.0) {
+            *pixel = straight(below[x / 2]).extend(0.0);
+        }
+    });
 }
 
-/// The straight colour of every pixel, those without coverage filled from coarser pictures.
-fn fill(canvas: &Canvas) -> Vec<Vec3> {
-    let own = |p: &Vec4| if p.w > 0.0 { Some(p.truncate() / p.w) } else { None };
-    if (canvas.width == 1 && canvas.height == 1) || canvas.pixels.iter().all(|p| p.w > 0.0) {
-        return canvas.pixels.iter().map(|p| own(p).unwrap_or(Vec3::ZERO)).collect();
-    }
-    let coarse = halve(canvas);
-    let below = fill(&coarse);
-    let surroundings = |i: usize| below[i / canvas.width / 2 * coarse.width + i % canvas.width / 2];
-    canvas.pixels.iter().enumerate().map(|(i, p)| own(p).unwrap_or_else(|| surroundings(i))).collect()
+/// The colour of a pixel; what has no coverage holds it as it is.
+fn straight(pixel: Vec4) -> Vec3 {
+    if pixel.w > 0.0 { pixel.truncate() / pixel.w } else { pixel.truncate() }
 }
 
 /// Sums of 2 × 2 pixels; the last column and row of an odd side stand alone.
 fn halve(canvas: &Canvas) -> Canvas {
     let (width, height) = (canvas.width.div_ceil(2), canvas.height.div_ceil(2));
     let mut pixels = vec![Vec4::ZERO; width * height];
-    for (i, pixel) in canvas.pixels.iter().enumerate() {
-        pixels[i / canvas.width / 2 * width + i % canvas.width / 2] += *pixel;
-    }
+    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for source in canvas.pixels[2 * y * canvas.width..].chunks(canvas.width).take(2) {
+            for (sum, pair) in row.iter_mut().zip(source.chunks(2)) {
+                for pixel in pair {
+                    *sum += *pixel;
+                }
+            }
+        }
+    });
     Canvas { width, height, pixels }
 }
 

@@ -1,16 +1,20 @@
 //! The baked page of a level: what each billboard shows of the leaves behind it.
 
+mod channels;
 mod dilate;
 pub mod image;
+mod page;
 mod raster;
 
-use glam::DVec3;
+use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
-pub use raster::{Canvas, Clip, ScreenTriangle, rasterise};
+pub use channels::Channel;
+pub use page::{Channels, Page};
+pub use raster::{Canvas, ScreenTriangle, Window, rasterise};
 
 use crate::error::{Error, Result};
-use crate::foliage::{Foliage, Image};
+use crate::foliage::Foliage;
 use crate::sheet::{Billboard, Sheet};
 
 /// Sub-samples along each side of a texel, in [1, 16].
@@ -49,16 +53,29 @@ pub struct Drawn<'a> {
 
 /// Renders every billboard's triangles into its region of the page.
 ///
-/// `drawn` gives the triangles that a plane shows. Colour is filled in under transparent texels, so that no filter finds another.
-pub fn bake<'a>(sheet: &Sheet, samples: Samples, drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync) -> Image {
-    let place = |billboard: &Billboard| {
-        let to_page = ToPage::new(billboard);
-        drawn(billboard.plane).into_iter().map(|d| to_page.place(&d)).collect::<Vec<_>>()
+/// `drawn` gives the triangles that a plane shows. What is transparent is filled in from around it, so that no filter finds anything else.
+///
+/// # Panics
+/// Never: base colour is always among the channels.
+pub fn bake<'a>(
+    sheet: &Sheet,
+    samples: Samples,
+    channels: &Channels,
+    drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
+) -> Page {
+    let places: Vec<ToPage> = sheet.billboards.iter().map(ToPage::new).collect();
+    let place = |index: usize| {
+        let drawn = drawn(sheet.billboards[index].plane);
+        drawn.iter().map(|d| places[index].place(d)).collect::<Vec<_>>()
     };
-    let triangles: Vec<ScreenTriangle> = sheet.billboards.par_iter().flat_map_iter(place).collect();
-    let mut canvas = rasterise(&triangles, sheet.size, sheet.size, samples);
-    dilate::fill_transparent(&mut canvas);
-    canvas.to_image()
+    let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
+    let channels = channels.list();
+    let canvases = rasterise(&triangles, sheet.size, sheet.size, samples, &channels);
+    let image = |(channel, mut canvas): (Channel, Canvas)| {
+        dilate::fill_transparent(&mut canvas);
+        (channel, channel.to_image(&canvas))
+    };
+    Page::of(channels.into_iter().zip(canvases).map(image)).expect("base colour is always there")
 }
 
 /// The map from a billboard's plane to texels of the page.
@@ -71,32 +88,38 @@ struct ToPage {
     left: f64,
     bottom: f64,
     /// Where outlines follow what is opaque, triangles reach beyond their region, into others'.
-    clip: Clip,
+    window: Window,
 }
 
 impl ToPage {
     fn new(billboard: &Billboard) -> Self {
         let [a, b, _, d] = billboard.corners;
         let (x, y, region) = (b - a, d - a, billboard.region);
+        let normal = x.cross(y).normalize();
+        let view = Mat3::from_cols(x.normalize().as_vec3(), y.normalize().as_vec3(), normal.as_vec3()).transpose();
         Self {
             origin: a,
             across: x * (region.width as f64 / x.length_squared()),
             up: y * (region.height as f64 / y.length_squared()),
-            normal: x.cross(y).normalize(),
+            normal,
             left: region.x as f64,
             bottom: (region.y + region.height) as f64,
-            clip: Clip { columns: region.x..region.x + region.width, rows: region.y..region.y + region.height },
+            window: Window {
+                columns: region.x..region.x + region.width,
+                rows: region.y..region.y + region.height,
+                view,
+            },
         }
     }
 
-    fn place<'a>(&self, drawn: &Drawn<'a>) -> ScreenTriangle<'a> {
+    fn place<'a>(&'a self, drawn: &Drawn<'a>) -> ScreenTriangle<'a> {
         let position = |i: usize| {
             let q = drawn.targets[i] - self.origin;
             let height = self.normal.dot(drawn.corners[i] - self.origin);
             DVec3::new(self.left + self.across.dot(q), self.bottom - self.up.dot(q), height).as_vec3()
         };
         let corners = std::array::from_fn(position);
-        ScreenTriangle { corners, foliage: drawn.foliage, triangle: drawn.triangle, clip: self.clip.clone() }
+        ScreenTriangle { corners, foliage: drawn.foliage, triangle: drawn.triangle as u32, window: &self.window }
     }
 }
 

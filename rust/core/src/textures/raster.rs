@@ -1,21 +1,20 @@
 //! An orthographic rasteriser: coverage by supersampling, the nearest surface by a depth buffer, alpha by test.
 //!
 //! The canvas is cut into tiles that fit a core's cache; each tile is drawn by one thread from the list of triangles that
-//! touch it, in their order, so the result does not depend on the number of threads. A sample takes the fragment nearest to
-//! the viewer that passes its alpha test (of equally near ones, the first triangle's). O(fragments · samples²), one texture look-up for a
-//! fragment that passes the depth test.
+//! touch it, in their order, so the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest
+//! to the viewer that passes its alpha test (of equally near ones, the first triangle's). Then each channel looks only at what is
+//! seen, and a pixel is the mean of its samples. O(fragments · samples²), one alpha test for a fragment that passes the depth test.
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::Samples;
-use crate::color::{encode, quantise};
-use crate::foliage::Surface;
-use crate::foliage::{Foliage, Image};
+use super::channels::{Channel, Seen};
+use crate::foliage::{Foliage, RUN, Surface};
 
 const TILE: usize = 32;
 
@@ -27,26 +26,28 @@ pub struct ScreenTriangle<'a> {
     /// What it belongs to.
     pub foliage: &'a Foliage,
     /// Which one it is.
-    pub triangle: usize,
-    /// The pixels that it may cover.
-    pub clip: Clip,
+    pub triangle: u32,
+    /// Where on the canvas, and seen from where.
+    pub window: &'a Window,
 }
 
-/// Columns and rows of pixels.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Clip {
-    /// From the left.
+/// A part of the canvas with a view of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window {
+    /// The pixels that may be covered, from the left.
     pub columns: Range<usize>,
     /// From the top.
     pub rows: Range<usize>,
+    /// From the foliage's axes to right, up, toward the viewer.
+    pub view: Mat3,
 }
 
-impl Clip {
-    /// All pixels.
-    pub const NONE: Self = Self { columns: 0..usize::MAX, rows: 0..usize::MAX };
+impl Window {
+    /// All pixels, seen along −z.
+    pub const WHOLE: Self = Self { columns: 0..usize::MAX, rows: 0..usize::MAX, view: Mat3::IDENTITY };
 }
 
-/// A picture in linear light, colour premultiplied by coverage; row 0 on top.
+/// A picture of one channel, premultiplied by coverage; row 0 on top.
 #[derive(Clone)]
 pub struct Canvas {
     /// Pixels in a row.
@@ -57,40 +58,40 @@ pub struct Canvas {
     pub pixels: Vec<Vec4>,
 }
 
-impl Canvas {
-    /// As sRGB with straight alpha.
-    ///
-    /// # Panics
-    /// Never: a canvas has as many pixels as it says.
-    #[must_use]
-    pub fn to_image(&self) -> Image {
-        let straight = |p: &Vec4| {
-            let color = if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
-            [encode(color.x), encode(color.y), encode(color.z), quantise(p.w)]
-        };
-        let pixels: Vec<[u8; 4]> = self.pixels.par_iter().map(straight).collect();
-        Image::new(self.width, self.height, pixels).expect("a canvas is whole")
-    }
-}
-
-/// Draws the triangles on a canvas of `width` × `height` pixels, each at least 1.
+/// Draws the triangles on canvases of `width` × `height` pixels, each at least 1: one canvas for each channel.
 #[must_use]
-pub fn rasterise(triangles: &[ScreenTriangle], width: usize, height: usize, samples: Samples) -> Canvas {
+pub fn rasterise<'a>(
+    triangles: &[ScreenTriangle<'a>],
+    width: usize,
+    height: usize,
+    samples: Samples,
+    channels: &[Channel],
+) -> Vec<Canvas> {
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);
-    let drawn: Vec<Vec<Vec4>> = (0..tiles.columns * tiles.rows)
-        .into_par_iter()
-        .map(|tile| draw_tile(triangles, &lists[tile], tiles.origin(tile), samples.0))
-        .collect();
-    let mut pixels = vec![Vec4::ZERO; width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            // A tile that nothing touches is empty.
-            let tile = &drawn[y / TILE * tiles.columns + x / TILE];
-            *pixel = tile.get(y % TILE * TILE + x % TILE).copied().unwrap_or(Vec4::ZERO);
+    let empty = |_: &Channel| Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
+    let mut canvases: Vec<Canvas> = channels.iter().map(empty).collect();
+    // Each row of tiles is a band of every canvas: what is drawn there goes nowhere else.
+    let mut bands: Vec<Vec<&mut [Vec4]>> = (0..tiles.rows).map(|_| Vec::new()).collect();
+    for canvas in &mut canvases {
+        for (band, pixels) in bands.iter_mut().zip(canvas.pixels.chunks_mut(width * TILE)) {
+            band.push(pixels);
         }
-    });
-    Canvas { width, height, pixels }
+    }
+    let draw = |tile: &mut Tile<'a>, (row, mut band): (usize, Vec<&mut [Vec4]>)| {
+        for column in 0..tiles.columns {
+            let index = row * tiles.columns + column;
+            tile.draw(triangles, &lists[index], tiles.origin(index));
+            for (channel, pixels) in channels.iter().zip(&mut band) {
+                for (y, line) in pixels.chunks_mut(width).enumerate() {
+                    let end = width.min((column + 1) * TILE);
+                    tile.resolve(triangles, *channel, y, &mut line[column * TILE..end]);
+                }
+            }
+        }
+    };
+    bands.into_par_iter().enumerate().for_each_init(|| Tile::new(samples.0), draw);
+    canvases
 }
 
 struct Tiles {
@@ -108,8 +109,12 @@ impl Tiles {
         let mut lists = vec![Vec::new(); self.columns * self.rows];
         for (index, triangle) in (0u32..).zip(triangles) {
             let (low, high) = bounds(&triangle.corners);
-            for row in covered(low.y, high.y, TILE as f32, self.rows) {
-                for column in covered(low.x, high.x, TILE as f32, self.columns) {
+            let within = |cells: Range<usize>, pixels: &Range<usize>| {
+                overlap(&cells, &(pixels.start / TILE..pixels.end.div_ceil(TILE)))
+            };
+            let columns = within(covered(low.x, high.x, TILE as f32, self.columns), &triangle.window.columns);
+            for row in within(covered(low.y, high.y, TILE as f32, self.rows), &triangle.window.rows) {
+                for column in columns.clone() {
                     lists[row * self.columns + column].push(index);
                 }
             }
@@ -139,53 +144,120 @@ fn samples_of(pixels: &Range<usize>, origin: f32, samples: usize) -> Range<usize
     sample(pixels.start)..sample(pixels.end)
 }
 
-/// The samples of one tile, row by row.
-struct TileSamples {
+/// No triangle is seen at a sample.
+const NOTHING: u32 = u32::MAX;
+
+/// The samples of one tile, row by row: what is seen there, and how near.
+struct Tile<'a> {
+    samples: usize,
     /// Samples in a row.
     side: usize,
     depths: Vec<f32>,
-    colors: Vec<Vec3>,
+    /// Into `fronts`.
+    seen: Vec<u32>,
+    drawn: Vec<Fragment<'a>>,
+    /// The samples at which anything is seen, row by row.
+    visible: Vec<u32>,
 }
 
-fn draw_tile(triangles: &[ScreenTriangle], list: &[u32], origin: Vec2, samples: usize) -> Vec<Vec4> {
-    if list.is_empty() {
-        return Vec::new();
-    }
-    let side = TILE * samples;
-    let mut tile =
-        TileSamples { side, depths: vec![f32::NEG_INFINITY; side * side], colors: vec![Vec3::ZERO; side * side] };
-    for &index in list {
-        draw_triangle(&mut tile, &triangles[index as usize], index, origin, samples);
-    }
-    resolve(&tile, samples)
+/// A triangle on its way through a tile.
+struct Fragment<'a> {
+    index: u32,
+    edges: Edges,
+    surface: Surface<'a>,
 }
 
-fn draw_triangle(tile: &mut TileSamples, triangle: &ScreenTriangle, index: u32, origin: Vec2, samples: usize) {
-    let surface = Surface::new(triangle.foliage, triangle.triangle);
-    let scale = samples as f32;
-    let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
-    let Some(edges) = Edges::new(corners, surface.double_sided()) else { return };
-    let low = corners[0].min(corners[1]).min(corners[2]);
-    let high = corners[0].max(corners[1]).max(corners[2]);
-    let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
-    let Clip { columns, rows } = &triangle.clip;
-    let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, tile.side), &samples_of(rows, origin.y, samples));
-    let columns = overlap(&covered(low.x - 0.5, high.x, 1.0, tile.side), &samples_of(columns, origin.x, samples));
-    for y in rows {
-        for x in columns.clone() {
-            let weights = edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-            if weights.min_element() < 0.0 {
-                continue;
+impl<'a> Tile<'a> {
+    fn new(samples: usize) -> Self {
+        let side = TILE * samples;
+        Self {
+            samples,
+            side,
+            depths: vec![f32::NEG_INFINITY; side * side],
+            seen: vec![NOTHING; side * side],
+            drawn: Vec::new(),
+            visible: Vec::new(),
+        }
+    }
+
+    fn draw(&mut self, triangles: &[ScreenTriangle<'a>], list: &[u32], origin: Vec2) {
+        self.visible.clear();
+        if list.is_empty() {
+            return;
+        }
+        self.depths.fill(f32::NEG_INFINITY);
+        self.seen.fill(NOTHING);
+        self.drawn.clear();
+        for &index in list {
+            self.add(&triangles[index as usize], index, origin);
+        }
+        self.visible.extend((0u32..).zip(&self.seen).filter(|(_, seen)| **seen != NOTHING).map(|(sample, _)| sample));
+    }
+
+    fn add(&mut self, triangle: &ScreenTriangle<'a>, index: u32, origin: Vec2) {
+        let scale = self.samples as f32;
+        let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
+        let Some(edges) = Edges::new(corners) else { return };
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps());
+        if !edges.front && !surface.double_sided() {
+            return;
+        }
+        let low = corners[0].min(corners[1]).min(corners[2]);
+        let high = corners[0].max(corners[1]).max(corners[2]);
+        let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
+        let Window { columns, rows, .. } = triangle.window;
+        let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, self.side), &samples_of(rows, origin.y, self.samples));
+        let columns =
+            overlap(&covered(low.x - 0.5, high.x, 1.0, self.side), &samples_of(columns, origin.x, self.samples));
+        let number = self.drawn.len() as u32;
+        let threshold = Thresholds::new(self.samples, index);
+        let mut any = false;
+        for y in rows {
+            let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
+            let span = edges.span(y as f32 + 0.5, &columns);
+            for start in span.clone().step_by(RUN) {
+                let run = start..(start + RUN).min(span.end);
+                if !surface.may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
+                    continue;
+                }
+                for x in run {
+                    let weights = weights_at(x as f32 + 0.5);
+                    if weights.min_element() < 0.0 {
+                        continue;
+                    }
+                    let depth = weights.dot(depths);
+                    let sample = y * self.side + x;
+                    if depth > self.depths[sample] && surface.passes(weights, threshold.at(x, y)) {
+                        self.depths[sample] = depth;
+                        self.seen[sample] = number;
+                        any = true;
+                    }
+                }
             }
-            let depth = weights.dot(depths);
-            let sample = y * tile.side + x;
-            if depth <= tile.depths[sample] {
-                continue;
-            }
-            if let Some(color) = surface.sample(weights, threshold(x % samples, y % samples, samples, index)) {
-                tile.depths[sample] = depth;
-                tile.colors[sample] = color;
-            }
+        }
+        if any {
+            self.drawn.push(Fragment { index, edges, surface });
+        }
+    }
+
+    /// The mean of a channel over the samples of each pixel of a row, which is empty.
+    fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
+        let in_row = self.samples * self.side;
+        let of_row = |sample: &u32| *sample < ((row + 1) * in_row) as u32;
+        let first = self.visible.partition_point(|sample| *sample < (row * in_row) as u32);
+        for &sample in self.visible[first..].iter().take_while(|sample| of_row(sample)) {
+            let (x, y) = (sample as usize % self.side, sample as usize / self.side);
+            // Triangles that reach beyond the canvas are drawn on whole tiles.
+            let Some(pixel) = pixels.get_mut(x / self.samples) else { continue };
+            let fragment = &self.drawn[self.seen[sample as usize] as usize];
+            let triangle = &triangles[fragment.index as usize];
+            let weights = fragment.edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let seen = Seen { surface: &fragment.surface, triangle, weights, front: fragment.edges.front };
+            *pixel += channel.look(&seen).extend(1.0);
+        }
+        let weight = 1.0 / (self.samples * self.samples) as f32;
+        for pixel in pixels {
+            *pixel *= weight;
         }
     }
 }
@@ -196,20 +268,22 @@ struct Edges {
     /// Gradients of the second and third weight.
     second: Vec2,
     third: Vec2,
+    /// Whether the side is seen from which the triangle winds counter-clockwise.
+    front: bool,
 }
 
 impl Edges {
-    /// `None` for a triangle without area, for one whose area is beyond f32, and for one that turns its back when only fronts are drawn.
-    fn new([a, b, c]: [Vec2; 3], double_sided: bool) -> Option<Self> {
+    /// `None` for a triangle without area, and for one whose area is beyond f32.
+    fn new([a, b, c]: [Vec2; 3]) -> Option<Self> {
         let (u, v) = (b - a, c - a);
         let twice_area = u.perp_dot(v);
-        // y is down: counter-clockwise to the viewer is negative here.
-        let shown = twice_area < 0.0 || (double_sided && twice_area > 0.0);
         let inverse = 1.0 / twice_area;
-        (shown && twice_area.is_finite() && inverse.is_finite()).then(|| Self {
+        (twice_area.is_finite() && inverse.is_finite()).then(|| Self {
             origin: a,
             second: Vec2::new(v.y, -v.x) * inverse,
             third: Vec2::new(-u.y, u.x) * inverse,
+            // y is down: counter-clockwise to the viewer is negative here.
+            front: twice_area < 0.0,
         })
     }
 
@@ -218,32 +292,55 @@ impl Edges {
         let (second, third) = (self.second.dot(q), self.third.dot(q));
         Vec3::new(1.0 - second - third, second, third)
     }
-}
 
-/// An alpha threshold for a sample: the samples of a pixel have evenly spread ones, in an order of the triangle's own.
-fn threshold(x: usize, y: usize, samples: usize, triangle: u32) -> f32 {
-    let count = (samples * samples) as u32;
-    // A full-period walk through the samples; 5 and the squares 1 … 256 of 1 … 16 share a factor for multiples of 5 only, 7 serves those.
-    let step = if samples.is_multiple_of(5) { 7 } else { 5 };
-    let place = (y * samples + x) as u32;
-    let start = triangle.wrapping_mul(0x9E37_79B9) >> 16;
-    ((place * step + start) % count) as f32 / count as f32
-}
+    /// How the weights change from sample to sample along a row and a column.
+    fn steps(&self) -> [Vec3; 2] {
+        let step = |second: f32, third: f32| Vec3::new(-second - third, second, third);
+        [step(self.second.x, self.third.x), step(self.second.y, self.third.y)]
+    }
 
-/// The mean of each pixel's samples.
-fn resolve(tile: &TileSamples, samples: usize) -> Vec<Vec4> {
-    let weight = 1.0 / (samples * samples) as f32;
-    let pixel = |i: usize| {
-        let (x, y) = (i % TILE * samples, i / TILE * samples);
-        let mut sum = Vec4::ZERO;
-        for row in y..y + samples {
-            for sample in row * tile.side + x..row * tile.side + x + samples {
-                if tile.depths[sample] > f32::NEG_INFINITY {
-                    sum += tile.colors[sample].extend(1.0);
-                }
+    /// The samples of a row, of those in `columns`, where all weights may be at least 0: one more at either end, for rounding.
+    fn span(&self, y: f32, columns: &Range<usize>) -> Range<usize> {
+        let start = columns.start as f32 + 0.5;
+        let at = self.weights(Vec2::new(start, y));
+        let [step, _] = self.steps();
+        let (mut low, mut high) = (0.0f32, columns.len() as f32);
+        for (weight, step) in at.to_array().into_iter().zip(step.to_array()) {
+            // weight + x · step ≥ 0; a weight that does not change decides nothing here.
+            let crossing = -weight / step;
+            if step > 0.0 {
+                low = low.max(crossing);
+            } else if step < 0.0 {
+                high = high.min(crossing);
             }
         }
-        sum * weight
-    };
-    (0..TILE * TILE).map(pixel).collect()
+        let first = columns.start + (low - 1.0).max(0.0) as usize;
+        let end = columns.start + (high + 2.0).max(0.0) as usize;
+        first.min(columns.end)..end.min(columns.end)
+    }
+}
+
+/// Alpha thresholds: the samples of a pixel have evenly spread ones, in an order of the triangle's own.
+struct Thresholds {
+    samples: usize,
+    count: u32,
+    step: u32,
+    start: u32,
+}
+
+impl Thresholds {
+    fn new(samples: usize, triangle: u32) -> Self {
+        Self {
+            samples,
+            count: (samples * samples) as u32,
+            // A full-period walk through the samples; 5 and the squares 1 … 256 of 1 … 16 share a factor for multiples of 5 only, 7 serves those.
+            step: if samples.is_multiple_of(5) { 7 } else { 5 },
+            start: triangle.wrapping_mul(0x9E37_79B9) >> 16,
+        }
+    }
+
+    fn at(&self, x: usize, y: usize) -> f32 {
+        let place = (y % self.samples * self.samples + x % self.samples) as u32;
+        (((place * self.step + self.start) % self.count) as f32 + 0.5) / self.count as f32
+    }
 }

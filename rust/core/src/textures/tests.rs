@@ -1,6 +1,7 @@
 use glam::{DVec2, Vec2, Vec3, Vec4};
 
 use super::*;
+use crate::foliage::Image;
 use crate::foliage::{AlphaMode, Attributes, Material};
 use crate::geometry::{Outline, Plane};
 use crate::sheet::SheetSettings;
@@ -27,8 +28,18 @@ fn screen(foliage: &Foliage, size: f32, z: f32) -> Vec<ScreenTriangle<'_>> {
     [[a, b, c], [a, c, d]]
         .into_iter()
         .enumerate()
-        .map(|(triangle, corners)| ScreenTriangle { corners, foliage, triangle, clip: Clip::NONE })
+        .map(|(triangle, corners)| ScreenTriangle {
+            corners,
+            foliage,
+            triangle: triangle as u32,
+            window: &Window::WHOLE,
+        })
         .collect()
+}
+
+/// Base colour, premultiplied.
+fn drawn(triangles: &[ScreenTriangle], width: usize, height: usize, samples: Samples) -> Canvas {
+    rasterise(triangles, width, height, samples, &[Channel::BaseColor]).remove(0)
 }
 
 fn samples(count: usize) -> Samples {
@@ -39,7 +50,7 @@ fn samples(count: usize) -> Samples {
 fn coverage_is_exact_on_the_sample_grid() {
     let white = square(0.0, Material::default());
     // 2.5 pixels wide: two full, one half, with 4 samples a side.
-    let canvas = rasterise(&screen(&white, 2.5, 0.0), 4, 4, samples(4));
+    let canvas = drawn(&screen(&white, 2.5, 0.0), 4, 4, samples(4));
     let alpha: Vec<f32> = canvas.pixels[4 * 3..].iter().map(|p| p.w).collect();
     assert_eq!(alpha, [0.0; 4], "the square hangs from the top: row 3 is empty");
     let top: Vec<f32> = canvas.pixels[..4].iter().map(|p| p.w).collect();
@@ -49,7 +60,7 @@ fn coverage_is_exact_on_the_sample_grid() {
 #[test]
 fn a_canvas_of_many_tiles_has_no_seams() {
     let white = square(0.0, Material::default());
-    let canvas = rasterise(&screen(&white, 100.0, 0.0), 100, 100, samples(2));
+    let canvas = drawn(&screen(&white, 100.0, 0.0), 100, 100, samples(2));
     assert!(canvas.pixels.iter().all(|p| *p == Vec4::ONE));
 }
 
@@ -57,10 +68,11 @@ fn a_canvas_of_many_tiles_has_no_seams() {
 fn nothing_is_drawn_outside_the_clip() {
     let white = square(0.0, Material::default());
     let mut triangles = screen(&white, 100.0, 0.0);
+    let window = Window { columns: 30..66, rows: 1..33, ..Window::WHOLE };
     for t in &mut triangles {
-        t.clip = Clip { columns: 30..66, rows: 1..33 };
+        t.window = &window;
     }
-    let canvas = rasterise(&triangles, 100, 100, samples(3));
+    let canvas = drawn(&triangles, 100, 100, samples(3));
     for (i, p) in canvas.pixels.iter().enumerate() {
         let inside = (30..66).contains(&(i % 100)) && (1..33).contains(&(i / 100));
         assert_eq!(p.w, if inside { 1.0 } else { 0.0 }, "pixel {} {}", i % 100, i / 100);
@@ -73,7 +85,7 @@ fn the_nearer_hides_the_farther_in_any_order() {
     let blue = square(0.0, coloured(Vec4::new(0.0, 0.0, 1.0, 1.0)));
     let (near, far) = (screen(&red, 4.0, 1.0), screen(&blue, 4.0, 0.0));
     for order in [[near.clone(), far.clone()].concat(), [far, near].concat()] {
-        let canvas = rasterise(&order, 4, 4, samples(1));
+        let canvas = drawn(&order, 4, 4, samples(1));
         assert!(canvas.pixels.iter().all(|p| *p == Vec4::new(1.0, 0.0, 0.0, 1.0)));
     }
 }
@@ -83,11 +95,11 @@ fn single_sided_backs_are_not_drawn() {
     let material = Material { double_sided: false, ..Material::default() };
     let foliage = square(0.0, material);
     let mut triangles = screen(&foliage, 4.0, 0.0);
-    assert_eq!(rasterise(&triangles, 4, 4, samples(1)).pixels[5].w, 1.0);
+    assert_eq!(drawn(&triangles, 4, 4, samples(1)).pixels[5].w, 1.0);
     for t in &mut triangles {
         t.corners.swap(1, 2);
     }
-    assert_eq!(rasterise(&triangles, 4, 4, samples(1)).pixels[5].w, 0.0);
+    assert_eq!(drawn(&triangles, 4, 4, samples(1)).pixels[5].w, 0.0);
 }
 
 /// A picture whose left half is transparent green, its right half opaque half-grey.
@@ -100,7 +112,7 @@ fn half_image() -> Image {
 fn masked_texels_let_through_and_do_not_tint() {
     let material = Material { image: Some(half_image()), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
     let foliage = square(0.0, material);
-    let image = rasterise(&screen(&foliage, 8.0, 0.0), 8, 8, samples(4)).to_image();
+    let image = Channel::BaseColor.to_image(&drawn(&screen(&foliage, 8.0, 0.0), 8, 8, samples(4)));
     for y in 0..8 {
         // The test passes from the middle between two texels on; the repeating image blends at its rim, too.
         assert_eq!(image.pixels()[y * 8 + 1][3], 0);
@@ -115,7 +127,7 @@ fn blended_alpha_is_coverage() {
     for (count, alpha) in [(4, 0.25), (4, 0.5), (5, 0.4), (1, 1.0)] {
         let material = Material { alpha_mode: AlphaMode::Blend, ..coloured(Vec4::new(1.0, 1.0, 1.0, alpha)) };
         let foliage = square(0.0, material);
-        let canvas = rasterise(&screen(&foliage, 4.0, 0.0), 4, 4, samples(count));
+        let canvas = drawn(&screen(&foliage, 4.0, 0.0), 4, 4, samples(count));
         // Exact within a triangle; the pixels of the diagonal hold samples of two.
         let within = (0..16).filter(|i| i % 4 + i / 4 != 3);
         assert!(within.map(|i| canvas.pixels[i].w).all(|w| (w - alpha).abs() < 1e-6), "{count} {alpha}");
@@ -137,12 +149,12 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let outline = Outline::along(&[along(low), along(high)], DVec2::X);
     let settings = SheetSettings { size: 64, gutter: 2, back_sides: true };
     let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
-    let drawn = |_: u32| {
+    let shown = |_: u32| {
         let drawn =
             |t| Drawn { foliage: &foliage, triangle: t, targets: foliage.corners(t), corners: foliage.corners(t) };
         (0..2).map(drawn).collect()
     };
-    let page = bake(&sheet, samples(4), drawn);
+    let page = bake(&sheet, samples(4), &Channels::default(), shown).base_color;
     for billboard in &sheet.billboards {
         let to_page = ToPage::new(billboard);
         let look = |x: f64, y: f64| {
@@ -175,11 +187,12 @@ fn edges_are_as_near_as_is_said() {
         let origin = (at - 45.0).max(Vec2::ZERO).floor();
         let page = 16_384;
         let columns = origin.x as usize..(origin.x as usize + 90).min(page);
-        let clip = Clip { columns: columns.clone(), rows: origin.y as usize..(origin.y as usize + 90).min(page) };
-        let drawn = covered_pixels(&ScreenTriangle { corners, foliage: &white, triangle: 0, clip: clip.clone() });
+        let rows = origin.y as usize..(origin.y as usize + 90).min(page);
+        let window = Window { columns: columns.clone(), rows: rows.clone(), ..Window::WHOLE };
+        let drawn = covered_pixels(&ScreenTriangle { corners, foliage: &white, triangle: 0, window: &window });
         let [a, b, c] = corners.map(|c| c.truncate().as_dvec2());
         let turn = (b - a).perp_dot(c - a).signum();
-        for y in clip.rows {
+        for y in rows {
             for x in columns.clone() {
                 let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let depth = |from: DVec2, to: DVec2| turn * (to - from).perp_dot(p - from) / (to - from).length();
@@ -196,18 +209,15 @@ fn edges_are_as_near_as_is_said() {
 
 /// The pixels whose middle a triangle covers, anywhere on the largest page; drawn tile by tile as the rasteriser does.
 fn covered_pixels(triangle: &ScreenTriangle) -> std::collections::HashSet<(usize, usize)> {
-    let columns = triangle.clip.columns.clone();
+    let Window { columns, rows, view } = triangle.window.clone();
     let width = columns.end;
     // Only the rows of the clip are kept: a strip of the page, moved up by whole tiles, keeps the coordinates within a tile.
-    let first = triangle.clip.rows.start / 32 * 32;
+    let first = rows.start / 32 * 32;
     let up = Vec3::Y * first as f32;
-    let moved = ScreenTriangle {
-        corners: triangle.corners.map(|c| c - up),
-        clip: Clip { columns, rows: triangle.clip.rows.start - first..triangle.clip.rows.end - first },
-        ..triangle.clone()
-    };
-    let height = moved.clip.rows.end;
-    let canvas = rasterise(&[moved], width, height, samples(1));
+    let window = Window { columns, rows: rows.start - first..rows.end - first, view };
+    let moved = ScreenTriangle { corners: triangle.corners.map(|c| c - up), window: &window, ..triangle.clone() };
+    let height = window.rows.end;
+    let canvas = drawn(&[moved], width, height, samples(1));
     let drawn = canvas.pixels.iter().enumerate().filter(|(_, p)| p.w > 0.0);
     drawn.map(|(i, _)| (i % width, i / width + first)).collect()
 }

@@ -7,7 +7,7 @@ use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::foliage::{AlphaMode, Attributes, Image, Material};
 use leafcloud::geometry::{Outline, Plane, convex_outline};
 use leafcloud::sheet::{Sheet, SheetSettings};
-use leafcloud::textures::{Clip, Samples, ScreenTriangle, rasterise};
+use leafcloud::textures::{Channel, Samples, ScreenTriangle, Window, rasterise};
 use leafcloud::{Foliage, Progress, gltf};
 
 /// What a target does with some bytes.
@@ -162,14 +162,18 @@ fn try_draw(u: &mut Unstructured) -> Result<()> {
         return Ok(());
     };
     let count = u.int_in_range(1..=12)?;
+    let cut = Window { columns: 3..40, ..Window::WHOLE };
     let mut triangles = Vec::new();
     for _ in 0..count {
         let corners = [(); 3].map(|()| point(u).map_or(Vec3::ZERO, |p| (p * 64.0).as_vec3()));
-        let clip = if bool::arbitrary(u)? { Clip::NONE } else { Clip { columns: 3..40, rows: 0..usize::MAX } };
-        triangles.push(ScreenTriangle { corners, foliage: &foliage, triangle: 0, clip });
+        let window = if bool::arbitrary(u)? { &Window::WHOLE } else { &cut };
+        triangles.push(ScreenTriangle { corners, foliage: &foliage, triangle: 0, window });
     }
-    let canvas = rasterise(&triangles, width, height, samples);
-    assert_eq!(canvas.pixels.len(), width * height);
-    assert!(canvas.pixels.iter().all(|p| p.is_finite() && (0.0..=1.0).contains(&p.w)));
+    let channels = [Channel::BaseColor, Channel::Normal(0.3), Channel::Gloss, Channel::Translucency];
+    for (canvas, channel) in rasterise(&triangles, width, height, samples, &channels).iter().zip(channels) {
+        assert_eq!(canvas.pixels.len(), width * height);
+        assert!(canvas.pixels.iter().all(|p| p.is_finite() && (0.0..=1.0).contains(&p.w)), "{channel:?}");
+        assert_eq!(channel.to_image(canvas).width(), width);
+    }
     Ok(())
 }

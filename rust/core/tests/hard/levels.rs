@@ -7,7 +7,7 @@ use leafcloud::judge::{View, render};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
 use leafcloud::outlines::{OutlineSettings, outlines};
 use leafcloud::sheet::{Sheet, SheetSettings};
-use leafcloud::textures::{Drawn, Samples, bake};
+use leafcloud::textures::{Channels, Drawn, Samples, bake};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Foliage, Progress};
 
@@ -53,7 +53,7 @@ fn lying() -> Foliage {
 fn fewest_drawn(chain: &Chain) -> usize {
     let drawn = |level: &leafcloud::lod::Level| {
         let cutoff = (f64::from(level.alpha_cutoff) * 255.0).ceil() as u8;
-        level.page.pixels().iter().filter(|p| p[3] >= cutoff.max(1)).count()
+        level.page.base_color.pixels().iter().filter(|p| p[3] >= cutoff.max(1)).count()
     };
     chain.levels.iter().map(drawn).min().unwrap()
 }
@@ -164,10 +164,11 @@ fn a_plane_for_each_of_65_537_triangles() {
     let shape = OutlineSettings { corners: 4 };
     let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
     let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096, gutter: 2, back_sides: false }).unwrap();
-    let page = bake(&sheet, Samples::new(4).unwrap(), |p| {
+    let page = bake(&sheet, Samples::new(4).unwrap(), &Channels::default(), |p| {
         let t = p as usize;
         vec![Drawn { foliage: &foliage, triangle: t, targets: projection.targets[t], corners: foliage.corners(t) }]
-    });
+    })
+    .base_color;
     let blank = |b: &&leafcloud::sheet::Billboard| {
         let row = |y: usize| &page.pixels()[y * page.width() + b.region.x..][..b.region.width];
         (b.region.y..b.region.y + b.region.height).all(|y| row(y).iter().all(|p| p[3] == 0))

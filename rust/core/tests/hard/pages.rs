@@ -5,7 +5,7 @@ use leafcloud::foliage::{AlphaMode, Attributes, Image, Material, Opacity};
 use leafcloud::geometry::{Outline, Plane, minimum_rectangle};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
 use leafcloud::sheet::{Sheet, SheetSettings};
-use leafcloud::textures::{Canvas, Clip, Samples, ScreenTriangle, rasterise};
+use leafcloud::textures::{Canvas, Channel, Samples, ScreenTriangle, Window, rasterise};
 use leafcloud::{Foliage, Progress};
 
 use crate::common::random::Random;
@@ -80,6 +80,11 @@ fn more_billboards_than_a_page_holds() {
     case(GROUP, "an image whose size overflows", "a named error").refuses(huge, "both sides must be at least 1");
 }
 
+/// Base colour, premultiplied.
+fn drawn(triangles: &[ScreenTriangle], width: usize, height: usize, samples: Samples) -> Canvas {
+    rasterise(triangles, width, height, samples, &[Channel::BaseColor]).remove(0)
+}
+
 /// A hundred leaf cards in a ball with this image.
 fn cards(image: Image, mode: AlphaMode) -> Foliage {
     let mut random = Random(22);
@@ -117,7 +122,7 @@ fn opaque_share(foliage: &Foliage) -> f64 {
         let j = level.judgement;
         assert!([j.coverage, j.overlap, j.error].into_iter().all(f64::is_finite), "{j:?}");
     }
-    let page = &chain.levels[0].page;
+    let page = &chain.levels[0].page.base_color;
     page.pixels().iter().filter(|p| p[3] > 0).count() as f64 / page.pixels().len() as f64
 }
 
@@ -193,8 +198,8 @@ fn triangles_that_leave_the_canvas() {
     for reach in far {
         // The lower left half of the canvas, the rest of the triangle far outside.
         let corners = [Vec3::new(-reach, -reach, 0.0), Vec3::new(-reach, reach, 0.0), Vec3::new(reach, reach, 0.0)];
-        let triangle = ScreenTriangle { corners, foliage: &white, triangle: 0, clip: Clip::NONE };
-        let Canvas { pixels, .. } = rasterise(&[triangle], 64, 64, Samples::new(1).unwrap());
+        let triangle = ScreenTriangle { corners, foliage: &white, triangle: 0, window: &Window::WHOLE };
+        let Canvas { pixels, .. } = drawn(&[triangle], 64, 64, Samples::new(1).unwrap());
         // Error bound: edges lie where f32 puts them at that size.
         let slack = f64::from(reach) * 2f64.powi(-22) + 1.0;
         for (i, p) in pixels.iter().enumerate() {
@@ -205,13 +210,13 @@ fn triangles_that_leave_the_canvas() {
     case(GROUP, "a triangle that reaches 10⁷ pixels beyond the canvas", "closed form: half of the canvas")
         .holds(wrong as f64, 0.0);
     let vast = [Vec3::new(-1e20, -1e20, 0.0), Vec3::new(-1e20, 1e20, 0.0), Vec3::new(1e20, 1e20, 0.0)];
-    let triangle = ScreenTriangle { corners: vast, foliage: &white, triangle: 0, clip: Clip::NONE };
-    let drawn = rasterise(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
-    case(GROUP, "a triangle of 10²⁰ pixels, whose area is beyond f32", "definition: not drawn").equals(drawn, false);
+    let triangle = ScreenTriangle { corners: vast, foliage: &white, triangle: 0, window: &Window::WHOLE };
+    let any = drawn(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
+    case(GROUP, "a triangle of 10²⁰ pixels, whose area is beyond f32", "definition: not drawn").equals(any, false);
     let broken = [Vec3::splat(f32::NAN), Vec3::X, Vec3::Y];
-    let triangle = ScreenTriangle { corners: broken, foliage: &white, triangle: 0, clip: Clip::NONE };
-    let drawn = rasterise(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
-    case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(drawn, false);
+    let triangle = ScreenTriangle { corners: broken, foliage: &white, triangle: 0, window: &Window::WHOLE };
+    let any = drawn(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
+    case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(any, false);
 }
 
 /// Two triangles over a whole canvas of this size, front to the viewer or back.
@@ -222,9 +227,9 @@ fn drawn_whole(of: &Foliage, size: usize, samples: usize, front: bool) -> Image 
         let x = if front { x } else { side - x };
         Vec3::new(x, y, 0.0)
     });
-    let triangle = |triangle, corners| ScreenTriangle { corners, foliage: of, triangle, clip: Clip::NONE };
+    let triangle = |triangle, corners| ScreenTriangle { corners, foliage: of, triangle, window: &Window::WHOLE };
     let both = [triangle(0, [a, b, c]), triangle(1, [a, c, d])];
-    rasterise(&both, size, size, Samples::new(samples).unwrap()).to_image()
+    Channel::BaseColor.to_image(&drawn(&both, size, size, Samples::new(samples).unwrap()))
 }
 
 #[test]
@@ -277,7 +282,7 @@ fn colours_survive_round_trips() {
             };
             let share = f32::from(alpha) / 255.0;
             let pixel = (Vec3::splat(linear as f32) * share).extend(share);
-            let back = Canvas { width: 1, height: 1, pixels: vec![pixel] }.to_image();
+            let back = Channel::BaseColor.to_image(&Canvas { width: 1, height: 1, pixels: vec![pixel] });
             wrong += usize::from(back.pixels()[0] != [code, code, code, alpha]);
         }
     }

@@ -1,0 +1,216 @@
+//! Mip pyramids of leaf textures, so that a texture seen small is filtered and not merely hit (Williams, "Pyramidal Parametrics", 1983).
+//!
+//! Each level has half the texels of the one before along both axes (rounded up), means of 2 × 2; the last column or row of an odd side
+//! stands for itself. Level 0 is not kept: it is the image. O(texels) time, a third of the image's texels in memory.
+
+use glam::Vec2;
+
+use super::{AlphaMode, Image};
+use crate::color::{decode_table, quantise};
+
+/// One level: `width` × `height` texels, row 0 on top.
+#[derive(Debug)]
+pub struct Level<T> {
+    pub width: usize,
+    pub height: usize,
+    /// The image's sides in texels of this level: up to one less than there are, for the last of an odd side stands for itself.
+    pub scale: Vec2,
+    pub texels: Vec<T>,
+}
+
+impl<T: Copy> Level<T> {
+    /// The texel that holds a place on an image that repeats: both coordinates in [0, 1), rows down.
+    pub fn at(&self, column: f32, row: f32) -> T {
+        let x = ((column * self.scale.x) as usize).min(self.width - 1);
+        let y = ((row * self.scale.y) as usize).min(self.height - 1);
+        self.texels[y * self.width + x]
+    }
+}
+
+/// Levels 1, 2 … down to one texel; none for an image of one.
+#[derive(Debug)]
+pub struct Pyramid<T>(Vec<Level<T>>);
+
+/// Colour premultiplied by alpha, and alpha, in 1/65535: linear light in 8 bits would lose the dark.
+pub type Texel = [u16; 4];
+
+const FULL: f32 = 65_535.0;
+
+/// Whether points so many texels apart are near enough for the image itself.
+pub fn is_near(footprint: f32) -> bool {
+    footprint.is_nan() || footprint < std::f32::consts::SQRT_2
+}
+
+impl<T> Pyramid<T> {
+    /// The first level whose texels are at least `length` texels of the image wide; the last one where none is. `None` for an image of one texel.
+    pub fn wider_than(&self, length: f32) -> Option<&Level<T>> {
+        // Casts take what is not a number as 0.
+        let level = (libm::log2f(length.max(2.0)).ceil() as usize).clamp(1, self.0.len().max(1));
+        self.0.get(level - 1)
+    }
+
+    /// The level whose texels are nearest in size to `footprint` texels of the image; `None` is the image itself.
+    pub fn level(&self, footprint: f32) -> Option<&Level<T>> {
+        // Level k has texels of 2^k: nearest in ratio. What is not a number is taken as near.
+        if is_near(footprint) {
+            return None;
+        }
+        let level = (libm::log2f(footprint) + 0.5) as usize;
+        level.min(self.0.len()).checked_sub(1).map(|index| &self.0[index])
+    }
+}
+
+impl<T: Copy> Pyramid<T> {
+    /// From the image's own texels, as `of` reads them, and the mean of four.
+    fn new<S: Copy>(width: usize, height: usize, source: &[S], of: impl Fn(S) -> T, mean: fn([T; 4]) -> T) -> Self {
+        let mut levels: Vec<Level<T>> = Vec::new();
+        let mut scale = Vec2::new(width as f32, height as f32);
+        if width * height > 1 {
+            scale /= 2.0;
+            levels.push(halved(width, height, scale, |i| of(source[i]), mean));
+        }
+        while let Some(last) = levels.last().filter(|level| level.texels.len() > 1) {
+            scale /= 2.0;
+            let next = halved(last.width, last.height, scale, |i| last.texels[i], mean);
+            levels.push(next);
+        }
+        Self(levels)
+    }
+}
+
+fn halved<T: Copy>(
+    width: usize,
+    height: usize,
+    scale: Vec2,
+    at: impl Fn(usize) -> T,
+    mean: fn([T; 4]) -> T,
+) -> Level<T> {
+    let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
+    let row = |y: usize| {
+        let (upper, lower) = (2 * y * width, (2 * y + 1).min(height - 1) * width);
+        let at = &at;
+        (0..columns).map(move |x| {
+            let (left, right) = (2 * x, (2 * x + 1).min(width - 1));
+            mean([at(upper + left), at(upper + right), at(lower + left), at(lower + right)])
+        })
+    };
+    Level { width: columns, height: rows, scale, texels: (0..rows).flat_map(row).collect() }
+}
+
+/// How codes of a texture's colours are meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Colours, as sRGB.
+    Srgb,
+    /// Directions, shares: the code over 255.
+    Linear,
+}
+
+/// A code as a share in [0, 1].
+pub fn decoded(code: u8, encoding: Encoding) -> f32 {
+    match encoding {
+        Encoding::Srgb => decode_table()[code as usize],
+        Encoding::Linear => f32::from(code) / 255.0,
+    }
+}
+
+/// Of an image's colours.
+pub fn of_colors(image: &Image, encoding: Encoding) -> Pyramid<Texel> {
+    let table: [f32; 256] = std::array::from_fn(|code| decoded(code as u8, encoding));
+    let of = |[r, g, b, a]: [u8; 4]| {
+        let alpha = f32::from(a) / 255.0;
+        let part = |code: u8| (table[code as usize] * alpha * FULL + 0.5) as u16;
+        [part(r), part(g), part(b), u16::from(a) * 257]
+    };
+    let mean =
+        |t: [Texel; 4]| std::array::from_fn(|i| ((t.iter().map(|t| u32::from(t[i])).sum::<u32>() + 2) / 4) as u16);
+    Pyramid::new(image.width(), image.height(), image.pixels(), of, mean)
+}
+
+/// Of the share of each texel that is drawn, in codes, its alpha times `factor`: for a mask all or nothing in the image itself.
+pub fn of_coverage(image: &Image, mode: AlphaMode, factor: f32) -> Pyramid<u8> {
+    let drawn = |alpha: f32| match mode {
+        AlphaMode::Opaque => 1.0,
+        AlphaMode::Mask(cutoff) => f32::from(u8::from(alpha * factor >= cutoff)),
+        AlphaMode::Blend => alpha * factor,
+    };
+    let table: [u8; 256] = std::array::from_fn(|code| quantise(drawn(code as f32 / 255.0)));
+    let of = |[.., alpha]: [u8; 4]| table[alpha as usize];
+    let mean = |t: [u8; 4]| ((t.iter().map(|&t| u32::from(t)).sum::<u32>() + 2) / 4) as u8;
+    Pyramid::new(image.width(), image.height(), image.pixels(), of, mean)
+}
+
+/// Of the greatest alpha anywhere near: on a texel of a level and those around it, also across the edges of an image that repeats.
+pub fn of_greatest_alpha(image: &Image) -> Pyramid<u8> {
+    let greatest = |t: [u8; 4]| t.into_iter().max().unwrap_or(0);
+    let Pyramid(levels) = Pyramid::new(image.width(), image.height(), image.pixels(), |p: [u8; 4]| p[3], greatest);
+    Pyramid(levels.into_iter().map(|level| spread(&spread(&level, true), false)).collect())
+}
+
+/// The greatest of each texel and its neighbours along one axis, around the edge, too; where the last of them is cut by the edge, of two.
+fn spread(level: &Level<u8>, along_rows: bool) -> Level<u8> {
+    let (width, height) = (level.width as isize, level.height as isize);
+    let whole = if along_rows { level.scale.x == level.width as f32 } else { level.scale.y == level.height as f32 };
+    let reach = if whole { 1 } else { 2 };
+    let greatest = |i: isize| {
+        let (x, y) = (i % width, i / width);
+        let neighbour = |by: isize| {
+            let (x, y) = if along_rows { (x + by, y) } else { (x, y + by) };
+            level.texels[(y.rem_euclid(height) * width + x.rem_euclid(width)) as usize]
+        };
+        (-reach..=reach).map(neighbour).max().unwrap_or(0)
+    };
+    let texels = (0..width * height).map(greatest).collect();
+    Level { width: level.width, height: level.height, scale: level.scale, texels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(width: usize, height: usize, pixel: impl Fn(usize) -> [u8; 4]) -> Image {
+        Image::new(width, height, (0..width * height).map(pixel).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn a_checkerboard_is_grey_in_linear_light() {
+        let board = image(8, 8, |i| if (i % 8 + i / 8) % 2 == 0 { [255, 0, 0, 255] } else { [0, 0, 255, 255] });
+        let pyramid = of_colors(&board, Encoding::Srgb);
+        assert_eq!(pyramid.0.len(), 3);
+        for level in &pyramid.0 {
+            assert!(level.texels.iter().all(|t| *t == [32_768, 0, 32_768, 65_535]), "{level:?}");
+        }
+    }
+
+    #[test]
+    fn transparent_texels_do_not_tint() {
+        let half = image(2, 2, |i| if i == 0 { [200, 0, 0, 255] } else { [0, 255, 0, 0] });
+        let top = &of_colors(&half, Encoding::Linear).0[0].texels[0];
+        // 200/255 of 65535 is 51400; a quarter of it beside a quarter of alpha.
+        assert_eq!(*top, [12_850, 0, 0, 16_384]);
+    }
+
+    #[test]
+    fn coverage_keeps_the_share_that_is_drawn() {
+        let quarter = image(64, 16, |i| [0, 0, 0, if i % 4 == 0 { 130 } else { 120 }]);
+        let pyramid = of_coverage(&quarter, AlphaMode::Mask(0.5), 1.0);
+        let last = pyramid.0.last().unwrap();
+        assert!((62..=66).contains(&last.texels[0]), "a quarter of 255, each level rounds: {}", last.texels[0]);
+        assert!(pyramid.level(0.3).is_none() && pyramid.level(1.3).is_none());
+        assert_eq!(pyramid.level(4.0).unwrap().width, 16);
+        assert_eq!(pyramid.level(1e9).unwrap().width, 1);
+    }
+
+    #[test]
+    fn odd_sides_and_one_texel() {
+        assert_eq!(
+            of_colors(&image(5, 3, |_| [9; 4]), Encoding::Linear)
+                .0
+                .iter()
+                .map(|l| (l.width, l.height))
+                .collect::<Vec<_>>(),
+            [(3, 2), (2, 1), (1, 1)]
+        );
+        assert!(of_colors(&image(1, 1, |_| [9; 4]), Encoding::Linear).0.is_empty());
+    }
+}

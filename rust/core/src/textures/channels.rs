@@ -1,0 +1,87 @@
+//! What a page or a picture can show of a surface, channel by channel. Each channel that is asked for is a pass of its own over what is seen;
+//! one that is not asked for costs nothing.
+
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::raster::{Canvas, ScreenTriangle};
+use crate::color::{encode, quantise};
+use crate::foliage::{Image, Surface};
+
+/// A channel of a page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Channel {
+    /// Linear base colour; as an image sRGB, with straight alpha.
+    BaseColor,
+    /// The normal on the side that faces the viewer, in the billboard's axes (red to the right, green up), bent by the given share, in
+    /// [0, 1], toward the hull of the crown, as foliage is shaded.
+    Normal(f32),
+    /// Occlusion, roughness, metallic.
+    Gloss,
+    /// The linear colour of the light that shines through; as an image sRGB.
+    Translucency,
+}
+
+/// A point of a triangle that is seen.
+pub struct Seen<'a> {
+    /// Of its triangle.
+    pub surface: &'a Surface<'a>,
+    /// As it is drawn.
+    pub triangle: &'a ScreenTriangle<'a>,
+    /// Barycentric.
+    pub weights: Vec3,
+    /// Whether the side is seen from which the triangle winds counter-clockwise.
+    pub front: bool,
+}
+
+/// Normals lean at most so far from the viewer, as the part along the view: a billboard can show none that point away.
+const LEAST_TOWARD_VIEWER: f32 = 0.02;
+
+impl Channel {
+    /// What it shows of a point.
+    pub(super) fn look(self, seen: &Seen) -> Vec3 {
+        match self {
+            Self::BaseColor => seen.surface.base_color(seen.weights),
+            Self::Normal(bend) => normal(seen, bend),
+            Self::Gloss => seen.surface.gloss(seen.weights),
+            Self::Translucency => seen.surface.translucency(seen.weights),
+        }
+    }
+
+    /// The canvas as codes, straight; base colour with its alpha, the others opaque.
+    ///
+    /// # Panics
+    /// Never: a canvas has as many pixels as it says.
+    #[must_use]
+    pub fn to_image(self, canvas: &Canvas) -> Image {
+        let code = |p: &Vec4| {
+            let value = if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
+            match self {
+                Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
+                Self::Normal(_) => {
+                    let shifted = value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5;
+                    [quantise(shifted.x), quantise(shifted.y), quantise(shifted.z), 255]
+                }
+                Self::Gloss => [quantise(value.x), quantise(value.y), quantise(value.z), 255],
+                Self::Translucency => [encode(value.x), encode(value.y), encode(value.z), 255],
+            }
+        };
+        let pixels: Vec<[u8; 4]> = canvas.pixels.par_iter().map(code).collect();
+        Image::new(canvas.width, canvas.height, pixels).expect("a canvas is whole")
+    }
+}
+
+fn normal(seen: &Seen, bend: f32) -> Vec3 {
+    let triangle = seen.triangle;
+    let corners = triangle.foliage.corners(triangle.triangle as usize).map(glam::DVec3::as_vec3);
+    let Some(own) = seen.surface.normal(seen.weights, &corners) else { return Vec3::Z };
+    let facing = if seen.front { own } else { -own };
+    let bent = if bend > 0.0 {
+        let place = corners[0] * seen.weights.x + corners[1] * seen.weights.y + corners[2] * seen.weights.z;
+        facing.lerp(place.normalize_or(facing), bend)
+    } else {
+        facing
+    };
+    let shown = triangle.window.view * bent;
+    shown.with_z(shown.z.max(LEAST_TOWARD_VIEWER)).normalize()
+}
