@@ -16,7 +16,10 @@ use leafcloud::transition::Projection;
 use leafcloud::{Progress, gltf};
 
 fn main() {
-    for (name, path) in common::trees() {
+    for (name, path) in common::trees()
+        .into_iter()
+        .filter(|(n, _)| std::env::args().nth(1).is_none_or(|w| w.starts_with("--") || n.contains(&w)))
+    {
         let foliage = gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a readable tree");
         let cloud = fit(&foliage, &FitSettings::default(), Progress::silent()).unwrap();
         let projection = Projection::new(&foliage, &cloud, 1.25);

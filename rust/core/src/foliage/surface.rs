@@ -14,15 +14,24 @@ pub struct Surface<'a> {
     uvs: [Vec2; 3],
     colors: Option<[Vec4; 3]>,
     normals: Option<[Vec3; 3]>,
-    /// Of texture space, between neighbouring points.
-    spread: f32,
+    /// From point to point of a row, in texture space.
+    across: Vec2,
+    /// How much of texture space a pixel covers.
+    pixel: f32,
     alpha: Alpha<'a>,
-    /// Where it says less, nothing is drawn anywhere in a run.
-    near: Option<(&'a pyramid::Level<u8>, f32)>,
+    near: Option<Near<'a>>,
 }
 
-/// Points in a row that are looked at together.
-pub const RUN: usize = 8;
+/// Points along a side of a block, and in a run of one row, that are looked at together.
+pub const BLOCK: usize = 8;
+
+/// Where the greatest alpha near the middle of many points is less than the least, none of them is drawn.
+#[derive(Clone, Copy)]
+struct Near<'a> {
+    least: f32,
+    of_block: &'a pyramid::Level<u8>,
+    of_run: &'a pyramid::Level<u8>,
+}
 
 /// Which points are drawn. Shares are compared with a threshold: thresholds spread evenly over [0, 1) make them coverage.
 enum Alpha<'a> {
@@ -39,11 +48,12 @@ enum Alpha<'a> {
 impl<'a> Surface<'a> {
     /// For single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
-        Self::spread(foliage, triangle, [Vec3::ZERO; 2])
+        Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1)
     }
 
-    /// For points on a grid, whose barycentric weights change by `steps` along its two axes.
-    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2]) -> Self {
+    /// For points on a grid, whose barycentric weights change by `steps` along its two axes, `samples` × `samples` to a pixel: alpha is asked for
+    /// at each point, what else is seen once for what a pixel shows of the triangle.
+    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2], samples: usize) -> Self {
         let attributes = foliage.attributes();
         let material = foliage.material(triangle);
         let uvs = attributes.uvs.get(triangle).copied().unwrap_or_default();
@@ -68,14 +78,22 @@ impl<'a> Surface<'a> {
         let near = if even { least_drawn(material) } else { None };
         let near = near.and_then(|(image, least)| {
             let size = Vec2::new(image.width() as f32, image.height() as f32);
-            Some((image.greatest_alpha((across * size).abs().max_element() * RUN as f32)?, least))
+            let [across, down] = [across, down].map(|step| (step * size).abs() * BLOCK as f32);
+            let of_run = image.greatest_alpha(across.max_element())?;
+            Some(Near { least, of_block: image.greatest_alpha((across + down).max_element())?, of_run })
         });
-        Self { material, uvs, colors, normals: attributes.normals.get(triangle).copied(), spread, alpha, near }
+        let (pixel, normals) = (spread * (samples * samples) as f32, attributes.normals.get(triangle).copied());
+        Self { material, uvs, colors, normals, across, pixel, alpha, near }
     }
 
-    /// Whether any of at most [`RUN`] points in a row may be drawn, by the weights of their middle.
-    pub fn may_pass(&self, middle: Vec3) -> bool {
-        self.near.is_none_or(|(level, least)| f32::from(nearest(level, self.uv(middle))) >= least)
+    /// Whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, by the weights of their middle.
+    pub fn block_may_pass(&self, middle: Vec3) -> bool {
+        self.near.is_none_or(|near| f32::from(nearest(near.of_block, self.uv(middle))) >= near.least)
+    }
+
+    /// Whether any of at most [`BLOCK`] points in a row may be drawn, by the weights of their middle.
+    pub fn run_may_pass(&self, middle: Vec3) -> bool {
+        self.near.is_none_or(|near| f32::from(nearest(near.of_run, self.uv(middle))) >= near.least)
     }
 
     /// Whether the side that winds clockwise is drawn, too.
@@ -85,11 +103,20 @@ impl<'a> Surface<'a> {
 
     /// Whether the point at barycentric weights is drawn; what is drawn in part is where its share is above `threshold`.
     pub fn passes(&self, weights: Vec3, threshold: f32) -> bool {
+        self.passes_at(self.uv(weights), weights, threshold)
+    }
+
+    /// The same for the point `steps` behind another in its row, which lies at `first` in texture space.
+    pub fn passes_behind(&self, first: Vec2, steps: usize, weights: Vec3, threshold: f32) -> bool {
+        self.passes_at(first + self.across * steps as f32, weights, threshold)
+    }
+
+    fn passes_at(&self, uv: Vec2, weights: Vec3, threshold: f32) -> bool {
         match self.alpha {
             Alpha::All => true,
-            Alpha::Cut(image, cutoff) => self.factor(weights).w * Texels::at(image, self.uv(weights)).alpha() >= cutoff,
-            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, self.uv(weights)).alpha() > threshold,
-            Alpha::Level(level) => f32::from(nearest(level, self.uv(weights))) > threshold * 255.0,
+            Alpha::Cut(image, cutoff) => self.factor(weights).w * Texels::at(image, uv).alpha() >= cutoff,
+            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, uv).alpha() > threshold,
+            Alpha::Level(level) => f32::from(nearest(level, uv)) > threshold * 255.0,
             Alpha::Flat => match self.material.alpha_mode {
                 AlphaMode::Mask(cutoff) => self.factor(weights).w >= cutoff,
                 _ => self.factor(weights).w > threshold,
@@ -130,7 +157,8 @@ impl<'a> Surface<'a> {
         (tangent * mapped.x + bitangent * mapped.y + smooth * mapped.z).try_normalize().or(Some(smooth))
     }
 
-    fn uv(&self, weights: Vec3) -> Vec2 {
+    /// Where in texture space, v up.
+    pub fn uv(&self, weights: Vec3) -> Vec2 {
         let [a, b, c] = self.uvs;
         a * weights.x + b * weights.y + c * weights.z
     }
@@ -145,7 +173,7 @@ impl<'a> Surface<'a> {
     /// What an image shows there; white without one.
     fn texture(&self, image: Option<&Image>, weights: Vec3, encoding: Encoding) -> Vec3 {
         let Some(image) = image else { return Vec3::ONE };
-        match image.pyramid(encoding, footprint(image, self.spread)) {
+        match image.pyramid(encoding, footprint(image, self.pixel)) {
             None => Texels::at(image, self.uv(weights)).color(encoding),
             Some(level) => between(level, self.uv(weights)),
         }

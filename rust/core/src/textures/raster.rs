@@ -3,7 +3,8 @@
 //! The canvas is cut into tiles that fit a core's cache; each tile is drawn by one thread from the list of triangles that
 //! touch it, in their order, so the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest
 //! to the viewer that passes its alpha test (of equally near ones, the first triangle's). Then each channel looks only at what is
-//! seen, and a pixel is the mean of its samples. O(fragments · samples²), one alpha test for a fragment that passes the depth test.
+//! seen, once for what a pixel shows of a triangle, in the middle of its samples there. O(fragments · samples²), one alpha test for a sample
+//! that passes the depth test.
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 
 use super::Samples;
 use super::channels::{Channel, Seen};
-use crate::foliage::{Foliage, RUN, Surface};
+use crate::foliage::{BLOCK, Foliage, Surface};
 
 const TILE: usize = 32;
 
@@ -156,8 +157,19 @@ struct Tile<'a> {
     /// Into `fronts`.
     seen: Vec<u32>,
     drawn: Vec<Fragment<'a>>,
-    /// The samples at which anything is seen, row by row.
-    visible: Vec<u32>,
+    pieces: Vec<Piece>,
+}
+
+/// What a pixel shows of a triangle.
+struct Piece {
+    /// In the tile, row by row; pieces are in the order of their pixels.
+    pixel: usize,
+    /// Into `drawn`.
+    fragment: u32,
+    /// How many samples.
+    count: u32,
+    /// The sum of their places, in samples.
+    places: Vec2,
 }
 
 /// A triangle on its way through a tile.
@@ -176,12 +188,12 @@ impl<'a> Tile<'a> {
             depths: vec![f32::NEG_INFINITY; side * side],
             seen: vec![NOTHING; side * side],
             drawn: Vec::new(),
-            visible: Vec::new(),
+            pieces: Vec::new(),
         }
     }
 
     fn draw(&mut self, triangles: &[ScreenTriangle<'a>], list: &[u32], origin: Vec2) {
-        self.visible.clear();
+        self.pieces.clear();
         if list.is_empty() {
             return;
         }
@@ -191,14 +203,34 @@ impl<'a> Tile<'a> {
         for &index in list {
             self.add(&triangles[index as usize], index, origin);
         }
-        self.visible.extend((0u32..).zip(&self.seen).filter(|(_, seen)| **seen != NOTHING).map(|(sample, _)| sample));
+        for pixel in 0..TILE * TILE {
+            self.gather(pixel);
+        }
+    }
+
+    /// The pieces of one pixel.
+    fn gather(&mut self, pixel: usize) {
+        let first = self.pieces.len();
+        let (left, top) = (pixel % TILE * self.samples, pixel / TILE * self.samples);
+        for y in top..top + self.samples {
+            for (x, &fragment) in (left..).zip(&self.seen[y * self.side + left..][..self.samples]) {
+                if fragment == NOTHING {
+                    continue;
+                }
+                let place = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                match self.pieces[first..].iter_mut().find(|piece| piece.fragment == fragment) {
+                    Some(piece) => (piece.count, piece.places) = (piece.count + 1, piece.places + place),
+                    None => self.pieces.push(Piece { pixel, fragment, count: 1, places: place }),
+                }
+            }
+        }
     }
 
     fn add(&mut self, triangle: &ScreenTriangle<'a>, index: u32, origin: Vec2) {
         let scale = self.samples as f32;
         let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
         let Some(edges) = Edges::new(corners) else { return };
-        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps());
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps(), self.samples);
         if !edges.front && !surface.double_sided() {
             return;
         }
@@ -209,57 +241,88 @@ impl<'a> Tile<'a> {
         let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, self.side), &samples_of(rows, origin.y, self.samples));
         let columns =
             overlap(&covered(low.x - 0.5, high.x, 1.0, self.side), &samples_of(columns, origin.x, self.samples));
-        let number = self.drawn.len() as u32;
-        let threshold = Thresholds::new(self.samples, index);
-        let mut any = false;
-        for y in rows {
-            let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
-            let span = edges.span(y as f32 + 0.5, &columns);
-            for start in span.clone().step_by(RUN) {
-                let run = start..(start + RUN).min(span.end);
-                if !surface.may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
-                    continue;
-                }
-                for x in run {
-                    let weights = weights_at(x as f32 + 0.5);
-                    if weights.min_element() < 0.0 {
-                        continue;
-                    }
-                    let depth = weights.dot(depths);
-                    let sample = y * self.side + x;
-                    if depth > self.depths[sample] && surface.passes(weights, threshold.at(x, y)) {
-                        self.depths[sample] = depth;
-                        self.seen[sample] = number;
-                        any = true;
-                    }
-                }
+        let mut drawing =
+            Drawing { surface, edges, depths, threshold: Thresholds::new(self.samples, index), any: false };
+        for top in rows.clone().step_by(BLOCK) {
+            self.add_band(&mut drawing, &columns, top..(top + BLOCK).min(rows.end));
+        }
+        if drawing.any {
+            self.drawn.push(Fragment { index, edges: drawing.edges, surface: drawing.surface });
+        }
+    }
+
+    /// The part of a triangle in at most [`BLOCK`] rows, block by block: most of what foliage shows is transparent, and blocks of it are left out.
+    fn add_band(&mut self, drawing: &mut Drawing<'a>, columns: &Range<usize>, rows: Range<usize>) {
+        let mut spans: [Range<usize>; BLOCK] = std::array::from_fn(|_| 0..0);
+        let mut whole = usize::MAX..0;
+        for (y, span) in rows.clone().zip(&mut spans) {
+            *span = drawing.edges.span(y as f32 + 0.5, columns);
+            if span.start < span.end {
+                whole = whole.start.min(span.start)..whole.end.max(span.end);
             }
         }
-        if any {
-            self.drawn.push(Fragment { index, edges, surface });
+        let middle = 0.5 * (rows.start + rows.end) as f32;
+        for left in whole.clone().step_by(BLOCK) {
+            let block = left..(left + BLOCK).min(whole.end);
+            let centre = Vec2::new(0.5 * (block.start + block.end) as f32, middle);
+            if !drawing.surface.block_may_pass(drawing.edges.weights(centre)) {
+                continue;
+            }
+            for (y, span) in rows.clone().zip(&spans) {
+                self.add_run(drawing, overlap(&block, span), y);
+            }
+        }
+    }
+
+    /// The part of a triangle in at most [`BLOCK`] samples of a row.
+    fn add_run(&mut self, drawing: &mut Drawing<'a>, run: Range<usize>, y: usize) {
+        let Drawing { surface, edges, depths, threshold, any } = drawing;
+        let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
+        if run.is_empty() || !surface.run_may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
+            return;
+        }
+        let first = run.start;
+        let uv = surface.uv(weights_at(first as f32 + 0.5));
+        for x in run {
+            let weights = weights_at(x as f32 + 0.5);
+            if weights.min_element() < 0.0 {
+                continue;
+            }
+            let depth = weights.dot(*depths);
+            let sample = y * self.side + x;
+            if depth > self.depths[sample] && surface.passes_behind(uv, x - first, weights, threshold.at(x, y)) {
+                self.depths[sample] = depth;
+                self.seen[sample] = self.drawn.len() as u32;
+                *any = true;
+            }
         }
     }
 
     /// The mean of a channel over the samples of each pixel of a row, which is empty.
     fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
-        let in_row = self.samples * self.side;
-        let of_row = |sample: &u32| *sample < ((row + 1) * in_row) as u32;
-        let first = self.visible.partition_point(|sample| *sample < (row * in_row) as u32);
-        for &sample in self.visible[first..].iter().take_while(|sample| of_row(sample)) {
-            let (x, y) = (sample as usize % self.side, sample as usize / self.side);
-            // Triangles that reach beyond the canvas are drawn on whole tiles.
-            let Some(pixel) = pixels.get_mut(x / self.samples) else { continue };
-            let fragment = &self.drawn[self.seen[sample as usize] as usize];
-            let triangle = &triangles[fragment.index as usize];
-            let weights = fragment.edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-            let seen = Seen { surface: &fragment.surface, triangle, weights, front: fragment.edges.front };
-            *pixel += channel.look(&seen).extend(1.0);
-        }
         let weight = 1.0 / (self.samples * self.samples) as f32;
-        for pixel in pixels {
-            *pixel *= weight;
+        let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
+        for piece in self.pieces[first..].iter().take_while(|piece| piece.pixel < (row + 1) * TILE) {
+            // Triangles that reach beyond the canvas are drawn on whole tiles.
+            let Some(pixel) = pixels.get_mut(piece.pixel % TILE) else { continue };
+            let fragment = &self.drawn[piece.fragment as usize];
+            let triangle = &triangles[fragment.index as usize];
+            // The middle of some samples within a triangle lies within it.
+            let weights = fragment.edges.weights(piece.places / piece.count as f32);
+            let seen = Seen { surface: &fragment.surface, triangle, weights, front: fragment.edges.front };
+            *pixel += channel.look(&seen).extend(1.0) * (piece.count as f32 * weight);
         }
     }
+}
+
+/// A triangle that is being drawn on a tile.
+struct Drawing<'a> {
+    surface: Surface<'a>,
+    edges: Edges,
+    depths: Vec3,
+    threshold: Thresholds,
+    /// Whether it was seen at any sample.
+    any: bool,
 }
 
 /// Barycentric weights as affine functions of the place.
@@ -314,8 +377,9 @@ impl Edges {
                 high = high.min(crossing);
             }
         }
-        let first = columns.start + (low - 1.0).max(0.0) as usize;
-        let end = columns.start + (high + 2.0).max(0.0) as usize;
+        // Casts saturate: what lies beyond is cut.
+        let first = columns.start.saturating_add((low - 1.0) as usize);
+        let end = columns.start.saturating_add((high + 2.0) as usize);
         first.min(columns.end)..end.min(columns.end)
     }
 }
