@@ -38,9 +38,12 @@ pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
 /// s = √(ΣA / Σ A·r²): the linear factor for all drawn leaves that keeps the covered area. 1 when nothing is pruned or nothing
 /// is left to grow. O(n).
 #[must_use]
-pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)>, keep: f64) -> f64 {
+pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)> + Clone, keep: f64) -> f64 {
     let (mut all, mut drawn) = (Total::default(), Total::default());
+    // As shares of the largest, so that no sum overflows.
+    let largest = leaves.clone().map(|(_, area)| area).fold(0.0, f64::max);
     for (rank, area) in leaves {
+        let area = area / largest;
         let r = leaf_scale(rank, keep);
         all.add(area);
         drawn.add(area * r * r);

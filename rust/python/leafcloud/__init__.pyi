@@ -47,6 +47,11 @@ class Material:
     ``base_color`` is a linear RGBA factor; ``image`` an sRGB RGBA image ``(h, w, 4)`` uint8 that repeats outside
     [0, 1]. ``alpha_cutoff`` counts for ``MASK`` only. A material that is not ``double_sided`` shows the
     side from which its triangles wind counter-clockwise.
+
+    ``normal`` is a tangent-space normal map as in glTF (red to the right, green up the texture), ``gloss`` an image of
+    occlusion, roughness and metallic that multiplies the factors, both with linear codes; ``translucency`` the linear
+    colour of the light that shines through, times ``translucency_image`` (sRGB). All are laid like ``image``. Factors
+    lie in [0, 1].
     """
     def __init__(
         self,
@@ -57,6 +62,12 @@ class Material:
         alpha_mode: AlphaMode = "OPAQUE",
         alpha_cutoff: float = 0.5,
         double_sided: bool = True,
+        normal: NDArray[np.uint8] | None = None,
+        roughness: float = 1.0,
+        metallic: float = 0.0,
+        gloss: NDArray[np.uint8] | None = None,
+        translucency: Sequence[float] | None = None,
+        translucency_image: NDArray[np.uint8] | None = None,
     ) -> None: ...
     @property
     def name(self) -> str: ...
@@ -65,7 +76,7 @@ class Foliage:
     """Triangles, their leaves and how they look, in a local frame.
 
     ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or
-    per corner (t, 3, 2); ``colors`` linear RGBA that multiply the base colour, per vertex (v, 4) or per corner
+    per corner (t, 3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` linear RGBA that multiply the base colour, per vertex (v, 4) or per corner
     (t, 3, 4); ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a
     leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or
     an edge whose two ends coincide exactly.
@@ -156,6 +167,16 @@ class Level:
     @property
     def base_color(self) -> NDArray[np.uint8]:
         """(h, w, 4) the atlas page: sRGB, straight alpha, colours dilated under transparent texels."""
+    @property
+    def normal(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) normals on the side that faces the viewer, in each billboard's axes: a tangent-space normal map as in
+        glTF, linear codes; ``None`` when it was not asked for."""
+    @property
+    def gloss(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) occlusion, roughness, metallic, linear codes; ``None`` when it was not asked for."""
+    @property
+    def translucency(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) the colour of the light that shines through, sRGB; ``None`` when it was not asked for."""
     @property
     def alpha_cutoff(self) -> float: ...
     @property
@@ -316,6 +337,9 @@ def build_chain(
     texture_size: int = 2048,
     samples: int = 4,
     back_sides: bool | None = None,
+    normals: float | None = None,
+    gloss: bool = False,
+    translucency: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,
@@ -344,6 +368,8 @@ def build_chain(
     budget is the first level's) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
+    Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
+    bent toward the hull of the crown), ``gloss``, ``translucency``.
     """
 
 def start_chain(
@@ -356,6 +382,9 @@ def start_chain(
     texture_size: int = 2048,
     samples: int = 4,
     back_sides: bool | None = None,
+    normals: float | None = None,
+    gloss: bool = False,
+    translucency: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,

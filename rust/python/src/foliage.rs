@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use leafcloud::{AlphaMode, Attributes, Foliage, Material};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -17,7 +17,8 @@ pub struct PyMaterial(pub Material);
 #[pymethods]
 impl PyMaterial {
     #[new]
-    #[pyo3(signature = (name = "leaf", *, base_color = None, image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true))]
+    #[pyo3(signature = (name = "leaf", *, base_color = None, image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true, normal = None, roughness = 1.0, metallic = 0.0, gloss = None, translucency = None, translucency_image = None))]
+    #[allow(clippy::too_many_arguments)] // the Python signature
     fn new(
         name: &str,
         base_color: Option<&Bound<'_, PyAny>>,
@@ -25,6 +26,12 @@ impl PyMaterial {
         alpha_mode: &str,
         alpha_cutoff: f32,
         double_sided: bool,
+        normal: Option<&Bound<'_, PyAny>>,
+        roughness: f32,
+        metallic: f32,
+        gloss: Option<&Bound<'_, PyAny>>,
+        translucency: Option<&Bound<'_, PyAny>>,
+        translucency_image: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let alpha_mode = match alpha_mode {
             "OPAQUE" => AlphaMode::Opaque,
@@ -33,14 +40,20 @@ impl PyMaterial {
             other => return Err(refuse(format!("alpha_mode is {other:?}; it must be OPAQUE, MASK or BLEND"))),
         };
         let base_color = base_color.map_or(Ok([1.0; 4]), |v| read(v, "base_color", "four floats in [0, 1]"))?;
-        let image = image.map(arrays::image).transpose()?;
+        let translucency = translucency.map_or(Ok([0.0; 3]), |v| read(v, "translucency", "three floats in [0, 1]"))?;
+        let picture = |value: Option<&Bound<'_, PyAny>>| value.map(arrays::image).transpose();
         let material = Material {
             name: name.to_owned(),
             base_color: Vec4::from_array(base_color),
-            image,
+            image: picture(image)?,
             alpha_mode,
             double_sided,
-            ..Material::default()
+            normal: picture(normal)?,
+            roughness,
+            metallic,
+            gloss: picture(gloss)?,
+            translucency: Vec3::from_array(translucency),
+            translucency_image: picture(translucency_image)?,
         };
         material.check().map_err(|e| refuse(e.to_string()))?;
         Ok(Self(material))

@@ -157,6 +157,21 @@ impl PyLevel {
     }
 
     #[getter]
+    fn normal<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.normal.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    #[getter]
+    fn gloss<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.gloss.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    #[getter]
+    fn translucency<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.translucency.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    #[getter]
     fn alpha_cutoff(&self) -> f32 {
         self.level().alpha_cutoff
     }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::ChainSettings;
+use leafcloud::textures::Channels;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -121,6 +122,11 @@ impl<'py> Options<'py> {
             up,
             texture_size: self.count("texture_size", default.texture_size)?,
             samples: self.take("samples", arrays::samples, default.samples)?,
+            channels: Channels {
+                normal: self.some("normals", "the share that normals are bent by, in [0, 1], or None")?,
+                gloss: self.flag("gloss", default.channels.gloss)?,
+                translucency: self.flag("translucency", default.channels.translucency)?,
+            },
             back_sides: self.take("back_sides", sides, default.back_sides)?,
         })
     }

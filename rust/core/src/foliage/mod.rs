@@ -183,6 +183,12 @@ impl Foliage {
         Ok(Self { coverage: Arc::clone(&self.coverage), ..moved })
     }
 
+    /// The same leaves, seen from either side.
+    #[must_use]
+    pub fn double_sided(&self) -> Self {
+        self.with_materials(|material| Material { double_sided: true, ..material.clone() })
+    }
+
     /// The same foliage with other materials: `change` sees each.
     #[must_use]
     pub fn with_materials(&self, change: impl Fn(&Material) -> Material) -> Self {

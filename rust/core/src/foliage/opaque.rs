@@ -60,8 +60,8 @@ impl Opacity {
     pub fn of(foliage: &Foliage) -> Self {
         let tested = |t: usize| {
             let material = foliage.material(t);
-            material.alpha_mode != AlphaMode::Opaque
-                && (material.image.is_some() || !foliage.attributes().colors.is_empty())
+            let varies = material.image.is_some() || !foliage.attributes().colors.is_empty();
+            material.alpha_mode != AlphaMode::Opaque && (varies || material.base_color.w < least_alpha(material))
         };
         let count = foliage.triangle_count();
         if !(0..count).any(tested) {

@@ -1,6 +1,6 @@
 //! The last level: two perpendicular billboards that stand along "up" through the centre of the bounding sphere, each showing the whole
-//! tree, wood and all. It promises no ε and is not morphed to. What lies flat, as leaves on water do, would show neither of them anything:
-//! it gets one billboard that lies flat, too.
+//! tree, wood and all. It promises no ε and is not morphed to. Leaves that lie, as on water or on tiers of boughs, would not be seen on what
+//! stands: they get a billboard that lies, too, and what stands is left out where it shows nothing.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::level::{Level, Seconds, billboard_ranks, billboards};
 use super::{ChainSettings, Judges, tune};
 use crate::error::Result;
-use crate::foliage::Foliage;
+use crate::foliage::{Foliage, area_vector};
 use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
@@ -29,10 +29,14 @@ pub(super) fn build(
     let parts: Vec<&Foliage> = std::iter::once(leaves).chain(wood).collect();
     let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = parts.iter().flat_map(|part| in_frame(part, frame)).collect();
     let up = settings.up.normalize();
-    let planes = planes(up, &triangles);
+    let planes = planes(up, leaves, &triangles);
     let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
-    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture unless asked for.
+    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture unless asked for. It then shows
+    // leaves from either side.
     let two_sided = settings.back_sides == Some(true);
+    let shown: Vec<Foliage> =
+        parts.iter().map(|part| if two_sided { (*part).clone() } else { part.double_sided() }).collect();
+    let triangles: Vec<_> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
     let sheet = Sheet::pack(&planes, &outlines, SheetSettings::of_size(page, two_sided))?;
     let packed = Instant::now();
 
@@ -51,6 +55,7 @@ pub(super) fn build(
     let judges = Judges::new(&parts, &frame)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
+    tune::check_shown(&judgement, &page)?;
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
@@ -81,18 +86,36 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
     })
 }
 
-/// What is less high than this share of R lies flat.
-const FLAT: f64 = 1.0 / 64.0;
+/// How many times more of the leaves' area a plane that lies must show than those that stand, to be there, too.
+const LYING: f64 = 4.0;
 
-/// The two planes that stand, or the one that lies.
-fn planes(up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
-    let heights = triangles.iter().flat_map(|t| t.2).map(|p| up.dot(p));
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
-    if high - low < FLAT {
-        vec![Plane { normal: up, distance: f64::midpoint(low, high) }]
-    } else {
-        perpendicular_planes(up).to_vec()
+/// What shows less than this share of what the lying plane shows is left out.
+const LEAST: f64 = 1.0 / 64.0;
+
+/// The two planes that stand, the one that lies, as what they show calls for them.
+fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
+    let standing = perpendicular_planes(up);
+    let seen_along =
+        |normal: DVec3| (0..leaves.triangle_count()).map(|t| leaves.area_vector(t).dot(normal).abs()).sum::<f64>();
+    let (lying, most) = (seen_along(up), seen_along(standing[0].normal).max(seen_along(standing[1].normal)));
+    if lying <= LYING * most {
+        return standing.to_vec();
     }
+    let shows = |plane: &Plane| triangles.iter().map(|t| area_vector(t.2).dot(plane.normal).abs()).sum::<f64>();
+    let enough = LEAST * lying;
+    let kept = standing.into_iter().filter(|plane| shows(plane) >= enough);
+    kept.chain([Plane { normal: up, distance: middle_height(up, leaves) }]).collect()
+}
+
+/// The mean height of the leaves' area.
+fn middle_height(up: DVec3, leaves: &Foliage) -> f64 {
+    let weighted = |t: usize| {
+        let corners = leaves.corners(t);
+        let area = area_vector(corners).length();
+        (area, area * up.dot(corners.into_iter().sum::<DVec3>() / 3.0))
+    };
+    let (area, moment) = (0..leaves.triangle_count()).map(weighted).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    moment / area
 }
 
 /// Two planes through the origin that contain `up`; facing −y and x when up is z, as front and side views do.

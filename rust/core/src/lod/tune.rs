@@ -10,7 +10,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
-use crate::judge::{Judge, Views};
+use crate::judge::{Judge, Judgement, Views};
 use crate::sheet::Sheet;
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
@@ -79,12 +79,21 @@ pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, bef
 
 fn greatest_alpha(page: &Image) -> Result<f32> {
     let most = page.pixels().iter().map(|p| p[3]).max().unwrap_or(0);
-    if most > 0 {
-        return Ok(f32::from(most) / 255.0);
-    }
-    Err(Error::invalid(format!(
-        "nothing shows on a page of {} texels a side: what is to be seen there is thinner than the samples of a texel; raise texture_size or \
-         samples, or lower epsilon",
+    if most > 0 { Ok(f32::from(most) / 255.0) } else { Err(nothing_shows(page)) }
+}
+
+/// A level that covers nothing of what the leaves cover is none.
+///
+/// # Errors
+/// Its coverage is 0.
+pub fn check_shown(judgement: &Judgement, page: &Page) -> Result<()> {
+    if judgement.coverage > 0.0 { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
+}
+
+fn nothing_shows(page: &Image) -> Error {
+    Error::invalid(format!(
+        "nothing shows on a page of {} texels a side: the leaves are thinner there than the samples of a texel; raise texture_size or samples, \
+         ask for fewer levels, or leave out the cross",
         page.width()
-    )))
+    ))
 }

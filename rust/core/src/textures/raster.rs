@@ -254,7 +254,7 @@ impl<'a> Tile<'a> {
     /// The part of a triangle in at most [`BLOCK`] rows, block by block: most of what foliage shows is transparent, and blocks of it are left out.
     fn add_band(&mut self, drawing: &mut Drawing<'a>, columns: &Range<usize>, rows: Range<usize>) {
         let mut spans: [Range<usize>; BLOCK] = std::array::from_fn(|_| 0..0);
-        let mut whole = usize::MAX..0;
+        let mut whole = Range { start: usize::MAX, end: 0 };
         for (y, span) in rows.clone().zip(&mut spans) {
             *span = drawing.edges.span(y as f32 + 0.5, columns);
             if span.start < span.end {

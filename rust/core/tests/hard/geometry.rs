@@ -5,7 +5,6 @@ use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::foliage::Attributes;
 use leafcloud::geometry::{Outline, Plane, convex_outline, minimum_rectangle};
 use leafcloud::lod::{ChainSettings, build_chain};
-use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress};
 
 use crate::common::promise::farthest_share;

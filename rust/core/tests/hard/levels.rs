@@ -1,7 +1,7 @@
 //! Whole chains and pictures of things of which hardly anything can be seen: something, or a named error, never an empty success.
 
-use glam::DVec3;
-use leafcloud::foliage::{Attributes, Opacity};
+use glam::{DVec3, Vec4};
+use leafcloud::foliage::{AlphaMode, Attributes, Material, Opacity};
 use leafcloud::geometry::Plane;
 use leafcloud::judge::{View, render};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
@@ -84,6 +84,89 @@ fn foliage_that_lies_flat() {
     .holds(off, 0.05);
 }
 
+/// Horizontal squares at any height, tilted by a little, and a stem.
+fn tiers(tilt: f64) -> (Foliage, Foliage) {
+    let mut random = Random(78);
+    let square = |_| {
+        let (at, size) = (random.in_ball(), 0.15);
+        let corner = |x: f64, y: f64| at + DVec3::new(x * size, y * size, (x + y) * size * tilt);
+        [[corner(-1., -1.), corner(1., -1.), corner(1., 1.)], [corner(-1., -1.), corner(1., 1.), corner(-1., 1.)]]
+    };
+    let leaves = soup(&(0..60).flat_map(square).collect::<Vec<_>>());
+    let stem = soup(&[[DVec3::new(0.0, 0.0, -1.2), DVec3::new(0.02, 0.0, -1.2), DVec3::Z]]);
+    (leaves, stem)
+}
+
+#[test]
+fn foliage_of_horizontal_tiers() {
+    let mut least: f64 = 1.0;
+    for tilt in [0.0, 1e-4, 0.03, 0.1] {
+        let (leaves, stem) = tiers(tilt);
+        for wood in [None, Some(&stem)] {
+            let cross = chain(&leaves, wood, &ChainSettings { levels: 0, ..settings() }).unwrap().levels.remove(0);
+            least = least.min(cross.judgement.coverage);
+        }
+    }
+    // Seen obliquely the tiers overlap less on one plane than in space: about half of what the leaves cover is there.
+    case(
+        GROUP,
+        "coverage that the cross of horizontal tiers lacks, with a stem and without",
+        "definition: most is there",
+    )
+    .holds(1.0 - least, 0.6);
+}
+
+/// A wall of one-sided squares that face along an axis.
+fn wall(normal: DVec3) -> Foliage {
+    let (x, y) = normal.any_orthonormal_pair();
+    let mut random = Random(79);
+    let square = |_| {
+        let at = x * random.signed() + y * random.signed();
+        let corner = |a: f64, b: f64| at + (x * a + y * b) * 0.2;
+        [[corner(-1., -1.), corner(1., -1.), corner(1., 1.)], [corner(-1., -1.), corner(1., 1.), corner(-1., 1.)]]
+    };
+    let squares: Vec<_> = (0..40).flat_map(square).collect();
+    soup(&squares).with_materials(|m| Material { double_sided: false, ..m.clone() })
+}
+
+#[test]
+fn one_sided_leaves_that_face_away() {
+    let mut blank = 0;
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        for normal in [axis, -axis] {
+            for back_sides in [None, Some(false), Some(true)] {
+                let found = chain(&wall(normal), None, &ChainSettings { back_sides, ..settings() }).unwrap();
+                blank += usize::from(found.levels[0].judgement.coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
+            }
+        }
+    }
+    case(GROUP, "one-sided walls that face any way: levels that do not show them", "definition: none")
+        .holds(blank as f64, 0.0);
+}
+
+#[test]
+fn leaves_of_which_hardly_anything_can_be_seen() {
+    let faint = |alpha: f32, mode: AlphaMode| {
+        let color = Vec4::new(1.0, 1.0, 1.0, alpha);
+        soup(&random_corners(30, 80)).with_materials(|m| Material { base_color: color, alpha_mode: mode, ..m.clone() })
+    };
+    for (name, alpha, mode) in [
+        ("leaves of alpha 10⁻³⁰, blended, without an image", 1e-30, AlphaMode::Blend),
+        ("leaves of alpha 0, blended, without an image", 0.0, AlphaMode::Blend),
+        ("leaves of alpha 0.4 at a cutoff of 0.5, without an image", 0.4, AlphaMode::Mask(0.5)),
+    ] {
+        case(GROUP, name, "a named error")
+            .refuses(chain(&faint(alpha, mode), None, &settings()).map(|_| ()), "nothing can be seen of the leaves");
+    }
+    let tiny: Vec<_> =
+        random_corners(40, 81).into_iter().map(|[a, b, c]| [a, a + (b - a) * 0.01, a + (c - a) * 0.01]).collect();
+    let found = chain(&soup(&tiny), None, &settings());
+    let shows = |level: &leafcloud::lod::Level| level.judgement.coverage > 0.0;
+    let answered =
+        found.as_ref().map_or_else(|e| e.to_string().contains("nothing shows"), |c| c.levels.iter().all(shows));
+    case(GROUP, "leaves of R/2000", "definition: levels that show something, or a named error").equals(answered, true);
+}
+
 #[test]
 fn nothing_asked_for() {
     let none = ChainSettings { levels: 0, cross: false, ..settings() };
@@ -105,7 +188,8 @@ fn wood_out_of_proportion() {
         case(GROUP, name, "a named error")
             .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the wood reaches");
     }
-    let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &settings()).unwrap();
+    let fine = ChainSettings { texture_size: 1024, ..settings() };
+    let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &fine).unwrap();
     case(GROUP, "wood twenty times as large", "definition: every page shows something")
         .equals(fewest_drawn(&tall) > 0, true);
 }

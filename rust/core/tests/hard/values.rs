@@ -44,6 +44,9 @@ fn the_ramp_and_the_scale() {
     case(GROUP, "λ·N < 1: the first of three equal leaves stands for all", "closed form: √3")
         .holds((area_scale(equal(3), 0.2) - 3f64.sqrt()).abs(), 4e-16);
     case(GROUP, "one leaf at λ·N < 1 is on its ramp's top", "closed form: 1").equals(leaf_scale(0.0, 1e-3), 1.0);
+    let vast = [0.0, 0.3, 0.6].map(|rank| (rank, 1e308));
+    case(GROUP, "areas whose sum is beyond f64", "closed form: three leaves, two of them drawn, at λ = ½")
+        .holds((area_scale(vast.into_iter(), 0.5) - 1.5f64.sqrt()).abs(), 4e-16);
     case(GROUP, "no leaves at all", "definition: 1").equals(area_scale(std::iter::empty(), 0.3), 1.0);
     let mut random = Random(3);
     let leaves: Vec<(f64, f64)> =
