@@ -10,8 +10,8 @@ Conventions, the same in every function:
 * ``t`` is the number of triangles of the foliage that was fitted, ``k`` of planes, ``b`` of billboards.
 
 Everything is deterministic: the same input, settings and seed give the same bytes on any number of
-threads and on any machine. Every refusal is a :class:`LeafcloudError` whose message names the value, its
-limit and the remedy.
+threads and on any machine. Every refusal of a value is a :class:`LeafcloudError` whose message names it, its limit
+and the remedy; an argument of a type that cannot be meant is a ``TypeError``, as everywhere in Python.
 """
 
 from collections.abc import Callable, Sequence

@@ -124,4 +124,6 @@ impl ToPage {
 }
 
 #[cfg(test)]
+mod channels_tests;
+#[cfg(test)]
 mod tests;

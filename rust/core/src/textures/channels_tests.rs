@@ -1,0 +1,131 @@
+//! Channels against closed forms: planes, spheres, maps of one colour.
+
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
+
+use super::Samples;
+use super::channels::Channel;
+use super::raster::{ScreenTriangle, Window, rasterise};
+use crate::foliage::{Attributes, Foliage, Image, Material};
+
+/// The square [−1, 1]² turned by `turn`, texture coordinates over all of it.
+fn square(turn: DMat3, material: Material) -> Foliage {
+    let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]].map(|[x, y]| turn * DVec3::new(x, y, 0.0));
+    let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let attributes =
+        Attributes { uvs: vec![[uvs[0], uvs[1], uvs[2]], [uvs[0], uvs[2], uvs[3]]], ..Attributes::default() };
+    Foliage::new(&corners, vec![[0, 1, 2], [0, 2, 3]], attributes, vec![material]).unwrap()
+}
+
+/// What a channel shows of a foliage that is laid into the picture along `view`, as `(column, row) → value`.
+fn seen(foliage: &Foliage, channel: Channel, view: Mat3) -> impl Fn(usize, usize) -> Vec3 {
+    const SIDE: usize = 16;
+    let window = Window { view, ..Window::WHOLE };
+    let place = |p: DVec3| {
+        let q = view * p.as_vec3();
+        Vec3::new(SIDE as f32 / 2.0 * (1.0 + q.x), SIDE as f32 / 2.0 * (1.0 - q.y), q.z)
+    };
+    let triangles: Vec<ScreenTriangle> = (0..foliage.triangle_count())
+        .map(|t| ScreenTriangle {
+            corners: foliage.corners(t).map(place),
+            foliage,
+            triangle: t as u32,
+            window: &window,
+        })
+        .collect();
+    let canvas = rasterise(&triangles, SIDE, SIDE, Samples::default(), &[channel]).remove(0);
+    move |column, row| {
+        let pixel = canvas.pixels[row * SIDE + column];
+        assert!(pixel.w > 0.99, "nothing is seen at {column} {row}");
+        pixel.truncate() / pixel.w
+    }
+}
+
+fn near(found: Vec3, expected: Vec3) {
+    assert!(found.distance(expected) < 2e-3, "{found}, expected {expected}");
+}
+
+const FRONT: Mat3 = Mat3::IDENTITY;
+/// From behind: right is −x, up is y.
+const BACK: Mat3 = Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z);
+const NORMAL: Channel = Channel::Normal(0.0);
+
+#[test]
+fn a_tilted_leaf_shows_its_tilt() {
+    let tilted = square(DMat3::from_rotation_x(0.5), Material::default());
+    near(seen(&tilted, NORMAL, FRONT)(7, 8), Vec3::new(0.0, -0.5f32.sin(), 0.5f32.cos()));
+    // Seen from behind, the side that faces the viewer counts: up and down stay.
+    near(seen(&tilted, NORMAL, BACK)(7, 8), Vec3::new(0.0, 0.5f32.sin(), 0.5f32.cos()));
+}
+
+#[test]
+fn corner_normals_count_more_than_the_face() {
+    let bent = Vec3::new(0.6, 0.0, 0.8);
+    let flat = square(DMat3::IDENTITY, Material::default());
+    let attributes = Attributes { normals: vec![[bent * 7.0; 3]; 2], ..flat.attributes().clone() };
+    let corners: Vec<DVec3> = (0..2).flat_map(|t| flat.corners(t)).collect();
+    let foliage = Foliage::new(&corners, vec![[0, 1, 2], [3, 4, 5]], attributes, vec![]).unwrap();
+    near(seen(&foliage, NORMAL, FRONT)(3, 12), bent);
+    near(seen(&foliage, NORMAL, BACK)(3, 12), Vec3::new(0.6, 0.0, 0.8));
+}
+
+#[test]
+fn maps_turn_with_the_leaf() {
+    // (0.6, 0, 0.8) in codes.
+    let map = Image::new(4, 4, vec![[204, 128, 230, 255]; 16]).unwrap();
+    let leaf = |turn| square(turn, Material { normal: Some(map.clone()), ..Material::default() });
+    let close = |found: Vec3, expected: Vec3| assert!(found.distance(expected) < 0.01, "{found}, expected {expected}");
+    close(seen(&leaf(DMat3::IDENTITY), NORMAL, FRONT)(8, 8), Vec3::new(0.6, 0.0, 0.8));
+    let quarter = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_2);
+    close(seen(&leaf(quarter), NORMAL, FRONT)(8, 8), Vec3::new(0.0, 0.6, 0.8));
+    // A mirrored leaf: its texture runs the other way, and so does what the map says.
+    let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
+    close(seen(&leaf(mirror), NORMAL, FRONT)(8, 8), Vec3::new(0.6, 0.0, 0.8));
+}
+
+#[test]
+fn bent_all_the_way_normals_point_outward() {
+    let flat = square(DMat3::IDENTITY, Material::default());
+    // Level with the centre of the crown they lie in the plane: a billboard shows them as far as it can.
+    let shown = seen(&flat, Channel::Normal(1.0), FRONT)(12, 7);
+    assert!(shown.x > 0.98 && shown.z > 0.0, "{shown}");
+    let half = seen(&flat, Channel::Normal(0.5), FRONT)(12, 7);
+    assert!((half.z - 0.5f32.sqrt()).abs() < 0.01 && half.x > 0.69, "{half}");
+}
+
+#[test]
+fn factors_multiply_images() {
+    let material = Material {
+        roughness: 0.5,
+        metallic: 1.0,
+        gloss: Some(Image::new(1, 1, vec![[255, 102, 51, 255]]).unwrap()),
+        translucency: Vec3::new(1.0, 0.5, 0.0),
+        translucency_image: Some(Image::new(1, 1, vec![[255, 188, 255, 255]]).unwrap()),
+        ..Material::default()
+    };
+    let leaf = square(DMat3::IDENTITY, material);
+    near(seen(&leaf, Channel::Gloss, FRONT)(5, 5), Vec3::new(1.0, 0.2, 0.2));
+    // Code 188 is 0.503 by the standard's formula.
+    near(seen(&leaf, Channel::Translucency, FRONT)(5, 5), Vec3::new(1.0, 0.2515, 0.0));
+}
+
+#[test]
+fn what_is_seen_from_far_is_the_mean() {
+    // Rows of black and white, sixteen to a pixel, at sizes that are and are not powers of two.
+    for side in [256, 240] {
+        let stripes = |i: usize| if i / side % 2 == 0 { [0, 0, 0, 255] } else { [255, 255, 255, 255] };
+        let striped = Image::new(side, side, (0..side * side).map(stripes).collect::<Vec<_>>()).unwrap();
+        let leaf = square(DMat3::IDENTITY, Material { image: Some(striped), ..Material::default() });
+        let look = seen(&leaf, Channel::BaseColor, FRONT);
+        for (column, row) in [(3, 3), (8, 7), (12, 4)] {
+            assert!((look(column, row) - 0.5).abs().max_element() < 0.02, "{side}: {}", look(column, row));
+        }
+    }
+}
+
+#[test]
+fn channels_become_codes() {
+    let canvas = super::Canvas { width: 1, height: 1, pixels: vec![Vec3::new(0.3, 0.0, 0.4).extend(0.5)] };
+    let code = |channel: Channel| channel.to_image(&canvas).pixels()[0];
+    assert_eq!(code(Channel::Normal(0.0)), [204, 128, 230, 255]);
+    assert_eq!(code(Channel::Gloss), [153, 0, 204, 255]);
+}
