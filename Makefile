@@ -47,7 +47,8 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 bench: ## measure the speed of the core
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
-	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud | tee docs/bench/fit.md
+	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
+	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 
 .PHONY: stability
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md

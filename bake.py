@@ -125,6 +125,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         help="a level takes over where its error is seen smaller than this many pixels (default: %(default)s)",
     )
     parser.add_argument(
+        "--bend-normals",
+        type=float,
+        default=default.bend_normals,
+        metavar="SHARE",
+        help="how far the billboards' normals are bent toward the hull of the crown, 0 to 1 (default: %(default)s)",
+    )
+    parser.add_argument(
         "--chain",
         default=default.chain,
         metavar="NAME",

@@ -13,6 +13,7 @@ from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
 from .scene.extract import Tree
+from .scene.shading import Gloss
 from .settings import BakeSettings
 
 
@@ -25,6 +26,7 @@ class Prepared:
     placement: Placement
     foliage: leafcloud.Foliage
     wood: leafcloud.Foliage | None
+    gloss: Gloss
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,10 +31,11 @@ from .export.report import report
 from .export.staging import Staging
 from .job import Progress, wait
 from .placement import Placement
-from .plan.effects import Facts, is_on, plan_effects, settle_back_sides
+from .plan.effects import Facts, is_on, plan_channels, plan_effects, settle_back_sides
 from .plan.reach import View, reaches, rising
 from .scene.describe import describe_material
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
+from .scene.shading import gloss_of
 from .settings import BakeSettings, fit_options
 
 
@@ -44,16 +46,19 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
     """
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
-    foliage, leaf_warnings = _foliage(tree.leaves, placement)
-    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement)
-    effects = plan_effects(settings, Facts(leaves=foliage.leaf_count, engine=settings.engine))
+    gloss = gloss_of(tree.leaves.materials)
+    facts = Facts(engine=settings.engine, glossy=gloss.varies)
+    channels = plan_channels(settings, facts)
+    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels)
+    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels)
+    effects = plan_effects(settings, replace(facts, leaves=foliage.leaf_count))
     blended = [
         f"material {material.name!r} is blended: the glTF files cut it out at an alpha of 0.5"
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
     warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings, *blended]))
-    return Prepared(tree, settings, placement, foliage, wood, effects, warnings)
+    return Prepared(tree, settings, placement, foliage, wood, gloss, effects, warnings)
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
@@ -66,6 +71,8 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         cross=settings.cross,
         texture_size=settings.texture_size,
         back_sides=is_on(prepared.effects, "back_sides"),
+        normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
+        gloss=bool(is_on(prepared.effects, "gloss")),
         **fit_options(settings),
     )
 
@@ -92,6 +99,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         name=name,
         placement=prepared.placement,
         centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
+        roughness=prepared.gloss.roughness,
+        metallic=prepared.gloss.metallic,
         transitions=transitions,
         pruning=pruning,
         switch_distances=switch_distances,
@@ -162,9 +171,9 @@ def view_of(scene: bpy.types.Scene) -> View:
     return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
 
 
-def _foliage(geometry: Geometry, placement: Placement) -> tuple[leafcloud.Foliage, list[str]]:
+def _foliage(geometry: Geometry, placement: Placement, channels: Sequence[str]) -> tuple[leafcloud.Foliage, list[str]]:
     """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
-    described = [describe_material(material) for material in geometry.materials]
+    described = [describe_material(material, channels) for material in geometry.materials]
     foliage = leafcloud.Foliage(
         world_positions(geometry, placement.matrix),
         placement.wind(geometry.triangles),

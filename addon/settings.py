@@ -13,7 +13,9 @@ METHODS = get_args(Method)
 EFFORTS = get_args(Effort)
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = ("billboards",)
-EFFECTS = ("transitions", "pruning", "back_sides")
+EFFECTS = ("transitions", "pruning", "back_sides", "normals", "gloss")
+CHANNELS = ("normals", "gloss")
+"""The effects that are channels of the textures."""
 EFFECT_CHOICES = ("auto", "all", "none")
 """What may stand in place of a list of effects."""
 
@@ -51,6 +53,7 @@ class BakeSettings:
     seed: of every random choice; ≥ 0.
     texture_size: side of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
     cross: whether two crossed billboards of the whole tree follow behind the clouds.
+    bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
     effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
     engine: which engine the glTF files are meant for.
     chain: how the levels follow one another.
@@ -79,6 +82,7 @@ class BakeSettings:
     seed: int = 0
     texture_size: int = 2048
     cross: bool = True
+    bend_normals: float = 0.0
     effects: str = "auto"
     engine: str = "generic"
     chain: str = "billboards"
@@ -113,6 +117,7 @@ class BakeSettings:
         self._require(
             "viewing_distance", (distance is None) == (angle is None), "given with --image-epsilon, or not at all"
         )
+        self._require("bend_normals", 0.0 <= self.bend_normals <= 1.0, "from 0 to 1")
         self._require("engine", self.engine in ENGINES, f"one of {', '.join(ENGINES)}")
         self._require("chain", self.chain in CHAINS, f"one of {', '.join(CHAINS)}")
         known = self.effects in EFFECT_CHOICES or set(effect_names(self.effects)) <= set(EFFECTS)

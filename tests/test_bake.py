@@ -16,6 +16,8 @@ from command_line import QUICK, bake, run, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
+from addon.settings import EFFECTS
+
 DEPTH_ORDER = 1.0 / 4096.0
 """The share of its height above the plane that a point keeps at a = 1."""
 ROUNDING = 1e-5
@@ -56,8 +58,12 @@ def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> Non
     distances = [level["switch_distance"] for level in report["levels"]]
     assert distances[0] == 0.0
     assert distances == sorted(set(distances))
-    assert [set(effect) for effect in report["effects"]] == [{"name", "on", "reason", "seconds", "bytes"}] * 3
-    assert [effect["name"] for effect in report["effects"]] == ["transitions", "pruning", "back_sides"]
+    assert [set(effect) for effect in report["effects"]] == [{"name", "on", "reason", "seconds", "bytes"}] * len(
+        EFFECTS
+    )
+    assert [effect["name"] for effect in report["effects"]] == list(EFFECTS)
+    states = {effect["name"]: effect["on"] for effect in report["effects"]}
+    assert (states["normals"], states["gloss"]) == (True, False), "the shrub's leaves are all alike"
     assert report["warnings"] == []
 
 
@@ -92,6 +98,30 @@ def test_clouds_are_cut_out_by_alpha(baked: tuple[Path, dict[str, Any]]) -> None
         assert primitive.material["alphaMode"] == "MASK"
         assert primitive.material["alphaCutoff"] == pytest.approx(node.extras["leafcloud"]["alpha_cutoff"])
         assert "baseColorTexture" in primitive.material["pbrMetallicRoughness"]
+        assert "normalTexture" in primitive.material
+        leaves = nodes["shrub_LOD0"].primitives[0].material["pbrMetallicRoughness"]
+        assert "metallicRoughnessTexture" not in primitive.material["pbrMetallicRoughness"]
+        for factor in ("roughnessFactor", "metallicFactor"):
+            assert primitive.material["pbrMetallicRoughness"].get(factor, 1.0) == leaves.get(factor, 1.0)
+
+
+def test_tangents_lie_along_the_texture(baked: tuple[Path, dict[str, Any]]) -> None:
+    """Billboards are rectangles, their textures lie along the sides; a normal map's green points up the texture."""
+    nodes = read_glb(baked[0] / "shrub.glb")
+    assert "TANGENT" not in nodes["shrub_LOD0"].primitives[0].attributes, "the leaves have no normal map"
+    for number in (1, 2, 3):
+        (primitive,) = nodes[f"shrub_LOD{number}"].primitives
+        tangents, normals, places, uvs = (
+            primitive.attributes[name][primitive.indices].astype(float)
+            for name in ("TANGENT", "NORMAL", "POSITION", "TEXCOORD_0")
+        )
+        sides, steps = (np.roll(values, -1, axis=1) - values for values in (places, uvs))
+        upward = np.cross(normals, tangents[..., :3]) * tangents[..., 3:]
+        for axis, expected, other in ((tangents[..., :3], steps[..., 0], 1), (upward, -steps[..., 1], 0)):
+            along = np.einsum("tci,tci->tc", axis, sides) / np.linalg.norm(sides, axis=2)
+            straight = np.abs(steps[..., other]) < 1e-6
+            assert straight.any()
+            np.testing.assert_allclose(along[straight], np.sign(expected[straight]), atol=1e-3)
 
 
 def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, Any]]) -> None:
@@ -375,11 +405,13 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
 
 def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) -> None:
     report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--effects", "none")
-    assert [effect["on"] for effect in report["effects"]] == [False] * 3
-    assert [effect["bytes"] for effect in report["effects"]] == [0] * 3
-    for primitive in read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives:
+    assert [effect["on"] for effect in report["effects"]] == [False] * len(EFFECTS)
+    assert [effect["bytes"] for effect in report["effects"]] == [0] * len(EFFECTS)
+    nodes = read_glb(tmp_path / "shrub.glb")
+    for primitive in [*nodes["shrub_LOD0"].primitives, *nodes["shrub_LOD1"].primitives]:
         assert set(primitive.attributes) == {"POSITION", "NORMAL", "TEXCOORD_0"}
         assert not primitive.targets
+    assert "normalTexture" not in nodes["shrub_LOD1"].primitives[0].material
 
 
 def test_godot_reads_rank_and_pivot_from_custom_attributes(
@@ -398,11 +430,11 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
     assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
-        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"]
+        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["normals", "on"], ["gloss", "off"]
     ]  # fmt: skip
     plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
     assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == [
-        ("transitions", False), ("pruning", True), ("back_sides", False)
+        ("transitions", False), ("pruning", True), ("back_sides", False), ("normals", False), ("gloss", False)
     ]  # fmt: skip
     assert not (tmp_path / "out").exists()
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from addon.build import levels as built_levels
 from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
 from addon.build.levels import Costs, Plan, build_levels, prefix_table
-from addon.build.materials import atlas_image, atlas_material
+from addon.build.materials import Page, atlas_image, atlas_material
 from addon.placement import Placement
 from addon.plan.reach import reaches
 from addon.scene.extract import Geometry, Tree
@@ -39,6 +39,8 @@ class FakeLevel:
     two_sided: bool = False
     alpha_cutoff: float = 0.375
     max_deviation_leaves: float = 0.05
+    normal: NDArray[np.uint8] | None = None
+    gloss: NDArray[np.uint8] | None = None
     uvs: NDArray[np.float32] = field(init=False)
     base_color: NDArray[np.uint8] = field(init=False)
 
@@ -468,12 +470,28 @@ def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
 
 def test_the_atlas_material_is_cut_out_by_alpha() -> None:
     image = atlas_image("page", np.full((2, 2, 4), 255, np.uint8))
-    material = atlas_material("page", image, alpha_cutoff=0.375, double_sided=False)
+    material = atlas_material("page", Page(image), alpha_cutoff=0.375, double_sided=False)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     threshold = surface.inputs["Alpha"].links[0].from_node
     assert (threshold.operation, threshold.inputs[1].default_value) == ("GREATER_THAN", 0.375)
     assert surface.inputs["Base Color"].links[0].from_node.image == image
     assert material.use_backface_culling
+
+
+def test_the_atlas_material_shows_normals_and_gloss() -> None:
+    color, normal, gloss = (
+        atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
+        for name in ("color", "normal", "gloss")
+    )
+    material = atlas_material("page", Page(color, normal, gloss), alpha_cutoff=0.5, double_sided=True)
+    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    mapped = surface.inputs["Normal"].links[0].from_node
+    assert (mapped.type, mapped.inputs["Color"].links[0].from_node.image) == ("NORMAL_MAP", normal)
+    for name, channel in (("Roughness", "Green"), ("Metallic", "Blue")):
+        part = surface.inputs[name].links[0].from_socket
+        assert (part.name, part.node.inputs[0].links[0].from_node.image) == (channel, gloss)
+    spaces = [image.colorspace_settings.name for image in (color, normal, gloss)]
+    assert spaces == ["sRGB", "Non-Color", "Non-Color"]
 
 
 def test_faces_without_normals_are_flat() -> None:

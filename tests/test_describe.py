@@ -28,6 +28,10 @@ def test_no_material_is_blenders_grey() -> None:
             "alpha_mode": "OPAQUE",
             "alpha_cutoff": 0.5,
             "double_sided": True,
+            "normal": None,
+            "roughness": 1.0,
+            "metallic": 0.0,
+            "gloss": None,
         },
         [],
     )

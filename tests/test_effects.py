@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from addon.plan.effects import Effect, Facts, is_on, plan_effects, settle_back_sides
+from addon.plan.effects import Effect, Facts, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.reach import HAND_OVER, Reach, reaches, rising
-from addon.settings import BakeSettings
+from addon.settings import EFFECTS, BakeSettings
 
-FACTS = Facts(leaves=672, engine="generic")
+FACTS = Facts(engine="generic", leaves=672)
 
 
 def states(effects: tuple[Effect, ...]) -> dict[str, bool | None]:
@@ -19,19 +20,35 @@ def states(effects: tuple[Effect, ...]) -> dict[str, bool | None]:
 
 def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
     effects = plan_effects(BakeSettings(), FACTS)
-    assert states(effects) == {"transitions": True, "pruning": True, "back_sides": None}
+    assert states(effects) == {
+        "transitions": True,
+        "pruning": True,
+        "back_sides": None,
+        "normals": True,
+        "gloss": False,
+    }
     assert all(effect.reason for effect in effects)
 
 
+def test_glossy_leaves_call_for_gloss() -> None:
+    facts = replace(FACTS, glossy="laurel")
+    effects = plan_effects(BakeSettings(), facts)
+    assert is_on(effects, "gloss") is True
+    assert "'laurel'" in effects[-1].reason
+    assert plan_channels(BakeSettings(), facts) == ("normals", "gloss")
+    assert plan_channels(BakeSettings(effects="gloss,pruning"), FACTS) == ("gloss",)
+    assert plan_channels(BakeSettings(effects="none"), facts) == ()
+
+
 def test_one_leaf_is_not_pruned() -> None:
-    effects = plan_effects(BakeSettings(), Facts(leaves=1, engine="generic"))
+    effects = plan_effects(BakeSettings(), replace(FACTS, leaves=1))
     assert states(effects)["pruning"] is False
 
 
 @pytest.mark.parametrize(
     ("asked", "on"),
     [
-        ("all", {"transitions", "pruning", "back_sides"}),
+        ("all", set(EFFECTS)),
         ("none", set()),
         ("pruning", {"pruning"}),
         ("back_sides, transitions", {"back_sides", "transitions"}),
@@ -49,8 +66,8 @@ def test_back_sides_are_settled_by_what_the_levels_kept() -> None:
     assert is_on(settle_back_sides(planned, []), "back_sides") is False
     kept = settle_back_sides(planned, [1, 3])
     assert is_on(kept, "back_sides") is True
-    assert "1, 3" in kept[-1].reason
-    assert kept[:2] == planned[:2]
+    assert "1, 3" in kept[2].reason
+    assert (kept[:2], kept[3:]) == (planned[:2], planned[3:])
 
 
 def test_a_forced_effect_is_not_settled_again() -> None:

@@ -21,7 +21,7 @@ from ..scene.extract import Geometry, Tree
 from . import morphs
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .lod_nodes import NEVER, LodSettings, add_lod_modifier
-from .materials import atlas_image, atlas_material, layer_names
+from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
 from .rollback import removed_on_failure
 
@@ -52,7 +52,8 @@ class Plan:
     """How the levels are to be built: the name of all, the tree's place, which effects are on, when levels are drawn.
 
     centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
-    for each level with the leaves first, are in world units.
+    for each level with the leaves first, are in world units. roughness and metallic are the leaves' where no texture
+    says how glossy they are.
     """
 
     name: str
@@ -62,6 +63,8 @@ class Plan:
     pruning: bool
     switch_distances: tuple[float, ...]
     reaches: tuple[Reach, ...]
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     @property
     def follows_camera(self) -> bool:
@@ -197,9 +200,9 @@ def _cloud_object(
     level: leafcloud.Level, following: leafcloud.Level | None, number: int, plan: Plan, costs: Costs
 ) -> bpy.types.Object:
     name = f"{plan.name}_LOD{number}"
-    image = atlas_image(name, level.base_color)
     cutoff = level.alpha_cutoff
-    material = atlas_material(name, image, alpha_cutoff=cutoff, double_sided=not level.two_sided)
+    page = _page(name, level, plan, costs)
+    material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=not level.two_sided)
     shape = _cloud_shape(level, following, plan)
     mesh = create_mesh(name, shape.surface, [material])
     extras = {
@@ -209,6 +212,18 @@ def _cloud_object(
         "alpha_cutoff": cutoff,
     }
     return _object(mesh, shape, extras, plan.reaches[number], costs)
+
+
+def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
+    """The level's images in Blender."""
+    page = Page(atlas_image(name, level.base_color), roughness=plan.roughness, metallic=plan.metallic)
+    if (normal := level.normal) is not None:
+        with costs.spent_on("normals", normal.nbytes):
+            page = replace(page, normal=atlas_image(f"{name}_normal", normal, data=True))
+    if (gloss := level.gloss) is not None:
+        with costs.spent_on("gloss", gloss.nbytes):
+            page = replace(page, gloss=atlas_image(f"{name}_gloss", gloss, data=True))
+    return page
 
 
 def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -16,8 +17,20 @@ from ..scene.surface import read_surface
 from .cloud_mesh import COLOR_NAME, UV_NAME, LayerNames
 
 
-def atlas_image(name: str, pixels: NDArray[np.uint8]) -> bpy.types.Image:
-    """A packed PNG image of `pixels` (h, w, 4), sRGB with straight alpha, row 0 on top.
+@dataclass(frozen=True)
+class Page:
+    """The images of a level; `normal` in the billboards' axes, `gloss` of occlusion, roughness and metallic."""
+
+    base_color: bpy.types.Image
+    normal: bpy.types.Image | None = None
+    gloss: bpy.types.Image | None = None
+    roughness: float = 1.0
+    metallic: float = 0.0
+    """Both where there is no image of them."""
+
+
+def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
+    """A packed PNG image of `pixels` (h, w, 4), row 0 on top: sRGB with straight alpha, or `data` that are no colours.
 
     Blender's own PNG writer is left aside: the same pixels give the same bytes in every version.
     """
@@ -30,13 +43,16 @@ def atlas_image(name: str, pixels: NDArray[np.uint8]) -> bpy.types.Image:
     image.filepath_raw = f"//{name}.png"
     # Colours are dilated under transparent texels and wanted there: they must not be multiplied by alpha.
     image.alpha_mode = "CHANNEL_PACKED"
+    if data:
+        image.colorspace_settings.name = "Non-Color"
     return image
 
 
-def atlas_material(name: str, image: bpy.types.Image, *, alpha_cutoff: float, double_sided: bool) -> bpy.types.Material:
-    """A rough Principled BSDF with the image's colour, opaque where its alpha is above `alpha_cutoff`.
+def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: bool) -> bpy.types.Material:
+    """A Principled BSDF with the page's images, opaque where the alpha of the base colour is above `alpha_cutoff`.
 
-    Blender's glTF exporter writes the threshold as `alphaMode` MASK with that `alphaCutoff`.
+    Blender's glTF exporter writes the threshold as
+    `alphaMode` MASK with that `alphaCutoff`, normals as `normalTexture` and gloss as `metallicRoughnessTexture`.
     """
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
@@ -44,19 +60,38 @@ def atlas_material(name: str, image: bpy.types.Image, *, alpha_cutoff: float, do
     material.use_backface_culling = not double_sided
     tree = material.node_tree
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
-    surface.inputs["Roughness"].default_value = 1.0
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    texture.location = (-600.0, 300.0)
-    threshold = tree.nodes.new("ShaderNodeMath")
+    surface.inputs["Roughness"].default_value = page.roughness
+    surface.inputs["Metallic"].default_value = page.metallic
+    texture = _image_node(tree, page.base_color, 300.0)
+    threshold = _node(tree, "ShaderNodeMath", (-280.0, 100.0))
     threshold.operation = "GREATER_THAN"
     threshold.inputs[1].default_value = alpha_cutoff
     threshold.label = "Alpha cutoff"
-    threshold.location = (-280.0, 100.0)
     tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
     tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
     tree.links.new(threshold.outputs[0], surface.inputs["Alpha"])
+    if page.gloss is not None:
+        parts = _node(tree, "ShaderNodeSeparateColor", (-280.0, -100.0))
+        tree.links.new(_image_node(tree, page.gloss, 0.0).outputs["Color"], parts.inputs[0])
+        tree.links.new(parts.outputs["Green"], surface.inputs["Roughness"])
+        tree.links.new(parts.outputs["Blue"], surface.inputs["Metallic"])
+    if page.normal is not None:
+        normal = _node(tree, "ShaderNodeNormalMap", (-280.0, -300.0))
+        tree.links.new(_image_node(tree, page.normal, -300.0).outputs["Color"], normal.inputs["Color"])
+        tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
     return material
+
+
+def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image, height: float) -> bpy.types.Node:
+    node = _node(tree, "ShaderNodeTexImage", (-600.0, height))
+    node.image = image
+    return node
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, location: tuple[float, float]) -> bpy.types.Node:
+    node = tree.nodes.new(kind)
+    node.location = location
+    return node
 
 
 def layer_names(materials: Sequence[bpy.types.Material | None]) -> LayerNames:

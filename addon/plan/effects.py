@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..settings import EFFECTS, BakeSettings, effect_names
+from ..settings import CHANNELS, EFFECTS, BakeSettings, effect_names
 
 
 @dataclass(frozen=True)
@@ -19,18 +19,25 @@ class Effect:
 
 @dataclass(frozen=True)
 class Facts:
-    """What the plan looks at: the leaves that could be pruned, and the engine that will draw them."""
+    """What the plan looks at: the engine that will draw the leaves, how many could be pruned, what lights do there."""
 
-    leaves: int
     engine: str
+    leaves: int = 0
+    glossy: str | None = None
+    """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
 
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
-        return (_transitions(facts), _pruning(facts), _back_sides())
+        return (_transitions(facts), _pruning(facts), _back_sides(), _normals(facts), _gloss(facts))
     forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
     return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
+
+
+def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
+    """The channels of the textures that are on; it does not matter how many leaves there are."""
+    return tuple(effect.name for effect in plan_effects(settings, facts) if effect.name in CHANNELS and effect.on)
 
 
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
@@ -58,6 +65,20 @@ def _pruning(facts: Facts) -> Effect:
 
 def _back_sides() -> Effect:
     return Effect("back_sides", None, "each level keeps a texture of its own for the back where the two sides differ")
+
+
+def _normals(facts: Facts) -> Effect:
+    return Effect("normals", True, f"{_free_light(facts.engine)}, so the billboards are lit as their leaves would be")
+
+
+def _gloss(facts: Facts) -> Effect:
+    if facts.glossy is None:
+        return Effect("gloss", False, "all leaves are equally glossy, which takes a number and no texture")
+    return Effect("gloss", True, f"lights are mirrored in the material {facts.glossy!r} otherwise than elsewhere")
+
+
+def _free_light(engine: str) -> str:
+    return "light may come from anywhere" if engine == "generic" else f"light may come from anywhere in {engine}"
 
 
 def _free_camera(engine: str) -> str:

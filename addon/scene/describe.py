@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Literal, TypedDict
 
 import bpy
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
+from .shading import read_shading
 from .surface import Surface, Texture, read_surface
 
 Pixels = NDArray[np.uint8]
@@ -26,10 +28,18 @@ class MaterialDescription(TypedDict):
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
     alpha_cutoff: float
     double_sided: bool
+    normal: Pixels | None
+    roughness: float
+    metallic: float
+    gloss: Pixels | None
 
 
-def describe_material(material: bpy.types.Material | None) -> tuple[MaterialDescription, list[str]]:
+def describe_material(
+    material: bpy.types.Material | None, channels: Collection[str] = ()
+) -> tuple[MaterialDescription, list[str]]:
     """A material in the words of the core, and a sentence for each thing that could not be read.
+
+    `channels` out of "normals" and "gloss" are described, too; without them a leaf is smooth and rough.
 
     `base_color` is linear; `image` is (h, w, 4) sRGB with straight alpha, row 0 on top, `None` where no image counts.
     A colour attribute that multiplies them is not here but in `Geometry.colors`.
@@ -43,8 +53,26 @@ def describe_material(material: bpy.types.Material | None) -> tuple[MaterialDesc
         alpha_mode=surface.alpha_mode,
         alpha_cutoff=surface.alpha_cutoff,
         double_sided=surface.double_sided,
+        normal=None,
+        roughness=1.0,
+        metallic=0.0,
+        gloss=None,
     )
-    return description, list(surface.warnings)
+    messages = list(surface.warnings)
+    if channels:
+        shading = read_shading(material, surface.texture)
+        messages += shading.warnings
+        if "gloss" in channels:
+            description |= {"roughness": shading.roughness, "metallic": shading.metallic}
+            description["gloss"] = _data(shading.gloss, surface.name)
+        if "normals" in channels:
+            description["normal"] = _data(shading.normal, surface.name)
+    return description, messages
+
+
+def _data(texture: Texture | None, material_name: str) -> Pixels | None:
+    """(h, w, 4) the codes of an image that holds data, no colours."""
+    return None if texture is None else _pixels(texture.image, material_name, data=True)
 
 
 def _image(surface: Surface) -> Pixels | None:
@@ -71,8 +99,8 @@ def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "lumina
     return _bytes(_decoded(values) @ _LUMINANCE)
 
 
-def _pixels(image: bpy.types.Image, material_name: str) -> Pixels:
-    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top."""
+def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
+    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are left as they are, and opaque."""
     width, height = image.size  # makes Blender read the file
     if width == 0 or height == 0:
         raise SceneError(
@@ -82,6 +110,8 @@ def _pixels(image: bpy.types.Image, material_name: str) -> Pixels:
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
     rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
+    if data:
+        return _bytes(np.concatenate([rgba[..., :3], np.ones_like(rgba[..., 3:])], axis=2))
     color, alpha = rgba[..., :3], rgba[..., 3:]
     if image.alpha_mode == "NONE":
         alpha = np.ones_like(alpha)

@@ -76,14 +76,14 @@ class _Product:
 
     def times(self, other: _Product) -> _Product:
         if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
-            raise _NotUnderstoodError("multiplies two images or two colour attributes")
+            raise NotUnderstoodError("multiplies two images or two colour attributes")
         textured = self if self.texture else other
         red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
         attribute = other.attribute if self.attribute is None else self.attribute
         return _Product((red, green, blue), textured.texture, textured.channel, attribute)
 
 
-class _NotUnderstoodError(Exception):
+class NotUnderstoodError(Exception):
     """Words that follow "its base colour"."""
 
 
@@ -103,7 +103,7 @@ def read_surface(material: bpy.types.Material | None) -> Surface:
         return viewport
     try:
         principled, opacity, partial = _find_principled(material.node_tree)
-    except _NotUnderstoodError as reason:
+    except NotUnderstoodError as reason:
         return replace(viewport, warnings=(_warning(viewport, "surface", reason),))
     surface = _with_color(viewport, principled)
     surface = _with_alpha(surface, [principled.input("Alpha"), *opacity])
@@ -119,6 +119,16 @@ def transform_matrix(texture: Texture | None) -> NDArray[np.float64]:
     return np.array(Texture.transform if texture is None else texture.transform).reshape(2, 3)
 
 
+def principled_of(material: bpy.types.Material) -> Output | None:
+    """The Principled BSDF that makes the material's surface, if one does."""
+    if not _has_nodes(material):
+        return None
+    try:
+        return _find_principled(material.node_tree)[0]
+    except NotUnderstoodError:
+        return None
+
+
 def _has_nodes(material: bpy.types.Material) -> bool:
     with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the question
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -130,19 +140,19 @@ def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], boo
     output = next(filter(None, map(tree.get_output_node, ("ALL", "EEVEE", "CYCLES"))), None)
     shader = follow(Input(output.inputs["Surface"])) if output is not None else None
     if not isinstance(shader, Output):
-        raise _NotUnderstoodError("has no shader")
+        raise NotUnderstoodError("has no shader")
     opacity: list[Input] = []
     while _is_cut_out(shader):
         factor, _, opaque = shader.inputs()
         opacity.append(factor)
         behind = follow(opaque)
         if not isinstance(behind, Output):
-            raise _NotUnderstoodError("has no shader")
+            raise NotUnderstoodError("has no shader")
         shader = behind
     for found in _shaders(shader):
         if found.node.type == "BSDF_PRINCIPLED":
             return found, opacity, found.node != shader.node
-    raise _NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
+    raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
 def _is_cut_out(shader: Output) -> bool:
@@ -167,7 +177,7 @@ def _shaders(shader: Output) -> Iterator[Output]:
 def _with_color(viewport: Surface, principled: Output) -> Surface:
     try:
         product = _color_product(principled.input("Base Color"))
-    except _NotUnderstoodError as reason:
+    except NotUnderstoodError as reason:
         return replace(viewport, warnings=(*viewport.warnings, _warning(viewport, "base colour", reason)))
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
@@ -176,8 +186,8 @@ def _with_alpha(surface: Surface, targets: list[Input]) -> Surface:
     try:
         product, cutoff = _alpha_product(targets)
         if product.texture and surface.color_texture and not _laid_alike(product.texture, surface.color_texture):
-            raise _NotUnderstoodError("and its base colour use different texture coordinates")
-    except _NotUnderstoodError as reason:
+            raise NotUnderstoodError("and its base colour use different texture coordinates")
+    except NotUnderstoodError as reason:
         return replace(surface, warnings=(*surface.warnings, _warning(surface, "alpha", reason)))
     alpha = product.factor[0]
     if cutoff is not None:
@@ -199,7 +209,7 @@ def _laid_alike(first: Texture, second: Texture) -> bool:
     return replace(first, image=second.image) == second
 
 
-def _warning(surface: Surface, what: str, reason: _NotUnderstoodError) -> str:
+def _warning(surface: Surface, what: str, reason: NotUnderstoodError) -> str:
     shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
     return (
         f"material {surface.name!r}: its {what} {reason}; the viewport display colour ({shown}) stands for it. "
@@ -209,7 +219,7 @@ def _warning(surface: Surface, what: str, reason: _NotUnderstoodError) -> str:
 
 def _color_product(target: Input) -> _Product:
     """The product behind a colour input."""
-    grey = _constant(target)
+    grey = number_at(target)
     if grey is not None:
         return _Product((grey, grey, grey))
     source = follow(target)
@@ -218,57 +228,57 @@ def _color_product(target: Input) -> _Product:
         red, green, blue, _ = source.socket.default_value
         return _Product((red, green, blue))
     if node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY":
-        if _constant(source.input("Factor_Float")) == 1.0:
+        if number_at(source.input("Factor_Float")) == 1.0:
             return _color_product(source.input("A_Color")).times(_color_product(source.input("B_Color")))
-        raise _NotUnderstoodError(f"is multiplied in part by the node {node.name!r}")
+        raise NotUnderstoodError(f"is multiplied in part by the node {node.name!r}")
     if source.socket.name == "Color":
         return _leaf_product(source)
-    raise _NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
+    raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
 
 
 def _alpha_product(targets: list[Input]) -> tuple[_Product, float | None]:
     """The product behind the alpha inputs and its cut-off, `None` where it is not cut."""
-    constants = [_constant(target) for target in targets]
+    constants = [number_at(target) for target in targets]
     varying = [target for target, constant in zip(targets, constants, strict=True) if constant is None]
     scale = math.prod(constant for constant in constants if constant is not None)
     product = _Product((scale, scale, scale))
     if not varying:
         return product, None
     if len(varying) > 1:
-        raise _NotUnderstoodError("comes from a Mix Shader and from the Principled BSDF")
+        raise NotUnderstoodError("comes from a Mix Shader and from the Principled BSDF")
     behind, cutoff = _cut(varying[0])
     if cutoff is not None and scale != 1.0:
-        raise _NotUnderstoodError("is scaled after it is cut off")
+        raise NotUnderstoodError("is scaled after it is cut off")
     return product.times(_value_product(behind)), cutoff
 
 
 def _value_product(target: Input) -> _Product:
     """The product behind a value input."""
-    constant = _constant(target)
+    constant = number_at(target)
     if constant is not None:
         return _Product((constant, constant, constant))
     source = follow(target)
     if isinstance(source, Input):
-        raise _NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
+        raise NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
     node = source.node
     if node.type == "MATH" and node.operation == "MULTIPLY":
         first, second, _ = source.inputs()
         return _value_product(first).times(_value_product(second))
     if source.socket.name == "Alpha" or (node.type == "TEX_IMAGE" and source.socket.name == "Color"):
         return _leaf_product(source)
-    raise _NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
+    raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
 
 
 def _leaf_product(source: Output) -> _Product:
     """An image or a colour attribute, at the output Color or Alpha."""
     node = source.node
     if node.type == "TEX_IMAGE":
-        return _Product(texture=_texture(source), channel=source.socket.name)
+        return _Product(texture=texture_of(source), channel=source.socket.name)
     if node.type == "VERTEX_COLOR":
         return _Product(attribute=node.layer_name)
     if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
         return _Product(attribute=node.attribute_name)
-    raise _NotUnderstoodError(f"comes from the node {node.name!r}")
+    raise NotUnderstoodError(f"comes from the node {node.name!r}")
 
 
 def _cut(target: Input) -> tuple[Input, float | None]:
@@ -277,7 +287,7 @@ def _cut(target: Input) -> tuple[Input, float | None]:
     if isinstance(source, Input) or source.node.type != "MATH":
         return target, None
     first, second, *_ = source.inputs()
-    a, b = _constant(first), _constant(second)
+    a, b = number_at(first), number_at(second)
     match source.node.operation:
         case "ROUND":
             return first, 0.5
@@ -296,7 +306,7 @@ def _cut_below(target: Input) -> tuple[Input, float] | None:
     if isinstance(source, Input) or source.node.type != "MATH":
         return None
     first, second, *_ = source.inputs()
-    a, b = _constant(first), _constant(second)
+    a, b = number_at(first), number_at(second)
     if source.node.operation == "LESS_THAN" and b is not None:
         return first, b
     if source.node.operation == "GREATER_THAN" and a is not None:
@@ -304,13 +314,14 @@ def _cut_below(target: Input) -> tuple[Input, float] | None:
     return None
 
 
-def _texture(source: Output) -> Texture:
+def texture_of(source: Output) -> Texture:
+    """The image of an Image Texture node and how it is laid. Raises `NotUnderstoodError`."""
     node = source.node
     if node.image is None:
-        raise _NotUnderstoodError(f"comes from the node {node.name!r}, which has no image")
+        raise NotUnderstoodError(f"comes from the node {node.name!r}, which has no image")
     if node.projection != "FLAT" or node.image.source not in {"FILE", "GENERATED"}:
         kind = f"{node.image.source.lower()}, {node.projection.lower()} projection"
-        raise _NotUnderstoodError(f"comes from the image {node.image.name!r} ({kind})")
+        raise NotUnderstoodError(f"comes from the image {node.image.name!r} ({kind})")
     return _laid(Texture(node.image, extension=node.extension), source.input("Vector"))
 
 
@@ -329,7 +340,7 @@ def _laid(texture: Texture, coordinates: Input) -> Texture:
         return replace(laid, transform=_composed(_mapping(source), laid.transform))
     if node.type == "COMBXYZ" and (wrapped := _wrapped(source)) is not None:
         return _laid(replace(texture, extension="MIXED"), wrapped)
-    raise _NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
+    raise NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
 
 
 def _wrapped(combine: Output) -> Input | None:
@@ -352,12 +363,12 @@ def _mapping(source: Output) -> tuple[float, ...]:
     """(2, 3) by rows: a Mapping node of type Point, which scales, then turns, then moves."""
     location, rotation, scale = (source.input(name) for name in ("Location", "Rotation", "Scale"))
     if any(isinstance(follow(target), Output) for target in (location, rotation, scale)):
-        raise _NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
+        raise NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
     moved, (tilt_x, tilt_y, angle), (sx, sy, _) = (
         follow(target).socket.default_value for target in (location, rotation, scale)
     )
     if tilt_x or tilt_y:
-        raise _NotUnderstoodError(f"has texture coordinates that are tilted by the node {source.node.name!r}")
+        raise NotUnderstoodError(f"has texture coordinates that are tilted by the node {source.node.name!r}")
     cosine, sine = math.cos(angle), math.sin(angle)
     return (cosine * sx, -sine * sy, moved[0], sine * sx, cosine * sy, moved[1])
 
@@ -367,7 +378,7 @@ def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[floa
     return tuple(float(value) for value in (second @ first)[:2].ravel())
 
 
-def _constant(target: Input) -> float | None:
+def number_at(target: Input) -> float | None:
     """The number at an input of type value, `None` where it varies."""
     source = follow(target)
     if isinstance(source, Input) and source.socket.type == "VALUE":

@@ -25,7 +25,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         for name in ("texture_size", "pixels"):
             column.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("effort", "max_billboards", "max_corners", "candidates", "seed"):
+        for name in ("effort", "max_billboards", "max_corners", "candidates", "bend_normals", "seed"):
             column.prop(settings, name)
         layout.prop(settings, "effect_choice")
         if settings.effect_choice == "some":

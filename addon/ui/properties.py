@@ -102,6 +102,13 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         min=3,
         max=16,
     )
+    bend_normals: FloatProperty(
+        name="Bend Normals",
+        description="How far the billboards' normals are bent toward the hull of the crown, as foliage is often shaded",
+        default=_DEFAULTS.bend_normals,
+        min=0.0,
+        max=1.0,
+    )
     seed: IntProperty(
         name="Seed", description="Of every random choice", default=_DEFAULTS.seed, min=0, max=_LARGEST_INT
     )
@@ -154,6 +161,7 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
         effort=properties.effort,
         max_billboards=properties.max_billboards or None,
         max_corners=properties.max_corners,
+        bend_normals=round(properties.bend_normals, _DIGITS),
         seed=properties.seed,
         texture_size=properties.texture_size,
         cross=properties.cross,

@@ -6,12 +6,23 @@
 
 use crunch::{Item, Rect, Rotation};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::fit::Stream;
 use crate::geometry::{Outline, Plane};
 
 /// Billboards beyond which packing must not be quadratic.
 const MANY: usize = 2000;
+
+/// Densities are tried from the highest on, each by this factor lower than the one before: whether outlines fit is nearly a matter of chance, so
+/// that many tries find a good one. So many are tried at once.
+const DENSITY_STEP: f64 = 0.9975;
+const TRIES: i32 = 16;
+
+/// How often a density is tried at most, and with what number of pairs of billboards in all.
+const MOST_ATTEMPTS: usize = 300;
+const MOST_WORK: usize = 1_000_000;
 
 /// Outlines that are all smaller than this are points, local units: no density brings them out.
 const SMALLEST: f64 = 1e-12;
@@ -79,6 +90,8 @@ pub struct Billboard {
 pub struct Sheet {
     /// Side of the square page in texels.
     pub size: usize,
+    /// Texels around each billboard that belong to nobody.
+    pub gutter: usize,
     /// Plane by plane, front before back.
     pub billboards: Vec<Billboard>,
 }
@@ -97,15 +110,15 @@ impl Sheet {
         let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
         let size = settings.size as f64;
         let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(SMALLEST));
-        loop {
-            if let Some(packed) = place(outlines, density, settings) {
+        while density * longest >= 1.0 {
+            let densities: Vec<f64> = (0..TRIES).map(|i| density * libm::pow(DENSITY_STEP, f64::from(i))).collect();
+            let fits = |&density: &f64| place(outlines, density, settings).map(|packed| (density, packed));
+            if let Some((density, packed)) = densities.par_iter().find_map_first(fits) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));
             }
-            density *= 0.98;
-            if density * longest < 1.0 {
-                return Err(too_many(outlines.len(), settings.size));
-            }
+            density *= libm::pow(DENSITY_STEP, f64::from(TRIES));
         }
+        Err(too_many(outlines.len(), settings.size))
     }
 
     fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: SheetSettings) -> Self {
@@ -123,7 +136,7 @@ impl Sheet {
             };
             if p.back { front.mirrored() } else { front }
         });
-        Self { size: settings.size, billboards: billboards.collect() }
+        Self { size: settings.size, gutter: settings.gutter, billboards: billboards.collect() }
     }
 
     /// Texels that lie in billboards.
@@ -132,10 +145,12 @@ impl Sheet {
         self.billboards.iter().map(|b| b.region.width * b.region.height).sum()
     }
 
-    /// [`Self::texels`] over the texels of the page.
+    /// The share of the page that billboards take, with their gutters.
     #[must_use]
     pub fn occupancy(&self) -> f64 {
-        self.texels() as f64 / (self.size * self.size) as f64
+        let with_gutter = |length: usize| length + 2 * self.gutter;
+        let taken = self.billboards.iter().map(|b| with_gutter(b.region.width) * with_gutter(b.region.height));
+        taken.sum::<usize>() as f64 / (self.size * self.size) as f64
     }
 
     /// The side of a texel, local units: the same all over the page.
@@ -218,7 +233,7 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<
     });
     let items: Vec<Boxed> = items.collect();
     let mut packed =
-        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(items, settings.size)? };
+        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(&items, settings.size)? };
     packed.sort_by_key(|(data, _)| *data);
     let placed = packed.iter().map(|&((plane, back), rect)| Placed {
         plane: plane as u32,
@@ -237,11 +252,20 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<
 /// Plane and side, width, height.
 type Boxed = ((usize, bool), usize, usize);
 
-/// As tight as it gets, in time quadratic in the number.
-fn tightly(items: Vec<Boxed>, size: usize) -> Option<Vec<((usize, bool), Rect)>> {
-    let items = items.into_iter().map(|(data, width, height)| Item::new(data, width, height, Rotation::Allowed));
-    let packed = crunch::pack(Rect::of_size(size, size), items).ok()?;
-    Some(packed.into_iter().map(|p| (p.data, p.rect)).collect())
+/// As tight as it gets, in time quadratic in the number. First the packer turns what it likes; then, while that is quick, it is told at random what
+/// to turn, for its own choice is the best at every step and not in the end.
+fn tightly(items: &[Boxed], size: usize) -> Option<Vec<((usize, bool), Rect)>> {
+    let attempts = 1 + MOST_WORK / (items.len() * items.len()).max(1);
+    (0..attempts.min(MOST_ATTEMPTS)).find_map(|attempt| {
+        let mut stream = Stream::new(0, attempt, 0);
+        let item = |&(data, width, height): &Boxed| match (attempt, stream.below(4)) {
+            (0, _) | (_, 0 | 1) => Item::new(data, width, height, Rotation::Allowed),
+            (_, 2) => Item::new(data, width, height, Rotation::None),
+            _ => Item::new(data, height, width, Rotation::None),
+        };
+        let packed = crunch::pack(Rect::of_size(size, size), items.iter().map(item)).ok()?;
+        Some(packed.into_iter().map(|p| (p.data, p.rect)).collect())
+    })
 }
 
 /// On shelves, the highest first: O(n log n), and where there are so many, nearly as tight. (`etagere`, which does this, counts in 16 bits.)

@@ -75,11 +75,11 @@ class Material:
 class Foliage:
     """Triangles, their leaves and how they look, in a local frame.
 
-    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or
-    per corner (t, 3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` linear RGBA that multiply the base colour, per vertex (v, 4) or per corner
-    (t, 3, 4); ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a
-    leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or
-    an edge whose two ends coincide exactly.
+    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner
+    (t, 3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4), linear RGBA that multiply the
+    base colour; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a leaf.
+    Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or an edge whose two ends
+    coincide exactly.
 
     Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays
     of the wrong shape, and when all triangles have zero area.
@@ -169,8 +169,8 @@ class Level:
         """(h, w, 4) the atlas page: sRGB, straight alpha, colours dilated under transparent texels."""
     @property
     def normal(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) normals on the side that faces the viewer, in each billboard's axes: a tangent-space normal map as in
-        glTF, linear codes; ``None`` when it was not asked for."""
+        """(h, w, 4) normals on the side that faces the viewer, in each billboard's axes: a tangent-space normal map as
+        in glTF, linear codes; ``None`` when it was not asked for."""
     @property
     def gloss(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) occlusion, roughness, metallic, linear codes; ``None`` when it was not asked for."""

@@ -1,5 +1,4 @@
-//! Pages and the judge: how full, how fast. `make bench` prints it as a table in Markdown and writes the figures as JSON to the file that
-//! `LEAFCLOUD_BENCH_JSON` names.
+//! Pages and the judge: how full, how fast, and what mips keep. `make bench` prints it in Markdown.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -7,58 +6,124 @@ mod common;
 use std::time::Instant;
 
 use leafcloud::fit::{FitSettings, fit};
-use leafcloud::foliage::Opacity;
+use leafcloud::foliage::{Foliage, Image, Opacity};
+use leafcloud::groups::Groups;
 use leafcloud::judge::{Judge, Views};
 use leafcloud::outlines::{OutlineSettings, outlines};
-use leafcloud::sheet::{Sheet, SheetSettings};
-use leafcloud::textures::{Channels, Drawn, Samples, bake};
+use leafcloud::sheet::{Region, Sheet, SheetSettings};
+use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, mips};
 use leafcloud::transition::Projection;
-use leafcloud::{Progress, gltf};
+use leafcloud::{Cloud, Progress, gltf};
 
-fn main() {
-    for (name, path) in common::trees()
-        .into_iter()
-        .filter(|(n, _)| std::env::args().nth(1).is_none_or(|w| w.starts_with("--") || n.contains(&w)))
-    {
-        let foliage = gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a readable tree");
-        let cloud = fit(&foliage, &FitSettings::default(), Progress::silent()).unwrap();
+const SIDE: usize = 2048;
+const CUTOFF: f32 = 0.5;
+
+/// The best of three: the machine has other things to do.
+fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
+    let once = |run: &mut dyn FnMut() -> T| {
+        let started = Instant::now();
+        let result = run();
+        (result, started.elapsed().as_secs_f64())
+    };
+    let mut best = once(&mut run);
+    for _ in 0..2 {
+        let again = once(&mut run);
+        best = if again.1 < best.1 { again } else { best };
+    }
+    best
+}
+
+/// Level 1 of a tree: what it is baked from.
+struct Level {
+    foliage: Foliage,
+    cloud: Cloud,
+    projection: Projection,
+    sheet: Sheet,
+    packing: f64,
+}
+
+impl Level {
+    fn of(foliage: Foliage) -> Self {
+        let cloud = fit(&foliage, &FitSettings::default(), Progress::silent()).expect("the settings fit any foliage");
         let projection = Projection::new(&foliage, &cloud, 1.25);
         let shape = OutlineSettings { corners: 4 };
-        let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
-        let started = Instant::now();
-        let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings::of_size(2048, true)).unwrap();
-        let packed = started.elapsed().as_secs_f64();
-        let started = Instant::now();
-        let groups = leafcloud::groups::Groups::by_key(&cloud.parents, cloud.planes.len());
+        let seen = Opacity::of(&foliage);
+        let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &seen, shape);
+        let settings = SheetSettings::of_size(SIDE, true);
+        let (sheet, packing) = timed(|| Sheet::pack(&cloud.planes, &found, settings).expect("they fit"));
+        Self { foliage, cloud, projection, sheet, packing }
+    }
+
+    fn page(&self, channels: &Channels) -> Page {
+        let groups = Groups::by_key(&self.cloud.parents, self.cloud.planes.len());
+        let drawn = |&t: &u32| {
+            let t = t as usize;
+            let (targets, corners) = (self.projection.targets[t], self.foliage.corners(t));
+            Drawn { foliage: &self.foliage, triangle: t, targets, corners }
+        };
+        bake(&self.sheet, Samples::default(), channels, |plane| groups.get(plane as usize).iter().map(drawn).collect())
+    }
+}
+
+/// The share of all regions' texels that pass the cutoff, by level: of plain means, and of the mips.
+fn coverage(page: &Page, sheet: &Sheet) -> Vec<(f64, f64)> {
+    let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
+    let kept = mips::of_color(&page.base_color, &regions, CUTOFF);
+    let plain = mips::means(&page.base_color);
+    let passing = |image: &Image| {
+        let region = Region { x: 0, y: 0, width: image.width(), height: image.height() };
+        mips::share(image, region, (CUTOFF * 255.0).ceil() as u8)
+    };
+    plain.iter().zip(&kept).map(|(plain, kept)| (passing(plain), passing(kept))).collect()
+}
+
+fn main() {
+    let threads = rayon::current_num_threads();
+    println!("## Pages");
+    println!();
+    println!(
+        "Level 1 at ε = 0.04 R on a page of {SIDE}², both sides, base colour and normals, 4 × 4 samples, {threads} threads; best of three. *Occupancy*: \
+         rectangles with their gutters over the page. *Covered*: texels that show something. *Samples*: those that see something, both \
+         channels, a second. *Judge*: level 1 against the leaves, 12 views of 64²."
+    );
+    println!();
+    println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | judge s |");
+    println!("|---|---|---|---|---|---|---|---|");
+    let mut tables = Vec::new();
+    for (name, path) in common::trees() {
+        let level = Level::of(gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a readable tree"));
         let channels = Channels { normal: Some(0.0), ..Channels::default() };
-        let page = bake(&sheet, Samples::default(), &channels, |p| {
-            groups
-                .get(p as usize)
-                .iter()
-                .map(|&t| {
-                    let t = t as usize;
-                    Drawn {
-                        foliage: &foliage,
-                        triangle: t,
-                        targets: projection.targets[t],
-                        corners: foliage.corners(t),
-                    }
-                })
-                .collect()
-        });
-        let baked = started.elapsed().as_secs_f64();
-        let covered =
-            page.base_color.pixels().iter().filter(|p| p[3] > 0).count() as f64 / page.base_color.pixels().len() as f64;
-        let started = Instant::now();
+        let (page, seconds) = timed(|| level.page(&channels));
+        let texels = (SIDE * SIDE) as f64;
+        let alpha: u64 = page.base_color.pixels().iter().map(|p| u64::from(p[3])).sum();
+        let covered = page.base_color.pixels().iter().filter(|p| p[3] > 0).count() as f64 / texels;
         let views = Views { count: 12, size: 64, samples: Samples::default(), turn: 0.0 };
-        let judge = Judge::new(&[&foliage], foliage.frame(), views).unwrap();
-        let base = started.elapsed().as_secs_f64();
-        let _ = judge.judge(&foliage);
-        let judged = started.elapsed().as_secs_f64();
+        let judge = Judge::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
+        let billboards = leafcloud::lod::billboards(&level.sheet, level.foliage.frame(), page.material(CUTOFF, false));
+        let billboards = billboards.expect("billboards with an area");
+        let (_, judging) = timed(|| judge.judge(&billboards).expect("a picture with pixels"));
         println!(
-            "{name}: {} planes, pack {packed:.3} s, occupancy {:.3}, covered {covered:.3}, bake {baked:.3} s, judge {base:.3} {judged:.3}",
-            cloud.planes.len(),
-            sheet.occupancy()
+            "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {judging:.3} |",
+            level.cloud.planes.len(),
+            level.packing,
+            level.sheet.occupancy(),
+            alpha as f64 / 255.0 * 16.0 * 2.0 / seconds / 1e6,
         );
+        tables.push((name, coverage(&page, &level.sheet)));
+    }
+    println!();
+    println!("## Mips");
+    println!();
+    println!(
+        "The share of the page that passes a cutoff of ½, over that of level 0: plain means (as an engine makes them) → leafcloud's."
+    );
+    println!();
+    println!("| tree | 1024² | 512² | 256² | 128² | 64² | 32² |");
+    println!("|---|---|---|---|---|---|---|");
+    for (name, levels) in tables {
+        let first = levels[0].0;
+        let cells: Vec<String> =
+            levels[1..7].iter().map(|(p, k)| format!("{:.2} → {:.2}", p / first, k / first)).collect();
+        println!("| {name} | {} |", cells.join(" | "));
     }
 }

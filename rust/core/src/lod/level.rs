@@ -173,7 +173,10 @@ impl Level {
 }
 
 /// A fan of triangles for each billboard; pairs are one leaf.
-pub(super) fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
+///
+/// # Errors
+/// All billboards are without area.
+pub fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
     let positions: Vec<DVec3> =
         sheet.billboards.iter().flat_map(|b| b.outline_corners().map(|corner| frame.to_caller(corner))).collect();
     let corners = sheet.outline_corners();

@@ -5,7 +5,7 @@ mod level;
 mod sides;
 mod tune;
 
-pub use level::{Level, Seconds};
+pub use level::{Level, Seconds, billboards};
 
 use glam::DVec3;
 

@@ -28,7 +28,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     else {
         return Ok(false); // too many billboards for a look
     };
-    let back = Sheet { size: front.size, billboards: front.billboards.iter().map(Billboard::mirrored).collect() };
+    let back = Sheet { billboards: front.billboards.iter().map(Billboard::mirrored).collect(), ..front };
     let look = |sheet: &Sheet| -> Result<Image> {
         Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?, &Channels::default()).base_color)
     };

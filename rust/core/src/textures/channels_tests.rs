@@ -112,7 +112,7 @@ fn factors_multiply_images() {
 fn what_is_seen_from_far_is_the_mean() {
     // Rows of black and white, sixteen to a pixel, at sizes that are and are not powers of two.
     for side in [256, 240] {
-        let stripes = |i: usize| if i / side % 2 == 0 { [0, 0, 0, 255] } else { [255, 255, 255, 255] };
+        let stripes = |i: usize| if (i / side).is_multiple_of(2) { [0, 0, 0, 255] } else { [255, 255, 255, 255] };
         let striped = Image::new(side, side, (0..side * side).map(stripes).collect::<Vec<_>>()).unwrap();
         let leaf = square(DMat3::IDENTITY, Material { image: Some(striped), ..Material::default() });
         let look = seen(&leaf, Channel::BaseColor, FRONT);

@@ -3,6 +3,7 @@
 mod channels;
 mod dilate;
 pub mod image;
+pub mod mips;
 mod page;
 mod raster;
 

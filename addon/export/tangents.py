@@ -1,0 +1,105 @@
+"""Tangents in a GLB file, where a normal map calls for them and only there.
+
+Blender's exporter gives tangents to all meshes or to none; without them engines make up their own, and validators warn.
+On a billboard, which is flat and evenly mapped, there is just one choice: along the texture's columns.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+_FLOAT, _ARRAY_BUFFER = 5126, 34962
+_TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, _FLOAT: np.float32}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def add_tangents(path: Path) -> None:
+    """Adds TANGENT to each primitive of the GLB file at `path` whose material has a normal map, and to no others."""
+    document, binary = _read(path)
+    mapped = [number for number, material in enumerate(document.get("materials", [])) if "normalTexture" in material]
+    primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
+    wanting = [p for p in primitives if p.get("material") in mapped and "TANGENT" not in p["attributes"]]
+    if not wanting:
+        return
+    for primitive in wanting:
+        attributes = primitive["attributes"]
+        positions, normals, uvs = (
+            _values(document, binary, attributes[name]) for name in ("POSITION", "NORMAL", "TEXCOORD_0")
+        )
+        triangles = _values(document, binary, primitive["indices"]).reshape(-1, 3)
+        binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
+    document["buffers"][0]["byteLength"] = len(binary)
+    _write(path, document, binary)
+
+
+def _tangents(
+    positions: NDArray[Any], normals: NDArray[Any], uvs: NDArray[Any], triangles: NDArray[Any]
+) -> NDArray[np.float32]:
+    """(v, 4) unit tangents along u, across the normals, and the sign with which cross(normal, tangent) points up v.
+
+    glTF's v runs down; a normal map's green points up.
+    """
+    points, places = positions.astype(np.float64)[triangles], uvs.astype(np.float64)[triangles]
+    (e1, e2), (d1, d2) = (np.moveaxis(values[:, 1:] - values[:, :1], 1, 0) for values in (points, places))
+    turn = np.where(d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1] < 0.0, -1.0, 1.0)[:, None]
+    along_u = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * turn
+    up_v = (e1 * d2[:, :1] - e2 * d1[:, :1]) * turn
+    tangents, upward = np.zeros((2, len(positions), 3))
+    for corner in range(3):
+        np.add.at(tangents, triangles[:, corner], along_u)
+        np.add.at(upward, triangles[:, corner], up_v)
+    normal = normals.astype(np.float64)
+    tangents -= normal * np.einsum("vi,vi->v", normal, tangents)[:, None]
+    length = np.linalg.norm(tangents, axis=1, keepdims=True)
+    # Where the texture is not laid out at all, any direction across the normal will do.
+    other = np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+    other /= np.linalg.norm(other, axis=1, keepdims=True)
+    tangents = np.where(length > 1e-20, tangents / np.maximum(length, 1e-20), other)
+    sign = np.where(np.einsum("vi,vi->v", np.cross(normal, tangents), upward) < 0.0, -1.0, 1.0)
+    return np.hstack([tangents, sign[:, None]]).astype(np.float32)
+
+
+def _values(document: dict[str, Any], binary: bytes, number: int) -> NDArray[Any]:
+    """(n, width) an accessor of Blender's exporter, which neither interleaves nor normalises these."""
+    accessor = document["accessors"][number]
+    view = document["bufferViews"][accessor["bufferView"]]
+    width, kind = _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    return np.frombuffer(binary, kind, accessor["count"] * width, start).reshape(-1, width)
+
+
+def _append(document: dict[str, Any], binary: bytes, primitive: dict[str, Any], tangents: NDArray[np.float32]) -> bytes:
+    data = tangents.tobytes()
+    view = {"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), "target": _ARRAY_BUFFER}
+    document["bufferViews"].append(view)
+    accessor = {
+        "bufferView": len(document["bufferViews"]) - 1,
+        "componentType": _FLOAT,
+        "count": len(tangents),
+        "type": "VEC4",
+    }
+    document["accessors"].append(accessor)
+    primitive["attributes"]["TANGENT"] = len(document["accessors"]) - 1
+    return binary + data
+
+
+def _read(path: Path) -> tuple[dict[str, Any], bytes]:
+    content = path.read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    document = json.loads(content[20 : 20 + size])
+    rest = content[20 + size :]
+    return document, rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
+
+
+def _write(path: Path, document: dict[str, Any], binary: bytes) -> None:
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+    chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, binary + b"\0" * (-len(binary) % 4))]
+    body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)

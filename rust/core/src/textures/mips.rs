@@ -1,0 +1,262 @@
+//! Mip levels of a page that keep what is seen of it.
+//!
+//! Box filtering makes thin leaves fall below the alpha cutoff, so that crowns dissolve in the distance. Here colours are means weighted by
+//! alpha, in linear light; alpha is the mean, then moved, region by region, so that as large a share of its texels passes the cutoff as at
+//! level 0 (Castaño, "Computing Alpha Mipmaps", 2010): within 1 % or one texel, whichever is more, as long as the region has texels of
+//! its own at that level. What is transparent has the colour of its surroundings at every level.
+//!
+//! A factor cannot do that where many texels have one alpha. So the texels of a region are put in order, by alpha and then by a hash of their
+//! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
+//! O(texels · log texels).
+
+use rayon::prelude::*;
+
+use super::channels::Channel;
+use super::dilate;
+use super::page::Page;
+use super::raster::Canvas;
+use crate::color::decode_table;
+use crate::foliage::Image;
+use crate::sheet::{Region, Sheet};
+use glam::{Vec3, Vec4};
+
+/// The levels of an image, level 0 first: half the side each, down to one texel.
+pub type Levels = Vec<Image>;
+
+/// The levels of every image of a page, in the order of [`Page::images`].
+#[must_use]
+pub fn levels(page: &Page, sheet: &Sheet, alpha_cutoff: f32) -> Vec<(&'static str, Levels)> {
+    let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
+    let of = |(name, image): (&'static str, &Image)| match name {
+        "base_color" => (name, of_color(image, &regions, alpha_cutoff)),
+        "normal" => (name, of_data(image, &page.base_color, Channel::Normal(0.0))),
+        "translucency" => (name, of_data(image, &page.base_color, Channel::Translucency)),
+        _ => (name, of_data(image, &page.base_color, Channel::Gloss)),
+    };
+    page.images().map(of).collect()
+}
+
+/// Of base colour, whose alpha keeps the share of each region that passes the cutoff.
+#[must_use]
+pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
+    let cutoff = code_at_least(alpha_cutoff);
+    let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
+    let mut means = linear(image, image, Channel::BaseColor);
+    let mut levels = vec![image.clone()];
+    let mut scale = 1;
+    while means.width > 1 || means.height > 1 {
+        means = halved(&means);
+        scale *= 2;
+        let mut filled = means.clone();
+        dilate::fill_transparent(&mut filled);
+        let level = Channel::BaseColor.to_image(&filled);
+        let at_level = |region: &Region| smaller(*region, scale, means.width, means.height);
+        let regions: Vec<(Region, f64)> = regions.iter().map(at_level).zip(shares.iter().copied()).collect();
+        levels.push(with_coverage(&level, &regions, cutoff));
+    }
+    levels
+}
+
+/// Of base colour as engines make them: means of alpha, and of colour weighted by it.
+#[must_use]
+pub fn means(image: &Image) -> Levels {
+    of_data(image, image, Channel::BaseColor)
+}
+
+/// Of what is no colour: means weighted by the alpha of the base colour.
+fn of_data(image: &Image, alpha: &Image, channel: Channel) -> Levels {
+    let mut means = linear(image, alpha, channel);
+    let mut levels = vec![image.clone()];
+    while means.width > 1 || means.height > 1 {
+        means = halved(&means);
+        let mut filled = means.clone();
+        dilate::fill_transparent(&mut filled);
+        levels.push(channel.to_image(&filled));
+    }
+    levels
+}
+
+/// Codes as values of the channel, premultiplied by the alpha of another image of the same size.
+fn linear(image: &Image, alpha: &Image, channel: Channel) -> Canvas {
+    let table = decode_table();
+    let value = |&[r, g, b, _]: &[u8; 4]| match channel {
+        Channel::BaseColor | Channel::Translucency => Vec3::from_array([r, g, b].map(|code| table[code as usize])),
+        Channel::Gloss => Vec3::from_array([r, g, b].map(|code| f32::from(code) / 255.0)),
+        Channel::Normal(_) => Vec3::from_array([r, g, b].map(|code| f32::from(code) / 127.5 - 1.0)),
+    };
+    let pixels = image.pixels().par_iter().zip(alpha.pixels());
+    let premultiplied = pixels.map(|(p, a)| {
+        let share = f32::from(a[3]) / 255.0;
+        // What nothing covers keeps its colour: where all of a level is empty, it is what there is.
+        if share > 0.0 { (value(p) * share).extend(share) } else { value(p).extend(0.0) }
+    });
+    Canvas { width: image.width(), height: image.height(), pixels: premultiplied.collect() }
+}
+
+/// Means of 2 × 2; the last column and row of an odd side are left out, as graphics interfaces define levels. A side of 1 stays.
+fn halved(canvas: &Canvas) -> Canvas {
+    let (width, height) = ((canvas.width / 2).max(1), (canvas.height / 2).max(1));
+    let (across, down) = (canvas.width.min(2), canvas.height.min(2));
+    let mean = |x: usize, y: usize| {
+        let at = |i: usize| canvas.pixels[(down * y + i / across) * canvas.width + across * x + i % across];
+        let covered = (0..across * down).map(at).filter(|p| p.w > 0.0);
+        covered.fold(Vec4::ZERO, |sum, p| sum + p) / (across * down) as f32
+    };
+    let mut pixels = vec![Vec4::ZERO; width * height];
+    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = mean(x, y);
+        }
+    });
+    Canvas { width, height, pixels }
+}
+
+/// The texels of a level of which most lies in a region of level 0; at least one.
+fn smaller(region: Region, scale: usize, width: usize, height: usize) -> Region {
+    let along = |start: usize, length: usize, side: usize| {
+        let round = |at: usize| (at + scale / 2) / scale;
+        let first = round(start).min(side - 1);
+        (first, round(start + length).min(side).saturating_sub(first).max(1))
+    };
+    let ((x, width), (y, height)) = (along(region.x, region.width, width), along(region.y, region.height, height));
+    Region { x, y, width, height }
+}
+
+/// The least code of alpha that passes.
+fn code_at_least(cutoff: f32) -> u8 {
+    (1..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255)
+}
+
+fn texels(region: Region, width: usize) -> impl Iterator<Item = usize> {
+    (region.y..region.y + region.height)
+        .flat_map(move |y| (region.x..region.x + region.width).map(move |x| y * width + x))
+}
+
+/// The share of a region's texels that pass.
+#[must_use]
+pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
+    let passing = texels(region, image.width()).filter(|&i| image.pixels()[i][3] >= cutoff).count();
+    passing as f64 / (region.width * region.height) as f64
+}
+
+/// The level with the alpha of each region moved so that the wanted share of it passes.
+fn with_coverage(level: &Image, regions: &[(Region, f64)], cutoff: u8) -> Image {
+    let mut pixels = level.pixels().to_vec();
+    let moved = |&(region, share): &(Region, f64)| moved_alpha(level, region, share, cutoff);
+    let moved: Vec<Vec<(usize, u8)>> = regions.par_iter().map(moved).collect();
+    for (texel, alpha) in moved.into_iter().flatten() {
+        // Where regions have shrunk into one another, the last has its say.
+        pixels[texel][3] = alpha;
+    }
+    Image::new(level.width(), level.height(), pixels).expect("as many texels as before")
+}
+
+/// The texels of a region with the alpha that lets the wanted share of them pass. Those of one alpha are ordered by a hash of their place.
+fn moved_alpha(level: &Image, region: Region, share: f64, cutoff: u8) -> Vec<(usize, u8)> {
+    let alpha = |texel: usize| level.pixels()[texel][3];
+    let scatter = |texel: usize| (texel as u32).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
+    let mut order: Vec<usize> = texels(region, level.width()).filter(|&texel| alpha(texel) > 0).collect();
+    order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scatter(texel), texel));
+    let wanted = share * (region.width * region.height) as f64;
+    // What shows anything at all does not vanish.
+    let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
+    let Some(&last) = order.get(passing.saturating_sub(1)).or(order.first()) else { return vec![] };
+    let threshold = f64::from(alpha(last));
+    // Above the threshold from the cutoff up to full, below it from 0 to just below the cutoff.
+    let above =
+        |code: f64| f64::from(cutoff) + (code - threshold) / (255.0 - threshold).max(1.0) * f64::from(255 - cutoff);
+    let below = |code: f64| (code / threshold).min(1.0) * f64::from(cutoff - 1);
+    let at = |(rank, texel): (usize, usize)| {
+        let code = f64::from(alpha(texel));
+        (texel, if rank < passing { above(code) as u8 } else { below(code) as u8 })
+    };
+    order.into_iter().enumerate().map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn image(width: usize, height: usize, pixel: impl Fn(usize, usize) -> [u8; 4]) -> Image {
+        let pixels: Vec<[u8; 4]> = (0..width * height).map(|i| pixel(i % width, i / width)).collect();
+        Image::new(width, height, pixels).unwrap()
+    }
+
+    const WHOLE: Region = Region { x: 0, y: 0, width: 64, height: 64 };
+
+    #[test]
+    fn thin_leaves_do_not_dissolve() {
+        // Every fourth column: a quarter passes at level 0, none of the means of level 2 would reach ½.
+        let striped = image(64, 64, |x, _| if x % 4 == 0 { [90, 200, 40, 255] } else { [0; 4] });
+        for (number, level) in of_color(&striped, &[WHOLE], 0.5).iter().enumerate().take(5) {
+            let region = smaller(WHOLE, 1 << number, level.width(), level.height());
+            assert_eq!(share(level, region, 128), 0.25, "level {number}");
+        }
+    }
+
+    #[test]
+    fn no_foreign_colour_at_any_level() {
+        // A red and a blue checker of regions, transparent green between them.
+        let regions: Vec<Region> =
+            (0..16).map(|i| Region { x: i % 4 * 16 + 4, y: i / 4 * 16 + 4, width: 8, height: 8 }).collect();
+        let checkers = image(64, 64, |x, y| {
+            let inside = (4..12).contains(&(x % 16)) && (4..12).contains(&(y % 16));
+            match (inside, (x / 16 + y / 16) % 2) {
+                (false, _) => [0, 255, 0, 0],
+                (true, 0) => [255, 0, 0, 255],
+                (true, _) => [0, 0, 255, 255],
+            }
+        });
+        for level in of_color(&checkers, &regions, 0.5).iter().skip(1) {
+            assert!(level.pixels().iter().all(|p| p[1] == 0), "green has no part in what is seen");
+        }
+    }
+
+    #[test]
+    fn a_region_that_shows_nothing_stays_empty() {
+        let faint = image(64, 64, |x, _| [9, 9, 9, if x < 32 { 100 } else { 255 }]);
+        let left = Region { width: 32, ..WHOLE };
+        let right = Region { x: 32, width: 32, ..WHOLE };
+        for (number, level) in of_color(&faint, &[left, right], 0.5).iter().enumerate().take(5) {
+            let at = |region: Region| share(level, smaller(region, 1 << number, level.width(), level.height()), 128);
+            assert_eq!((at(left), at(right)), (0.0, 1.0), "level {number}");
+        }
+    }
+
+    #[test]
+    fn normals_stay_unit_and_keep_their_mean() {
+        let page = image(4, 4, |x, _| if x % 2 == 0 { [204, 128, 230, 255] } else { [52, 128, 230, 255] });
+        let opaque = image(4, 4, |_, _| [0, 0, 0, 255]);
+        let levels = of_data(&page, &opaque, Channel::Normal(0.0));
+        assert_eq!(levels.len(), 3);
+        assert!(levels[1].pixels().iter().all(|p| p[0].abs_diff(128) <= 1 && p[1].abs_diff(128) <= 1 && p[2] == 255));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        /// Leaves of any size anywhere: the share that passes stays, down to 8 × 8 texels.
+        #[test]
+        fn coverage_is_kept(leaves in prop::collection::vec((0.0f32..64.0, 0.0f32..64.0, 0.3f32..9.0), 1..60), cutoff in 0.2f32..0.8) {
+            let covered = |x: usize, y: usize| {
+                let inside = |&(cx, cy, r): &(f32, f32, f32)| {
+                    let apart = ((x as f32 + 0.5 - cx).powi(2) + (y as f32 + 0.5 - cy).powi(2)).sqrt();
+                    (r - apart + 0.5).clamp(0.0, 1.0)
+                };
+                leaves.iter().map(inside).fold(0.0, f32::max)
+            };
+            let page = image(64, 64, |x, y| [40, 120, 30, (covered(x, y) * 255.0) as u8]);
+            let code = code_at_least(cutoff);
+            let first = share(&page, WHOLE, code);
+            for (number, level) in of_color(&page, &[WHOLE], cutoff).iter().enumerate().take(4) {
+                let region = smaller(WHOLE, 1 << number, level.width(), level.height());
+                let texels = (region.width * region.height) as f64;
+                let off = (share(level, region, code) - first).abs() * texels;
+                // What is transparent at a level never passes, and what is to be seen at all never vanishes.
+                prop_assert!(off <= (0.01 * texels).max(1.0), "level {number}: {off} texels off");
+            }
+        }
+    }
+}

@@ -1,0 +1,98 @@
+"""What materials say of gloss and normals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import new_image, new_material, texture_node
+
+from addon.scene.describe import describe_material
+from addon.scene.shading import Gloss, gloss_of, read_shading
+from addon.scene.surface import read_surface
+
+CHANNELS = ("normals", "gloss")
+
+
+def data_node(tree: Any, pixel: tuple[float, float, float]) -> bpy.types.Node:
+    return texture_node(tree, new_image("data", [[(*pixel, 0.25)]], space="Non-Color"))
+
+
+def test_constants() -> None:
+    material, principled, _ = new_material()
+    principled.inputs["Roughness"].default_value = 0.25
+    principled.inputs["Metallic"].default_value = 0.75
+    description, messages = describe_material(material, CHANNELS)
+    assert (description["roughness"], description["metallic"], description["gloss"], messages) == (0.25, 0.75, None, [])
+    assert read_shading(material, None).glossy
+    # What is not asked for is not described.
+    description, _ = describe_material(material, ("normals",))
+    assert (description["roughness"], description["metallic"]) == (1.0, 0.0)
+
+
+def test_rough_leaves_are_not_glossy() -> None:
+    material, principled, _ = new_material()
+    principled.inputs["Roughness"].default_value = 1.0
+    assert not read_shading(material, None).glossy
+    assert read_shading(None, None).glossy, "Blender's own default has a roughness of one half"
+
+
+def test_an_image_of_roughness_and_metallic() -> None:
+    material, principled, tree = new_material()
+    parts = tree.nodes.new("ShaderNodeSeparateColor")
+    tree.links.new(data_node(tree, (0.5, 0.2, 0.6)).outputs["Color"], parts.inputs[0])
+    tree.links.new(parts.outputs["Green"], principled.inputs["Roughness"])
+    tree.links.new(parts.outputs["Blue"], principled.inputs["Metallic"])
+    description, messages = describe_material(material, CHANNELS)
+    assert messages == []
+    assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
+    assert description["gloss"] is not None
+    # Codes as they are, and the alpha of a data image means nothing.
+    assert np.abs(description["gloss"].astype(int) - [[[128, 51, 153, 255]]]).max() <= 1
+
+
+def test_a_normal_map() -> None:
+    material, principled, tree = new_material()
+    node = tree.nodes.new("ShaderNodeNormalMap")
+    tree.links.new(data_node(tree, (0.8, 0.5, 0.9)).outputs["Color"], node.inputs["Color"])
+    tree.links.new(node.outputs["Normal"], principled.inputs["Normal"])
+    description, messages = describe_material(material, CHANNELS)
+    assert messages == []
+    assert description["normal"] is not None
+    assert np.abs(description["normal"].astype(int) - [[[204, 128, 230, 255]]]).max() <= 1
+
+
+@pytest.mark.parametrize("kind", ["bump", "strength", "laid otherwise", "roughness"])
+def test_what_is_not_understood_is_said(kind: str) -> None:
+    material, principled, tree = new_material()
+    image = data_node(tree, (0.5, 0.5, 1.0))
+    if kind == "roughness":
+        tree.links.new(image.outputs["Color"], principled.inputs["Roughness"])
+    elif kind == "bump":
+        tree.links.new(tree.nodes.new("ShaderNodeBump").outputs["Normal"], principled.inputs["Normal"])
+    else:
+        node = tree.nodes.new("ShaderNodeNormalMap")
+        node.inputs["Strength"].default_value = 0.5 if kind == "strength" else 1.0
+        tree.links.new(image.outputs["Color"], node.inputs["Color"])
+        tree.links.new(node.outputs["Normal"], principled.inputs["Normal"])
+    if kind == "laid otherwise":
+        colors = texture_node(tree, new_image("colors", [[(1.0, 1.0, 1.0, 1.0)]]))
+        colors.extension = "EXTEND"
+        tree.links.new(colors.outputs["Color"], principled.inputs["Base Color"])
+    shading = read_shading(material, read_surface(material).texture)
+    assert (shading.normal, shading.gloss) == (None, None)
+    assert len(shading.warnings) == 1
+    assert "'m'" in shading.warnings[0]
+    assert ("roughness" if kind == "roughness" else "normals") in shading.warnings[0]
+
+
+def test_leaves_that_are_all_alike_need_no_texture() -> None:
+    materials = []
+    for roughness in (0.25, 0.25, 0.5):
+        material, principled, _ = new_material()
+        principled.inputs["Roughness"].default_value = roughness
+        materials.append(material)
+    assert gloss_of(materials[:2]) == Gloss(0.25, 0.0, None)
+    assert gloss_of(materials) == Gloss(1.0, 0.0, "m")
