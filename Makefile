@@ -73,6 +73,7 @@ measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured
 docs: setup ## make the pictures of the documentation anew
 	.venv/bin/python bake.py --input "$(INPUT)" --out out/docs
 	cp out/docs/preview.png docs/pine.png
+	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
 
 .PHONY: lint
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
