@@ -5,6 +5,7 @@ mod common;
 
 use std::time::Instant;
 
+use glam::DVec3;
 use leafcloud::fit::{FitSettings, fit};
 use leafcloud::foliage::{Foliage, Image, Opacity};
 use leafcloud::groups::Groups;
@@ -97,7 +98,7 @@ fn main() {
         let texels = (SIDE * SIDE) as f64;
         let alpha: u64 = page.base_color.pixels().iter().map(|p| u64::from(p[3])).sum();
         let covered = page.base_color.pixels().iter().filter(|p| p[3] > 0).count() as f64 / texels;
-        let views = Views { count: 12, size: 64, samples: Samples::default(), turn: 0.0 };
+        let views = Views { count: 12, size: 64, samples: Samples::default(), up: DVec3::Z, turn: 0.0 };
         let judge = Judge::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
         let billboards = leafcloud::lod::billboards(&level.sheet, level.foliage.frame(), page.material(CUTOFF, false));
         let billboards = billboards.expect("billboards with an area");

@@ -6,7 +6,7 @@ mod render;
 pub use measure::{Judgement, compare};
 pub use render::{View, render};
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -23,6 +23,8 @@ pub struct Views {
     pub size: usize,
     /// Sub-samples along each side of a pixel.
     pub samples: Samples,
+    /// What is up; any length above 0.
+    pub up: DVec3,
     /// Turns the whole set, in golden angles: sets of different turns share no direction.
     pub turn: f64,
 }
@@ -32,10 +34,11 @@ impl Views {
     /// straight below.
     fn directions(&self) -> impl Iterator<Item = DVec3> + '_ {
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let upright = DQuat::from_rotation_arc(DVec3::Z, self.up.normalize());
         (0..self.count).map(move |i| {
             let z = 1.0 - 1.5 * (i as f64 + 0.5) / self.count as f64;
             let (radius, angle) = ((1.0 - z * z).sqrt(), (i as f64 + self.turn) * golden);
-            DVec3::new(radius * libm::cos(angle), radius * libm::sin(angle), z)
+            upright * DVec3::new(radius * libm::cos(angle), radius * libm::sin(angle), z)
         })
     }
 }
@@ -54,7 +57,7 @@ impl Judge {
     pub fn new(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
         let view = |direction| View {
             direction,
-            up: DVec3::Z,
+            up: views.up,
             centre: frame.centre,
             radius: frame.radius * 1.025,
             size: views.size,

@@ -52,7 +52,7 @@ pub(super) fn build(
         triangles.iter().map(project).collect()
     });
     progress.tell("bake", 0.8)?;
-    let judges = Judges::new(&parts, &frame)?;
+    let judges = Judges::new(&parts, &frame, settings.up)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     tune::check_shown(&judgement, &page)?;

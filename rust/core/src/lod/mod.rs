@@ -25,8 +25,8 @@ pub const EPSILON_STEP: f64 = 2.5;
 const BILLBOARDS_STEP: usize = 4;
 
 /// What the judge of the report looks at.
-fn report_views() -> Views {
-    Views { count: 8, size: 128, samples: Samples::default(), turn: 0.5 }
+fn report_views(up: DVec3) -> Views {
+    Views { count: 8, size: 128, samples: Samples::default(), up, turn: 0.5 }
 }
 
 /// What a chain may be asked.
@@ -135,7 +135,7 @@ pub fn build_chain(
     settings.check()?;
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
-    let judges = Judges::new(&[foliage], &frame)?;
+    let judges = Judges::new(&[foliage], &frame, settings.up)?;
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
         // The first level sees all leaves and takes most of the time.
@@ -193,8 +193,11 @@ struct Judges {
 }
 
 impl Judges {
-    fn new(base: &[&Foliage], frame: &Frame) -> Result<Self> {
-        Ok(Self { tuning: Judge::new(base, frame, tune::views()?)?, report: Judge::new(base, frame, report_views())? })
+    fn new(base: &[&Foliage], frame: &Frame, up: DVec3) -> Result<Self> {
+        Ok(Self {
+            tuning: Judge::new(base, frame, tune::views(up)?)?,
+            report: Judge::new(base, frame, report_views(up))?,
+        })
     }
 }
 

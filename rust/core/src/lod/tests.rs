@@ -126,3 +126,23 @@ fn settings_are_checked() {
         assert!(build_chain(&ball(10), None, &s, Progress::silent()).is_err());
     }
 }
+
+#[test]
+fn a_tree_that_lies_on_its_side_is_judged_alike() {
+    let foliage = ball(150);
+    let turn = glam::DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let corners: Vec<DVec3> =
+        (0..300).flat_map(|t| foliage.corners(t).map(|p| turn * foliage.frame().to_caller(p))).collect();
+    let triangles = (0..300).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let leaf_ids = foliage.leaf_ids().iter().map(|&leaf| i64::from(leaf)).collect();
+    let attributes = Attributes { leaf_ids, ..Attributes::default() };
+    let lying = Foliage::new(&corners, triangles, attributes, vec![foliage.material(0).clone()]).unwrap();
+    let settings = ChainSettings { levels: 1, ..settings() };
+    let standing = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
+    let turned = ChainSettings { up: turn * DVec3::Z, ..settings };
+    let lying = build_chain(&lying, None, &turned, Progress::silent()).unwrap();
+    for (a, b) in standing.levels.iter().zip(&lying.levels) {
+        let off = (a.judgement.coverage - b.judgement.coverage).abs();
+        assert!(off < 0.01, "{:?} {:?}", a.judgement, b.judgement);
+    }
+}

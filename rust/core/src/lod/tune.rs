@@ -6,6 +6,8 @@
 //! the moment when the billboards take over from the collapsed leaves. Both figures are exact on any machine.
 
 use super::level::billboards;
+use glam::DVec3;
+
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
@@ -26,8 +28,8 @@ const FIRST: f32 = 0.5;
 const COVERAGE_WEIGHT: f64 = 0.2;
 
 /// What a choice is judged by.
-pub fn views() -> Result<Views> {
-    Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, turn: 0.0 })
+pub fn views(up: DVec3) -> Result<Views> {
+    Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
 }
 
 /// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.
