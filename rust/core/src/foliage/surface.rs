@@ -316,10 +316,10 @@ mod tests {
         let mut random = Random(53);
         let mut lost = 0;
         let mut left_out = 0;
-        for draw in 0..3000 {
+        for draw in 0..10_000 {
             // Sparse images of any size, laid in any way and at any density, plain and repeating.
-            let (width, height) = (1 + random.below(70), 1 + random.below(70));
-            let opaque = |_| [9, 9, 9, if random.below(60) == 0 { 255 } else { 0 }];
+            let (width, height) = (1 + random.below(150), 1 + random.below(150));
+            let opaque = |_| [9, 9, 9, if random.below(500) == 0 { 255 } else { 0 }];
             let image = Image::new(width, height, (0..width * height).map(opaque).collect::<Vec<_>>()).unwrap();
             let mode = if draw % 2 == 0 { AlphaMode::Mask(0.5) } else { AlphaMode::Blend };
             let material = Material { image: Some(image), alpha_mode: mode, ..Material::default() };
@@ -327,8 +327,9 @@ mod tests {
             let attributes = Attributes { uvs: uvs.to_vec(), ..Attributes::default() };
             let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
             let foliage = Foliage::new(&corners, vec![[0, 1, 2]], attributes, vec![material]).unwrap();
-            let size = 10f32.powf(random.signed() as f32 - 2.0);
+            // Seen face-on and nearly edge-on.
             let step = |random: &mut Random| {
+                let size = 10f32.powf(random.signed() as f32 * 2.0 - 2.0);
                 let (b, c) = (random.signed() as f32 * size, random.signed() as f32 * size);
                 Vec3::new(-b - c, b, c)
             };
