@@ -104,7 +104,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--no-cross",
         dest="cross",
         action="store_false",
-        help="leave out the last level, two crossed billboards of the whole tree",
+        help="leave out the last level, crossed billboards of the whole tree",
     )
     _add_fit_arguments(parser, default)
     parser.add_argument(

@@ -57,7 +57,7 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
-    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings, *blended]))
+    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings, *gloss.warnings, *blended]))
     return Prepared(tree, settings, placement, foliage, wood, gloss, effects, warnings)
 
 

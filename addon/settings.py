@@ -52,7 +52,7 @@ class BakeSettings:
         distance, a share of R above 1; both or neither.
     seed: of every random choice; ≥ 0.
     texture_size: side of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
-    cross: whether two crossed billboards of the whole tree follow behind the clouds.
+    cross: whether crossed billboards of the whole tree follow behind the clouds.
     bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
     effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
     engine: which engine the glTF files are meant for.

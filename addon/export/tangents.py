@@ -30,9 +30,11 @@ def add_tangents(path: Path) -> None:
         return
     for primitive in wanting:
         attributes = primitive["attributes"]
-        positions, normals, uvs = (
-            _values(document, binary, attributes[name]) for name in ("POSITION", "NORMAL", "TEXCOORD_0")
-        )
+        texture = document["materials"][primitive["material"]]["normalTexture"]
+        names = ("POSITION", "NORMAL", f"TEXCOORD_{texture.get('texCoord', 0)}")
+        if not {*names} <= {*attributes}:
+            continue  # a mesh without texture coordinates: the map is not laid out on it
+        positions, normals, uvs = (_values(document, binary, attributes[name]) for name in names)
         triangles = _values(document, binary, primitive["indices"]).reshape(-1, 3)
         binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
     document["buffers"][0]["byteLength"] = len(binary)

@@ -61,7 +61,6 @@ def describe_material(
     messages = list(surface.warnings)
     if channels:
         shading = read_shading(material, surface.texture)
-        messages += shading.warnings
         if "gloss" in channels:
             description |= {"roughness": shading.roughness, "metallic": shading.metallic}
             description["gloss"] = _data(shading.gloss, surface.name)
@@ -100,7 +99,7 @@ def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "lumina
 
 
 def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
-    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are left as they are, and opaque."""
+    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
     width, height = image.size  # makes Blender read the file
     if width == 0 or height == 0:
         raise SceneError(
@@ -111,7 +110,9 @@ def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -
     image.pixels.foreach_get(values)
     rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
     if data:
-        return _bytes(np.concatenate([rgba[..., :3], np.ones_like(rgba[..., 3:])], axis=2))
+        # Blender shades with linear values: data in an image that is marked as colours are decoded, too.
+        values = rgba[..., :3] if _is_linear(image) else _decoded(rgba[..., :3])
+        return _bytes(np.concatenate([values, np.ones_like(rgba[..., 3:])], axis=2))
     color, alpha = rgba[..., :3], rgba[..., 3:]
     if image.alpha_mode == "NONE":
         alpha = np.ones_like(alpha)

@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import bpy
 
 from .node_links import Input, Output, follow
-from .surface import NotUnderstoodError, Texture, number_at, principled_of, read_surface, texture_of
-
-DEFAULT_ROUGHNESS = 0.5
-"""Of Blender's Principled BSDF."""
-
+from .surface import NotUnderstoodError, Texture, laid_alike, number_at, principled_of, read_surface, texture_of
 
 @dataclass(frozen=True)
 class Shading:
     """Roughness and metallic: factor · image (green and blue of `gloss`); `normal` a tangent-space map."""
 
-    roughness: float = DEFAULT_ROUGHNESS
+    roughness: float = 1.0
     metallic: float = 0.0
     gloss: Texture | None = None
     normal: Texture | None = None
@@ -43,6 +40,8 @@ class Gloss:
     metallic: float
     varies: str | None
     """The first glossy material among several that differ, or one with an image."""
+    warnings: tuple[str, ...] = ()
+    """What was not understood of any."""
 
 
 def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
@@ -50,8 +49,9 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     shadings = [read_shading(material, read_surface(material).texture) for material in materials]
     first = shadings[0]
     alike = {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}
+    warnings = tuple(dict.fromkeys(warning for shading in shadings for warning in shading.warnings))
     if alike:
-        return Gloss(first.roughness, first.metallic, None)
+        return Gloss(first.roughness, first.metallic, None, warnings)
     names = [
         material.name for material, s in zip(materials, shadings, strict=True) if material is not None and s.glossy
     ]
@@ -81,11 +81,12 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
         _channel_of(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None
     ]
     images = {texture for texture in found if texture is not None}
-    if len(images) != 1 or None in found or not _laid_like(colors, *images):
+    # The image multiplies both: a part that is not linked to it may only be 0.
+    scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
+    if len(images) != 1 or None in found or scaled or not _laid_like(colors, *images):
         raise NotUnderstoodError(
             "roughness or metallic is no constant and no image laid like the colours; rough stands for it"
         )
-    # Where only one of the two comes from the image, the other is its constant.
     return replace(
         shading,
         roughness=1.0 if roughness is None else roughness,
@@ -100,7 +101,11 @@ def _channel_of(target: Input, channel: str) -> Texture | None:
     if not isinstance(source, Output) or source.node.type != "SEPARATE_COLOR" or source.socket.name != channel:
         return None
     image = follow(source.inputs()[0])
-    return texture_of(image) if isinstance(image, Output) and image.node.type == "TEX_IMAGE" else None
+    return texture_of(image) if _is_color_of_image(image) else None
+
+
+def _is_color_of_image(source: Input | Output) -> TypeGuard[Output]:
+    return isinstance(source, Output) and source.node.type == "TEX_IMAGE" and source.socket.name == "Color"
 
 
 def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
@@ -110,7 +115,7 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
     node = source.node
     if node.type == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
         image = follow(source.input("Color"))
-        if isinstance(image, Output) and image.node.type == "TEX_IMAGE":
+        if _is_color_of_image(image):
             texture = texture_of(image)
             if _laid_like(colors, texture):
                 return replace(shading, normal=texture)
@@ -119,5 +124,6 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
     )
 
 
-def _laid_like(colors: Texture | None, *textures: Texture) -> bool:
-    return all(colors is None or replace(texture, image=colors.image) == colors for texture in textures)
+def _laid_like(colors: Texture | None, texture: Texture) -> bool:
+    """Whether the mesh has the texture where it has its colours; without colours, as plainly as can be."""
+    return laid_alike(texture, colors or Texture(texture.image))

@@ -185,7 +185,7 @@ def _with_color(viewport: Surface, principled: Output) -> Surface:
 def _with_alpha(surface: Surface, targets: list[Input]) -> Surface:
     try:
         product, cutoff = _alpha_product(targets)
-        if product.texture and surface.color_texture and not _laid_alike(product.texture, surface.color_texture):
+        if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base colour use different texture coordinates")
     except NotUnderstoodError as reason:
         return replace(surface, warnings=(*surface.warnings, _warning(surface, "alpha", reason)))
@@ -205,7 +205,8 @@ def _with_alpha(surface: Surface, targets: list[Input]) -> Surface:
     )
 
 
-def _laid_alike(first: Texture, second: Texture) -> bool:
+def laid_alike(first: Texture, second: Texture) -> bool:
+    """Whether two images lie on the mesh in the same way."""
     return replace(first, image=second.image) == second
 
 

@@ -56,7 +56,7 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
     )
     cross: BoolProperty(
         name="Cross",
-        description="Add two crossed billboards of the whole tree behind the clouds",
+        description="Add crossed billboards of the whole tree behind the clouds",
         default=_DEFAULTS.cross,
     )
     texture_size: IntProperty(

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
-use leafcloud::textures::Samples;
+use leafcloud::textures::{Channels, Samples};
 use leafcloud::{Progress, gltf};
 
 /// FNV-1a.
@@ -64,7 +64,8 @@ fn main() {
             ..FitSettings::default()
         };
         let samples = Samples::new(2).expect("within the range");
-        let settings = ChainSettings { fit, texture_size: 128, samples, ..ChainSettings::default() };
+        let channels = Channels { normal: Some(0.3), gloss: true, translucency: true };
+        let settings = ChainSettings { fit, texture_size: 128, samples, channels, ..ChainSettings::default() };
         digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
     }
     println!("{:016x}", digest.0);

@@ -110,7 +110,7 @@ impl Sheet {
         let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
         let size = settings.size as f64;
         let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(SMALLEST));
-        while density * longest >= 1.0 {
+        while density * longest.max(SMALLEST) >= 1.0 {
             let densities: Vec<f64> = (0..TRIES).map(|i| density * libm::pow(DENSITY_STEP, f64::from(i))).collect();
             let fits = |&density: &f64| place(outlines, density, settings).map(|packed| (density, packed));
             if let Some((density, packed)) = densities.par_iter().find_map_first(fits) {

@@ -28,7 +28,7 @@ fn leaf_images(side: usize) -> (Image, Image) {
         [shade as u8 / 2, shade as u8, shade as u8 / 4, if inside { 255 } else { 0 }]
     };
     let normal = |i: usize| {
-        let n = (Vec3::new(place(i).x, 0.0, 1.0).normalize() * 0.5 + 0.5) * 255.0;
+        let n = (Vec3::new(place(i).x, 0.4, 1.0).normalize() * 0.5 + 0.5) * 255.0;
         [n.x as u8, n.y as u8, n.z as u8, 255]
     };
     let image =

@@ -187,7 +187,7 @@ class Level:
         """The side of a texel on the billboards, caller's units; the same all over the level."""
     @property
     def occupancy(self) -> float:
-        """``texels`` over the page's texels."""
+        """The share of the page that billboards take, with their gutters."""
     @property
     def targets(self) -> NDArray[np.float64]:
         """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height

@@ -55,7 +55,7 @@ where
 }
 
 /// The value as Python writes it, cut where that is long.
-fn shown(value: &Bound<'_, PyAny>) -> String {
+pub fn shown(value: &Bound<'_, PyAny>) -> String {
     let written =
         value.repr().map_or_else(|_| "not to be shown".to_owned(), |repr| repr.to_string_lossy().into_owned());
     match written.char_indices().nth(60) {

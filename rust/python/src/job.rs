@@ -10,7 +10,7 @@ use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::{Failure, guard, read, refuse};
+use crate::errors::{Failure, guard, read, refuse, shown};
 use crate::foliage::PyFoliage;
 use crate::levels::{CloudInFrame, PyChain, PyCloud};
 use crate::options::Options;
@@ -87,7 +87,10 @@ impl Work {
     /// Runs on a thread of its own while this one, which alone hears Ctrl-C, calls `progress` and waits for its answers.
     fn run_here(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
         if let Some(progress) = progress.as_ref().map(|p| p.bind(py)).filter(|p| !p.is_callable()) {
-            return Err(refuse(format!("progress is {progress}; it must be a function of a stage and a fraction")));
+            return Err(refuse(format!(
+                "progress is {}; it must be a function of a stage and a fraction",
+                shown(progress)
+            )));
         }
         let cancelled = AtomicBool::new(false);
         let (told, tells) = mpsc::channel::<(String, f64)>();

@@ -76,6 +76,17 @@ impl Image {
         &self.pixels
     }
 
+    /// The picture with every pixel changed.
+    #[must_use]
+    pub fn mapped(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
+        let pixels = self.pixels.iter().map(|&pixel| change(pixel)).collect();
+        Self { pixels, pyramids: Arc::default(), ..*self }
+    }
+
+    fn opaque(self) -> Self {
+        if self.pixels.iter().all(|p| p[3] == 255) { self } else { self.mapped(|[r, g, b, _]| [r, g, b, 255]) }
+    }
+
     /// The level of its pyramid for points `footprint` texels apart; `None` is the image itself.
     pub(super) fn pyramid(&self, encoding: Encoding, footprint: f32) -> Option<&pyramid::Level<Texel>> {
         if pyramid::is_near(footprint) {
@@ -138,6 +149,17 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Alpha counts in the base colour alone, and there only when the mode says so: elsewhere it is made full, so that nothing is weighted by it.
+    pub(super) fn settled(mut self) -> Self {
+        for image in [&mut self.normal, &mut self.gloss, &mut self.translucency_image] {
+            *image = image.take().map(Image::opaque);
+        }
+        if self.alpha_mode == AlphaMode::Opaque {
+            self.image = self.image.map(Image::opaque);
+        }
+        self
+    }
+
     /// The share of its texels that is drawn; `None` without an image.
     pub(super) fn coverage(&self) -> Option<Pyramid<u8>> {
         self.image.as_ref().map(|image| pyramid::of_coverage(image, self.alpha_mode, self.base_color.w))

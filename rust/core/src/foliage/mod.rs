@@ -63,8 +63,8 @@ impl Foliage {
     ) -> Result<Self> {
         check_indices(&triangles, positions.len())?;
         check_finite(positions)?;
-        let materials: Arc<[Material]> =
-            if materials.is_empty() { vec![Material::default()].into() } else { materials.into() };
+        let materials = if materials.is_empty() { vec![Material::default()] } else { materials };
+        let materials: Arc<[Material]> = materials.into_iter().map(Material::settled).collect();
         check_attributes(&attributes, triangles.len(), materials.len())?;
         // Only what triangles use counts: a stray vertex must not set the scale.
         let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
@@ -261,7 +261,7 @@ fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> R
     let Some(seen) = Frame::of(seen) else { return Ok(()) };
     let distance = |t: &[u32; 3]| corners(t).into_iter().map(|p| p.distance(seen.centre)).fold(0.0, f64::max);
     let stray = triangles.iter().position(|t| !has_area(t) && distance(t) > STRAY * seen.radius);
-    let Some(stray) = stray.filter(|_| seen.radius * STRAY < 1.0) else { return Ok(()) };
+    let Some(stray) = stray else { return Ok(()) };
     Err(Error::invalid(format!(
         "triangle {stray} has zero area and lies {:.1e} times the radius of the others away, where at most {STRAY} is taken; remove it",
         distance(&triangles[stray]) / seen.radius

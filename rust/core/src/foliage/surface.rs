@@ -48,7 +48,7 @@ enum Alpha<'a> {
 impl<'a> Surface<'a> {
     /// For single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
-        Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1)
+        Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1) }
     }
 
     /// For points on a grid, whose barycentric weights change by `steps` along its two axes, `samples` × `samples` to a pixel: alpha is asked for
@@ -187,8 +187,8 @@ fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
     let image = material.image.as_ref()?;
     match material.alpha_mode {
         AlphaMode::Opaque => None,
-        // Filtering rounds: a hair less.
-        AlphaMode::Mask(cutoff) => Some((image, cutoff / material.base_color.w * 255.0 * (1.0 - 1e-5))),
+        // Filtering rounds: a hair less. A cutoff of 0 draws everything, also at a factor of 0.
+        AlphaMode::Mask(cutoff) => Some((image, (cutoff / material.base_color.w).max(0.0) * 255.0 * (1.0 - 1e-5))),
         AlphaMode::Blend => Some((image, 1.0)),
     }
 }
@@ -321,8 +321,12 @@ mod tests {
             let (width, height) = (1 + random.below(150), 1 + random.below(150));
             let opaque = |_| [9, 9, 9, if random.below(500) == 0 { 255 } else { 0 }];
             let image = Image::new(width, height, (0..width * height).map(opaque).collect::<Vec<_>>()).unwrap();
-            let mode = if draw % 2 == 0 { AlphaMode::Mask(0.5) } else { AlphaMode::Blend };
-            let material = Material { image: Some(image), alpha_mode: mode, ..Material::default() };
+            let mode = AlphaMode::Blend;
+            let factor = [1.0, 0.7, 0.0][random.below(3)];
+            let cutoff = if factor == 0.0 { 0.0 } else { 0.5 };
+            let mode = if draw % 2 == 0 { AlphaMode::Mask(cutoff) } else { mode };
+            let base_color = Vec4::new(1.0, 1.0, 1.0, factor);
+            let material = Material { image: Some(image), alpha_mode: mode, base_color, ..Material::default() };
             let uvs = [[(); 3].map(|()| Vec2::new(random.signed() as f32, random.signed() as f32) * 2.0)];
             let attributes = Attributes { uvs: uvs.to_vec(), ..Attributes::default() };
             let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];

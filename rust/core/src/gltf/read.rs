@@ -1,4 +1,5 @@
-//! Reads the foliage of a .glb or .gltf file: positions, texture coordinates, base colours, alpha.
+//! Reads the foliage of a .glb or .gltf file: positions, normals, texture coordinates and the textures of colour, gloss and normals that use
+//! the first set of them.
 //!
 //! A part is foliage when its node's, mesh's or material's name contains one of the names asked for. Y up becomes Z up:
 //! (x, y, z) → (x, −z, y), as Blender's importer does, and v is turned to point up.
@@ -79,9 +80,15 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
     }
     let used: HashSet<u32> = soup.attributes.material_ids.iter().copied().collect();
     let materials = (0u32..).zip(document.materials()).map(|(i, m)| {
-        let image = m.pbr_metallic_roughness().base_color_texture().filter(|_| used.contains(&i));
-        let image = image.map(|t| source.image(&t.texture().source())).transpose().map_err(Error::Invalid)?;
-        material(&m, image)
+        let surface = m.pbr_metallic_roughness();
+        let mut image = |texture: Option<(gltf::Texture, u32)>| {
+            let texture = texture.filter(|(_, set)| *set == 0 && used.contains(&i));
+            texture.map(|(texture, _)| source.image(&texture.source())).transpose().map_err(Error::Invalid)
+        };
+        let color = image(surface.base_color_texture().map(|t| (t.texture(), 0)))?;
+        let gloss = image(surface.metallic_roughness_texture().map(|t| (t.texture(), t.tex_coord())))?;
+        let normal = image(m.normal_texture().map(|t| (t.texture(), t.tex_coord())))?;
+        material(&m, color, gloss, normal)
     });
     let materials = materials.collect::<Result<_>>()?;
     soup.into_foliage(materials)
@@ -173,7 +180,13 @@ impl Soup {
     }
 }
 
-fn material(source: &gltf::Material, image: Option<Image>) -> Result<Material> {
+fn material(
+    source: &gltf::Material,
+    image: Option<Image>,
+    gloss: Option<Image>,
+    normal: Option<Image>,
+) -> Result<Material> {
+    let unread = gloss.is_none() && source.pbr_metallic_roughness().metallic_roughness_texture().is_some();
     let made = Material {
         name: source.name().unwrap_or("material").to_owned(),
         base_color: Vec4::from_array(source.pbr_metallic_roughness().base_color_factor()),
@@ -185,7 +198,11 @@ fn material(source: &gltf::Material, image: Option<Image>) -> Result<Material> {
         },
         double_sided: source.double_sided(),
         roughness: source.pbr_metallic_roughness().roughness_factor(),
-        metallic: source.pbr_metallic_roughness().metallic_factor(),
+        // The factor is 1 where a texture says the rest: without the texture, leaves are no metal.
+        metallic: if unread { 0.0 } else { source.pbr_metallic_roughness().metallic_factor() },
+        // Its red is not occlusion, which is a texture of its own.
+        gloss: gloss.map(|image| image.mapped(|[_, g, b, a]| [255, g, b, a])),
+        normal,
         ..Material::default()
     };
     made.check()?;

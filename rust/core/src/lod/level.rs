@@ -79,6 +79,8 @@ pub(super) struct Step<'a> {
     pub deviation: f64,
     /// Side of the page in texels.
     pub page: usize,
+    /// What the page shows.
+    pub channels: Channels,
     /// Of the leaves.
     pub judges: &'a Judges,
 }
@@ -105,7 +107,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     // One texture for both sides shows leaves from either side.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let page =
-        bake_cloud(either.as_ref().unwrap_or(finer), &cloud, &projection, &sheet, settings.samples, &settings.channels);
+        bake_cloud(either.as_ref().unwrap_or(finer), &cloud, &projection, &sheet, settings.samples, &step.channels);
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
@@ -113,7 +115,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let judgement = step.judges.report.judge(&shown)?;
-    tune::check_shown(&judgement, &page)?;
+    tune::check_shown(&judgement, &page, alpha_cutoff)?;
     Ok(Level {
         method: settings.fit.method.name(),
         epsilon: Some(cloud.bound / step.radius),

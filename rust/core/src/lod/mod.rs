@@ -160,6 +160,7 @@ pub fn build_chain(
             fit,
             deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
+            channels: if index == 0 { settings.channels } else { settings.channels.unbent() },
             judges: &judges,
         };
         levels.push(level::build(&step, settings, share(index))?);

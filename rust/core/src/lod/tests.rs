@@ -104,7 +104,9 @@ fn the_same_bytes_on_any_number_of_threads() {
     let foliage = ball(200);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| build_chain(&foliage, None, &settings(), Progress::silent()).unwrap())
+        let channels = Channels { normal: Some(0.3), gloss: true, translucency: true };
+        let settings = ChainSettings { channels, ..settings() };
+        pool.install(|| build_chain(&foliage, None, &settings, Progress::silent()).unwrap())
     };
     let (one, seven) = (on(1), on(7));
     assert_eq!(one.ranks, seven.ranks);
@@ -145,4 +147,43 @@ fn a_tree_that_lies_on_its_side_is_judged_alike() {
         let off = (a.judgement.coverage - b.judgement.coverage).abs();
         assert!(off < 0.01, "{:?} {:?}", a.judgement, b.judgement);
     }
+}
+
+/// The tilt of a level's normals, by the mean of their part toward the viewer.
+fn toward_viewer(level: &Level) -> f64 {
+    let normal = level.page.normal.as_ref().unwrap();
+    let seen = level.page.base_color.pixels().iter().zip(normal.pixels()).filter(|(color, _)| color[3] > 200);
+    let parts: Vec<f64> = seen.map(|(_, n)| f64::from(n[2]) / 127.5 - 1.0).collect();
+    parts.iter().sum::<f64>() / parts.len() as f64
+}
+
+#[test]
+fn normals_are_bent_once() {
+    let bent = ChainSettings { channels: Channels { normal: Some(0.5), ..Channels::default() }, ..settings() };
+    let chain = build_chain(&ball(300), None, &bent, Progress::silent()).unwrap();
+    let plain = ChainSettings { channels: Channels { normal: Some(0.0), ..Channels::default() }, ..settings() };
+    let plain = build_chain(&ball(300), None, &plain, Progress::silent()).unwrap();
+    // Leaves on a ball face outward: bending them toward its hull changes nothing, on no level.
+    for (a, b) in chain.levels.iter().zip(&plain.levels) {
+        assert!(
+            (toward_viewer(a) - toward_viewer(b)).abs() < 0.02,
+            "{}: {} {}",
+            a.method,
+            toward_viewer(a),
+            toward_viewer(b)
+        );
+    }
+    // Leaves that lie flat are bent by half, on the second level as on the first.
+    let flat = ball(300);
+    let corners: Vec<DVec3> = (0..600)
+        .flat_map(|t| {
+            let middle = flat.corners(t).iter().sum::<DVec3>() / 3.0;
+            flat.corners(t).map(|p| flat.frame().to_caller((p - middle) * DVec3::new(1.0, 1.0, 0.0) + middle))
+        })
+        .collect();
+    let triangles = (0..600).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let flat = Foliage::new(&corners, triangles, Attributes::default(), vec![]).unwrap();
+    let chain = build_chain(&flat, None, &bent, Progress::silent()).unwrap();
+    let [first, second] = [&chain.levels[0], &chain.levels[1]].map(toward_viewer);
+    assert!((first - second).abs() < 0.06, "{first} {second}");
 }

@@ -84,12 +84,13 @@ fn greatest_alpha(page: &Image) -> Result<f32> {
     if most > 0 { Ok(f32::from(most) / 255.0) } else { Err(nothing_shows(page)) }
 }
 
-/// A level that covers nothing of what the leaves cover is none.
+/// A level that covers nothing of what the leaves cover, or of whose page nothing passes the cutoff, is none.
 ///
 /// # Errors
-/// Its coverage is 0.
-pub fn check_shown(judgement: &Judgement, page: &Page) -> Result<()> {
-    if judgement.coverage > 0.0 { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
+/// It is none.
+pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Result<()> {
+    let passes = page.base_color.pixels().iter().any(|p| f32::from(p[3]) / 255.0 >= alpha_cutoff);
+    if judgement.coverage > 0.0 && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
 }
 
 fn nothing_shows(page: &Image) -> Error {

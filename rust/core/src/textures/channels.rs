@@ -78,7 +78,9 @@ fn normal(seen: &Seen, bend: f32) -> Vec3 {
     let facing = if seen.front { own } else { -own };
     let bent = if bend > 0.0 {
         let place = corners[0] * seen.weights.x + corners[1] * seen.weights.y + corners[2] * seen.weights.z;
-        facing.lerp(place.normalize_or(facing), bend)
+        // A side that faces into the crown is bent the other way: else its normal would be turned through the leaf.
+        let outward = place.normalize_or(facing);
+        facing.lerp(if facing.dot(outward) < 0.0 { -outward } else { outward }, bend)
     } else {
         facing
     };

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use super::Samples;
 use super::channels::Channel;
 use super::raster::{ScreenTriangle, Window, rasterise};
-use crate::foliage::{Attributes, Foliage, Image, Material};
+use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 
 /// The square [−1, 1]² turned by `turn`, texture coordinates over all of it.
 fn square(turn: DMat3, material: Material) -> Foliage {
@@ -70,16 +70,65 @@ fn corner_normals_count_more_than_the_face() {
 
 #[test]
 fn maps_turn_with_the_leaf() {
-    // (0.6, 0, 0.8) in codes.
-    let map = Image::new(4, 4, vec![[204, 128, 230, 255]; 16]).unwrap();
-    let leaf = |turn| square(turn, Material { normal: Some(map.clone()), ..Material::default() });
+    // (0.48, 0.6, 0.64) in codes: to the right, up the texture, out of it.
+    let map = Image::new(4, 4, vec![[189, 204, 209, 255]; 16]).unwrap();
     let close = |found: Vec3, expected: Vec3| assert!(found.distance(expected) < 0.01, "{found}, expected {expected}");
-    close(seen(&leaf(DMat3::IDENTITY), NORMAL, FRONT)(8, 8), Vec3::new(0.6, 0.0, 0.8));
+    let leaf = |turn| square(turn, Material { normal: Some(map.clone()), ..Material::default() });
+    close(seen(&leaf(DMat3::IDENTITY), NORMAL, FRONT)(8, 8), Vec3::new(0.48, 0.6, 0.64));
     let quarter = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_2);
-    close(seen(&leaf(quarter), NORMAL, FRONT)(8, 8), Vec3::new(0.0, 0.6, 0.8));
-    // A mirrored leaf: its texture runs the other way, and so does what the map says.
-    let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
-    close(seen(&leaf(mirror), NORMAL, FRONT)(8, 8), Vec3::new(0.6, 0.0, 0.8));
+    close(seen(&leaf(quarter), NORMAL, FRONT)(8, 8), Vec3::new(-0.6, 0.48, 0.64));
+    // From behind, the normal is the other way round altogether: right is −x, up y, toward the viewer −z.
+    close(seen(&leaf(DMat3::IDENTITY), NORMAL, BACK)(8, 8), Vec3::new(0.48, -0.6, 0.64));
+    // A texture that is laid mirrored shows its normals mirrored.
+    let mirrored = |flip: fn(Vec2) -> Vec2| {
+        let plain = leaf(DMat3::IDENTITY);
+        let uvs = plain.attributes().uvs.iter().map(|corners| corners.map(flip)).collect();
+        let corners: Vec<DVec3> = (0..2).flat_map(|t| plain.corners(t)).collect();
+        let attributes = Attributes { uvs, ..Attributes::default() };
+        Foliage::new(&corners, vec![[0, 1, 2], [3, 4, 5]], attributes, vec![plain.material(0).clone()]).unwrap()
+    };
+    close(seen(&mirrored(|uv| Vec2::new(1.0 - uv.x, uv.y)), NORMAL, FRONT)(8, 8), Vec3::new(-0.48, 0.6, 0.64));
+    close(seen(&mirrored(|uv| Vec2::new(uv.x, 1.0 - uv.y)), NORMAL, FRONT)(8, 8), Vec3::new(0.48, -0.6, 0.64));
+}
+
+#[test]
+fn alpha_of_what_ignores_it_counts_nowhere() {
+    let clear = |side: usize| Image::new(side, side, vec![[200, 100, 50, 0]; side * side]).unwrap();
+    let near_and_far = [8, 256].map(|side| {
+        let material =
+            Material { image: Some(clear(side)), gloss: Some(clear(side)), metallic: 1.0, ..Material::default() };
+        let leaf = square(DMat3::IDENTITY, material);
+        (seen(&leaf, Channel::BaseColor, FRONT)(7, 8), seen(&leaf, Channel::Gloss, FRONT)(7, 8))
+    });
+    near(near_and_far[0].0, near_and_far[1].0);
+    near(near_and_far[0].1, near_and_far[1].1);
+    near(near_and_far[0].1, Vec3::new(200.0, 100.0, 50.0) / 255.0);
+}
+
+#[test]
+fn shares_seen_from_far_are_kept_in_the_mean() {
+    // Sixteenths of a mask, on many small cards beside one another.
+    for (share, samples) in [(1, 1), (1, 2), (3, 2), (5, 4), (1, 4)] {
+        let sparse = |i: usize| [255, 255, 255, if i % 4 + i / 64 % 4 * 4 < share { 255 } else { 0 }];
+        let image = Image::new(64, 64, (0..64 * 64).map(sparse).collect::<Vec<_>>()).unwrap();
+        let material = Material { image: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
+        let leaf = square(DMat3::IDENTITY, material);
+        let cards: Vec<ScreenTriangle> = (0..64 * 64)
+            .flat_map(|card| {
+                let corner =
+                    |x: usize, y: usize| Vec3::new((card % 64 + x) as f32 + 0.2, (card / 64 + y) as f32 + 0.1, 0.0);
+                let [a, b, c, d] = [corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)];
+                let triangle =
+                    |triangle, corners| ScreenTriangle { corners, foliage: &leaf, triangle, window: &Window::WHOLE };
+                [triangle(0, [a, b, c]), triangle(1, [a, c, d])]
+            })
+            .collect();
+        let canvas = rasterise(&cards, 64, 64, Samples::new(samples).unwrap(), &[Channel::BaseColor]).remove(0);
+        // No sample lies on an edge, where two triangles would be asked; the first row is cut.
+        let covered = canvas.pixels.iter().skip(64).map(|p| p.w).sum::<f32>() / (63.0 * 64.0);
+        let expected = share as f32 / 16.0;
+        assert!((covered / expected - 1.0).abs() < 0.06, "{samples}²: {covered}, expected {expected}");
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Mip levels of a page that keep what is seen of it.
+//! Mip levels of a page's base colour that keep what is seen of it.
 //!
 //! Box filtering makes thin leaves fall below the alpha cutoff, so that crowns dissolve in the distance. Here colours are means weighted by
 //! alpha, in linear light; alpha is the mean, then moved, region by region, so that as large a share of its texels passes the cutoff as at
@@ -13,43 +13,27 @@ use rayon::prelude::*;
 
 use super::channels::Channel;
 use super::dilate;
-use super::page::Page;
 use super::raster::Canvas;
 use crate::color::decode_table;
 use crate::foliage::Image;
-use crate::sheet::{Region, Sheet};
+use crate::sheet::Region;
 use glam::{Vec3, Vec4};
 
 /// The levels of an image, level 0 first: half the side each, down to one texel.
 pub type Levels = Vec<Image>;
-
-/// The levels of every image of a page, in the order of [`Page::images`].
-#[must_use]
-pub fn levels(page: &Page, sheet: &Sheet, alpha_cutoff: f32) -> Vec<(&'static str, Levels)> {
-    let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
-    let of = |(name, image): (&'static str, &Image)| match name {
-        "base_color" => (name, of_color(image, &regions, alpha_cutoff)),
-        "normal" => (name, of_data(image, &page.base_color, Channel::Normal(0.0))),
-        "translucency" => (name, of_data(image, &page.base_color, Channel::Translucency)),
-        _ => (name, of_data(image, &page.base_color, Channel::Gloss)),
-    };
-    page.images().map(of).collect()
-}
 
 /// Of base colour, whose alpha keeps the share of each region that passes the cutoff.
 #[must_use]
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
-    let mut means = linear(image, image, Channel::BaseColor);
+    let mut means = linear(image);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
     while means.width > 1 || means.height > 1 {
         means = halved(&means);
         scale *= 2;
-        let mut filled = means.clone();
-        dilate::fill_transparent(&mut filled);
-        let level = Channel::BaseColor.to_image(&filled);
+        let level = filled(&means);
         let at_level = |region: &Region| smaller(*region, scale, means.width, means.height);
         let regions: Vec<(Region, f64)> = regions.iter().map(at_level).zip(shares.iter().copied()).collect();
         levels.push(with_coverage(&level, &regions, cutoff));
@@ -57,38 +41,31 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
     levels
 }
 
-/// Of base colour as engines make them: means of alpha, and of colour weighted by it.
+/// The same as engines make them: means of alpha, and of colour weighted by it.
 #[must_use]
 pub fn means(image: &Image) -> Levels {
-    of_data(image, image, Channel::BaseColor)
-}
-
-/// Of what is no colour: means weighted by the alpha of the base colour.
-fn of_data(image: &Image, alpha: &Image, channel: Channel) -> Levels {
-    let mut means = linear(image, alpha, channel);
+    let mut means = linear(image);
     let mut levels = vec![image.clone()];
     while means.width > 1 || means.height > 1 {
         means = halved(&means);
-        let mut filled = means.clone();
-        dilate::fill_transparent(&mut filled);
-        levels.push(channel.to_image(&filled));
+        levels.push(filled(&means));
     }
     levels
 }
 
-/// Codes as values of the channel, premultiplied by the alpha of another image of the same size.
-fn linear(image: &Image, alpha: &Image, channel: Channel) -> Canvas {
+/// A level as an image, with colour under what is transparent.
+fn filled(means: &Canvas) -> Image {
+    let mut filled = means.clone();
+    dilate::fill_transparent(&mut filled);
+    Channel::BaseColor.to_image(&filled)
+}
+
+/// Linear light, premultiplied.
+fn linear(image: &Image) -> Canvas {
     let table = decode_table();
-    let value = |&[r, g, b, _]: &[u8; 4]| match channel {
-        Channel::BaseColor | Channel::Translucency => Vec3::from_array([r, g, b].map(|code| table[code as usize])),
-        Channel::Gloss => Vec3::from_array([r, g, b].map(|code| f32::from(code) / 255.0)),
-        Channel::Normal(_) => Vec3::from_array([r, g, b].map(|code| f32::from(code) / 127.5 - 1.0)),
-    };
-    let pixels = image.pixels().par_iter().zip(alpha.pixels());
-    let premultiplied = pixels.map(|(p, a)| {
-        let share = f32::from(a[3]) / 255.0;
-        // What nothing covers keeps its colour: where all of a level is empty, it is what there is.
-        if share > 0.0 { (value(p) * share).extend(share) } else { value(p).extend(0.0) }
+    let premultiplied = image.pixels().par_iter().map(|&[r, g, b, a]| {
+        let share = f32::from(a) / 255.0;
+        (Vec3::from_array([r, g, b].map(|code| table[code as usize])) * share).extend(share)
     });
     Canvas { width: image.width(), height: image.height(), pixels: premultiplied.collect() }
 }
@@ -99,8 +76,7 @@ fn halved(canvas: &Canvas) -> Canvas {
     let (across, down) = (canvas.width.min(2), canvas.height.min(2));
     let mean = |x: usize, y: usize| {
         let at = |i: usize| canvas.pixels[(down * y + i / across) * canvas.width + across * x + i % across];
-        let covered = (0..across * down).map(at).filter(|p| p.w > 0.0);
-        covered.fold(Vec4::ZERO, |sum, p| sum + p) / (across * down) as f32
+        (0..across * down).map(at).fold(Vec4::ZERO, |sum, p| sum + p) / (across * down) as f32
     };
     let mut pixels = vec![Vec4::ZERO; width * height];
     pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -223,15 +199,6 @@ mod tests {
             let at = |region: Region| share(level, smaller(region, 1 << number, level.width(), level.height()), 128);
             assert_eq!((at(left), at(right)), (0.0, 1.0), "level {number}");
         }
-    }
-
-    #[test]
-    fn normals_stay_unit_and_keep_their_mean() {
-        let page = image(4, 4, |x, _| if x % 2 == 0 { [204, 128, 230, 255] } else { [52, 128, 230, 255] });
-        let opaque = image(4, 4, |_, _| [0, 0, 0, 255]);
-        let levels = of_data(&page, &opaque, Channel::Normal(0.0));
-        assert_eq!(levels.len(), 3);
-        assert!(levels[1].pixels().iter().all(|p| p[0].abs_diff(128) <= 1 && p[1].abs_diff(128) <= 1 && p[2] == 255));
     }
 
     proptest! {

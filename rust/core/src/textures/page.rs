@@ -29,6 +29,12 @@ impl Channels {
         }
     }
 
+    /// The same without bending: what is drawn is bent already.
+    #[must_use]
+    pub fn unbent(self) -> Self {
+        Self { normal: self.normal.map(|_| 0.0), ..self }
+    }
+
     /// Base colour first.
     pub(super) fn list(&self) -> Vec<Channel> {
         let wanted = [

@@ -68,6 +68,45 @@ fn matrices_of_nodes() {
 }
 
 #[test]
+fn normals_and_gloss() {
+    // Three normals (0, 0, 1) of the glTF, Y up, behind the bytes that there are: a mirrored and stretched node turns them, too.
+    let normals = "AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/";
+    let text = GOOD
+        .replacen(r#""attributes": {"POSITION": 0}"#, r#""attributes": {"POSITION": 0, "NORMAL": 2}"#, 1)
+        .replacen(
+            r#""type": "SCALAR"}]"#,
+            r#""type": "SCALAR"}, {"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC3"}]"#,
+            1,
+        )
+        .replacen(r#""byteLength": 6}]"#, r#""byteLength": 6}, {"buffer": 1, "byteLength": 36}]"#, 1);
+    let end = text.rfind("}]").unwrap();
+    let text = format!(
+        r#"{}}}, {{"byteLength": 36, "uri": "data:application/octet-stream;base64,{normals}"}}]{}"#,
+        &text[..end],
+        &text[end + 2..]
+    );
+    let stretched = r#"{"mesh": 0, "matrix": [-1,0,1,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "#;
+    let foliage = read(&text.replacen(r#"{"mesh": 0, "#, stretched, 1)).unwrap();
+    // x ↦ −x + z along, z stays: the inverse transpose takes (0, 0, 1) to (1, 0, 1), Z up (1, −1, 0).
+    let expected = DVec3::new(1.0, -1.0, 0.0).normalize();
+    let off = foliage.attributes().normals[0].iter().map(|n| n.as_dvec3().distance(expected)).fold(0.0, f64::max);
+    case(GROUP, "normals under a matrix that mirrors and shears", "closed form: the inverse transpose")
+        .holds(off, 1e-6);
+    let without = read(GOOD).unwrap();
+    assert!(without.attributes().normals.is_empty());
+    // The default metallic factor of glTF is 1.
+    assert_eq!((without.material(0).metallic, without.material(0).roughness), (1.0, 1.0));
+    let other_set = r#""metallicRoughnessTexture": {"index": 0, "texCoord": 1}, "baseColorFactor""#;
+    let unread = read(&GOOD.replacen(r#""baseColorFactor""#, other_set, 1).replacen(
+        r#""buffers""#,
+        r#""textures": [{"source": 0}], "images": [{"uri": "a.png"}], "buffers""#,
+        1,
+    ));
+    case(GROUP, "a gloss texture that cannot be read is no metal", "definition: a factor of 0")
+        .equals(unread.unwrap().material(0).metallic, 0.0);
+}
+
+#[test]
 fn accessors_that_lie() {
     refused(
         "more values than bytes",
