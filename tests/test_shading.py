@@ -36,7 +36,7 @@ def test_rough_leaves_are_not_glossy() -> None:
     material, principled, _ = new_material()
     principled.inputs["Roughness"].default_value = 1.0
     assert not read_shading(material, None).glossy
-    assert read_shading(None, None).glossy, "Blender's own default has a roughness of one half"
+    assert not read_shading(None, None).glossy
 
 
 def test_an_image_of_roughness_and_metallic() -> None:
@@ -64,11 +64,29 @@ def test_a_normal_map() -> None:
     assert np.abs(description["normal"].astype(int) - [[[204, 128, 230, 255]]]).max() <= 1
 
 
-@pytest.mark.parametrize("kind", ["bump", "strength", "laid otherwise", "roughness"])
+def test_data_that_are_marked_as_colours_are_decoded() -> None:
+    material, principled, tree = new_material()
+    parts = tree.nodes.new("ShaderNodeSeparateColor")
+    image = new_image("data", [[(0.5, 0.5, 0.5, 1.0)]], space="sRGB")
+    tree.links.new(texture_node(tree, image).outputs["Color"], parts.inputs[0])
+    tree.links.new(parts.outputs["Green"], principled.inputs["Roughness"])
+    description, _ = describe_material(material, CHANNELS)
+    assert description["gloss"] is not None
+    # 0.214 by the standard's formula: what Blender shades with.
+    assert abs(int(description["gloss"][0, 0, 1]) - 55) <= 1
+    assert (description["roughness"], description["metallic"]) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["bump", "strength", "laid otherwise", "roughness", "half linked", "other map"])
 def test_what_is_not_understood_is_said(kind: str) -> None:
     material, principled, tree = new_material()
     image = data_node(tree, (0.5, 0.5, 1.0))
-    if kind == "roughness":
+    if kind == "half linked":
+        parts = tree.nodes.new("ShaderNodeSeparateColor")
+        tree.links.new(image.outputs["Color"], parts.inputs[0])
+        tree.links.new(parts.outputs["Blue"], principled.inputs["Metallic"])
+        principled.inputs["Roughness"].default_value = 0.5
+    elif kind == "roughness":
         tree.links.new(image.outputs["Color"], principled.inputs["Roughness"])
     elif kind == "bump":
         tree.links.new(tree.nodes.new("ShaderNodeBump").outputs["Normal"], principled.inputs["Normal"])
@@ -77,6 +95,10 @@ def test_what_is_not_understood_is_said(kind: str) -> None:
         node.inputs["Strength"].default_value = 0.5 if kind == "strength" else 1.0
         tree.links.new(image.outputs["Color"], node.inputs["Color"])
         tree.links.new(node.outputs["Normal"], principled.inputs["Normal"])
+    if kind == "other map":
+        layout = tree.nodes.new("ShaderNodeUVMap")
+        layout.uv_map = "Other"
+        tree.links.new(layout.outputs["UV"], image.inputs["Vector"])
     if kind == "laid otherwise":
         colors = texture_node(tree, new_image("colors", [[(1.0, 1.0, 1.0, 1.0)]]))
         colors.extension = "EXTEND"
@@ -85,7 +107,7 @@ def test_what_is_not_understood_is_said(kind: str) -> None:
     assert (shading.normal, shading.gloss) == (None, None)
     assert len(shading.warnings) == 1
     assert "'m'" in shading.warnings[0]
-    assert ("roughness" if kind == "roughness" else "normals") in shading.warnings[0]
+    assert ("roughness" if kind in {"roughness", "half linked"} else "normals") in shading.warnings[0]
 
 
 def test_leaves_that_are_all_alike_need_no_texture() -> None:

@@ -16,6 +16,7 @@ import bpy
 from .node_links import Input, Output, follow
 from .surface import NotUnderstoodError, Texture, laid_alike, number_at, principled_of, read_surface, texture_of
 
+
 @dataclass(frozen=True)
 class Shading:
     """Roughness and metallic: factor · image (green and blue of `gloss`); `normal` a tangent-space map."""
