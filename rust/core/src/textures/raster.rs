@@ -300,7 +300,6 @@ impl<'a> Tile<'a> {
 
     /// The mean of a channel over the samples of each pixel of a row, which is empty.
     fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
-        let weight = 1.0 / (self.samples * self.samples) as f32;
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         for piece in self.pieces[first..].iter().take_while(|piece| piece.pixel < (row + 1) * TILE) {
             // Triangles that reach beyond the canvas are drawn on whole tiles.
@@ -310,7 +309,12 @@ impl<'a> Tile<'a> {
             // The middle of some samples within a triangle lies within it.
             let weights = fragment.edges.weights(piece.places / piece.count as f32);
             let seen = Seen { surface: &fragment.surface, triangle, weights, front: fragment.edges.front };
-            *pixel += channel.look(&seen).extend(1.0) * (piece.count as f32 * weight);
+            *pixel += channel.look(&seen).extend(1.0) * piece.count as f32;
+        }
+        // Divided at the end, whole numbers give exact shares: full coverage is 1.
+        let count = (self.samples * self.samples) as f32;
+        for pixel in pixels {
+            *pixel /= count;
         }
     }
 }
