@@ -19,7 +19,14 @@ pub fn keep(distance: f64, start: f64, half: f64) -> f64 {
     if distance.is_nan() || distance <= start {
         return 1.0;
     }
-    libm::pow(start / distance, libm::log(0.5) / libm::log(half)).min(1.0)
+    let power = libm::log(0.5) / libm::log(half);
+    let ratio = start / distance;
+    if ratio >= f64::MIN_POSITIVE || distance.is_infinite() {
+        libm::pow(ratio, power).min(1.0)
+    } else {
+        // The ratio is too small for f64, its power need not be.
+        libm::exp(power * (libm::log(start) - libm::log(distance)))
+    }
 }
 
 /// The ramp r in [0, 1]: 1 for the first of the drawn leaves, over the last ρ = min(0.05, 1 − λ) of them linear to 0 at rank = λ.
@@ -40,15 +47,15 @@ pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
 #[must_use]
 pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)> + Clone, keep: f64) -> f64 {
     let (mut all, mut drawn) = (Total::default(), Total::default());
-    // As shares of the largest, so that no sum overflows.
+    let squared = |rank: f64| leaf_scale(rank, keep).powi(2);
+    // As shares of the largest, so that no sum overflows and none vanishes.
     let largest = leaves.clone().map(|(_, area)| area).fold(0.0, f64::max);
+    let largest_drawn = leaves.clone().map(|(rank, area)| area * squared(rank)).fold(0.0, f64::max);
     for (rank, area) in leaves {
-        let area = area / largest;
-        let r = leaf_scale(rank, keep);
-        all.add(area);
-        drawn.add(area * r * r);
+        all.add(area / largest);
+        drawn.add(area * squared(rank) / largest_drawn);
     }
-    if drawn.get() > 0.0 { (all.get() / drawn.get()).sqrt() } else { 1.0 }
+    if drawn.get() > 0.0 { (all.get() / drawn.get()).sqrt() * (largest.sqrt() / largest_drawn.sqrt()) } else { 1.0 }
 }
 
 /// A scene of many models: those farther away give up more of their leaves.

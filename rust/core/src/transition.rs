@@ -145,7 +145,8 @@ pub fn transition(distance: f64, start: f64, end: f64) -> f64 {
     if end <= start || distance.is_nan() {
         return f64::from(distance >= end);
     }
-    let share = (distance - start) / (end - start);
+    // Halves first: the difference of two numbers may be beyond f64.
+    let share = (distance * 0.5 - start * 0.5) / (end * 0.5 - start * 0.5);
     if share.is_nan() { f64::from(distance >= end) } else { share.clamp(0.0, 1.0) }
 }
 

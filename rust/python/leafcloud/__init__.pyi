@@ -431,7 +431,7 @@ def keep(distance: float, start: float, half: float = 0.5) -> float:
     (0, ½]."""
 
 def leaf_scale(rank: float, keep: float) -> float:
-    """The ramp r in [0, 1]: 1 for the first 95 % of the drawn leaves, linear to 0 at rank = λ."""
+    """The ramp r in [0, 1]: linear to 0 at rank = λ over the last min(0.05, 1 − λ) of the drawn leaves, 1 before."""
 
 def area_scale(ranks: ArrayLike, areas: ArrayLike, keep: float) -> float:
     """s = √(ΣA / Σ A·r²): the linear factor that keeps the covered area when the leaves with ``ranks`` and ``areas``

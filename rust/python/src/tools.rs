@@ -106,13 +106,16 @@ pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_vi
              be at least 0, the others above 0, all finite, the field of view below π"
         )));
     }
+    if deviation == 0.0 {
+        return Ok(0.0);
+    }
     let distance = laws::switch_distance(deviation, pixels, resolution, field_of_view);
     if distance.is_finite() {
         return Ok(distance);
     }
     Err(refuse(format!(
         "a deviation of {deviation:?} over {pixels:?} pixels of {resolution:?} in {field_of_view:?} radians takes over beyond any distance; \
-         take fewer pixels of resolution, or more of deviation"
+         take a lower resolution or a wider field of view"
     )))
 }
 

@@ -149,6 +149,8 @@ impl<'a> Surface<'a> {
         let flat = u.cross(v).try_normalize()?;
         let smooth = self.normals.map_or(flat, |[a, b, c]| a * weights.x + b * weights.y + c * weights.z);
         let smooth = smooth.try_normalize().unwrap_or(flat);
+        // Normals against the winding, as mirrored meshes have them, mean the same surface.
+        let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
         let Some(image) = &self.material.normal else { return Some(smooth) };
         // Along which the texture's columns run (glTF: the green of a normal points up the texture, v is up here).
         let (s, t) = (self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]);

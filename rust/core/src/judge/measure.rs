@@ -49,6 +49,15 @@ pub fn overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
+/// The same of alpha itself: the sum of what both cover over that of what either does, so that foliage too thin for silhouettes counts, too.
+pub fn soft_overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
+    let pixels = pairs.flat_map(|(a, b)| a.pixels().iter().zip(b.pixels()));
+    let (both, either) = pixels.fold((0u64, 0u64), |(both, either), (a, b)| {
+        (both + u64::from(a[3].min(b[3])), either + u64::from(a[3].max(b[3])))
+    });
+    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
 /// A code laid over mid-grey with its alpha.
 fn over_grey(code: u8, alpha: u8) -> u8 {
     let (code, alpha) = (u32::from(code), u32::from(alpha));

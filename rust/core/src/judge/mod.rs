@@ -75,7 +75,7 @@ impl Judge {
     pub fn glance(&self, level: &Foliage) -> Result<Glance> {
         let pictures = self.look_at(level)?;
         let pairs = || self.pictures.iter().zip(&pictures);
-        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
+        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
     }
 
     /// What is reported of `level`: coverage over all views, overlap and error as means over them.
@@ -100,6 +100,6 @@ impl Judge {
 pub struct Glance {
     /// Sum of alpha over that of the base; 1 when the base is empty.
     pub coverage: f64,
-    /// Intersection over union of alpha > ½.
+    /// Intersection over union of alpha.
     pub overlap: f64,
 }

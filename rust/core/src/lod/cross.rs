@@ -31,9 +31,9 @@ pub(super) fn build(
     let up = settings.up.normalize();
     let planes = planes(up, leaves, &triangles);
     let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
-    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture unless asked for. It then shows
-    // leaves from either side.
-    let two_sided = settings.back_sides == Some(true);
+    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture, unless leaves show one side only.
+    let one_sided = || (0..leaves.triangle_count()).any(|t| !leaves.material(t).double_sided);
+    let two_sided = settings.back_sides.unwrap_or_else(one_sided);
     let shown: Vec<Foliage> =
         parts.iter().map(|part| if two_sided { (*part).clone() } else { part.double_sided() }).collect();
     let triangles: Vec<_> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
@@ -89,7 +89,7 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
 /// How many times more of the leaves' area a plane that lies must show than those that stand, to be there, too.
 const LYING: f64 = 4.0;
 
-/// What shows less than this share of what the lying plane shows is left out.
+/// What shows less than this share of what another shows is left out.
 const LEAST: f64 = 1.0 / 64.0;
 
 /// The two planes that stand, the one that lies, as what they show calls for them.
@@ -98,13 +98,11 @@ fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3]
     let seen_along =
         |normal: DVec3| (0..leaves.triangle_count()).map(|t| leaves.area_vector(t).dot(normal).abs()).sum::<f64>();
     let (lying, most) = (seen_along(up), seen_along(standing[0].normal).max(seen_along(standing[1].normal)));
-    if lying <= LYING * most {
-        return standing.to_vec();
-    }
+    let flat = (lying > LYING * most).then(|| Plane { normal: up, distance: middle_height(up, leaves) });
     let shows = |plane: &Plane| triangles.iter().map(|t| area_vector(t.2).dot(plane.normal).abs()).sum::<f64>();
-    let enough = LEAST * lying;
-    let kept = standing.into_iter().filter(|plane| shows(plane) >= enough);
-    kept.chain([Plane { normal: up, distance: middle_height(up, leaves) }]).collect()
+    let planes: Vec<Plane> = standing.into_iter().chain(flat).collect();
+    let enough = LEAST * planes.iter().map(shows).fold(0.0, f64::max);
+    planes.into_iter().filter(|plane| shows(plane) >= enough).collect()
 }
 
 /// The mean height of the leaves' area.

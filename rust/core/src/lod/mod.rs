@@ -150,7 +150,8 @@ pub fn build_chain(
         let opacity = fit.opacity(finer);
         if index == 0 && opacity.shows_nothing() {
             return Err(Error::invalid(
-                "nothing can be seen of the leaves: no texel reaches its material's alpha cutoff; check the alpha of the materials",
+                "nothing can be seen of the leaves: no texel reaches its material's alpha cutoff, or is a fiftieth opaque where it is \
+                 blended; check the alpha of the materials",
             ));
         }
         let step = level::Step {

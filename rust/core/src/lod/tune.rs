@@ -12,7 +12,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
-use crate::judge::{Judge, Judgement, Views};
+use crate::judge::{Glance, Judge, Judgement, Views};
 use crate::sheet::Sheet;
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
@@ -21,8 +21,11 @@ use crate::transition::{HAND_OVER, Projection};
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
 /// The cutoffs that may be chosen, and where the search begins when there are texels that reach it.
-const CUTOFFS: [f32; 8] = [0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
+const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
 const FIRST: f32 = 0.5;
+
+/// From less coverage than this on, what is left of the leaves is looked for below.
+const MOSTLY_LOST: f64 = 0.5;
 
 /// What a difference in coverage weighs beside the loss of overlap, when a cutoff is chosen: getting denser by 5 % is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
@@ -50,20 +53,24 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Proj
 
 /// The alpha cutoff with which the billboards look most like what they take over from.
 ///
-/// From ½ it moves along [`CUTOFFS`] while that improves; coverage falls as the cutoff rises, so the cost has one valley. A page so sparse that
-/// no texel reaches the least of them is cut at half of its greatest alpha.
+/// It begins at ½, or below where most of the leaves would be lost, and moves along [`CUTOFFS`] while that improves; coverage falls as the cutoff
+/// rises, so the cost has one valley. A page so faint that no texel reaches the least of them is cut at half of its greatest alpha.
 ///
 /// # Errors
 /// No texel of the page shows anything.
 pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
-    let cost_of = |index: usize| -> Result<f64> {
-        let shown = billboards(sheet, frame, page.material(CUTOFFS[index], double_sided))?;
-        let glance = before.glance(&shown)?;
-        Ok(1.0 - glance.overlap + COVERAGE_WEIGHT * (glance.coverage - 1.0).abs())
-    };
+    let look = |index: usize| before.glance(&billboards(sheet, frame, page.material(CUTOFFS[index], double_sided))?);
+    let cost =
+        |glance: &Glance| 1.0 - glance.overlap + COVERAGE_WEIGHT * (1.0 - glance.coverage.min(1.0 / glance.coverage));
+    let cost_of = |index: usize| look(index).map(|glance| cost(&glance));
     let most = greatest_alpha(&page.base_color)?;
-    let Some(first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
-    let (mut best, mut least) = (first, cost_of(first)?);
+    let Some(mut first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
+    let mut glance = look(first)?;
+    while first > 0 && glance.coverage < MOSTLY_LOST {
+        first -= 1;
+        glance = look(first)?;
+    }
+    let (mut best, mut least) = (first, cost(&glance));
     for direction in [-1isize, 1] {
         while let Some(next) = best.checked_add_signed(direction).filter(|&i| i < CUTOFFS.len()) {
             let cost = cost_of(next)?;
@@ -84,13 +91,16 @@ fn greatest_alpha(page: &Image) -> Result<f32> {
     if most > 0 { Ok(f32::from(most) / 255.0) } else { Err(nothing_shows(page)) }
 }
 
+/// What covers less than this of what the leaves cover is not there.
+const LEAST_COVERAGE: f64 = 0.01;
+
 /// A level that covers nothing of what the leaves cover, or of whose page nothing passes the cutoff, is none.
 ///
 /// # Errors
 /// It is none.
 pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Result<()> {
     let passes = page.base_color.pixels().iter().any(|p| f32::from(p[3]) / 255.0 >= alpha_cutoff);
-    if judgement.coverage > 0.0 && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
+    if judgement.coverage >= LEAST_COVERAGE && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
 }
 
 fn nothing_shows(page: &Image) -> Error {

@@ -69,6 +69,17 @@ fn corner_normals_count_more_than_the_face() {
 }
 
 #[test]
+fn normals_against_the_winding_mean_the_same_surface() {
+    let flat = square(DMat3::from_rotation_x(0.5), Material::default());
+    let (own, corners) = (Vec3::new(0.0, -0.5f32.sin(), 0.5f32.cos()), (0..2).flat_map(|t| flat.corners(t)));
+    let attributes = Attributes { normals: vec![[-own; 3]; 2], ..flat.attributes().clone() };
+    let corners: Vec<DVec3> = corners.collect();
+    let against = Foliage::new(&corners, vec![[0, 1, 2], [3, 4, 5]], attributes, vec![]).unwrap();
+    near(seen(&against, NORMAL, FRONT)(7, 8), own);
+    near(seen(&against, NORMAL, BACK)(7, 8), Vec3::new(0.0, 0.5f32.sin(), 0.5f32.cos()));
+}
+
+#[test]
 fn maps_turn_with_the_leaf() {
     // (0.48, 0.6, 0.64) in codes: to the right, up the texture, out of it.
     let map = Image::new(4, 4, vec![[189, 204, 209, 255]; 16]).unwrap();

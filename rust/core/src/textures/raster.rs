@@ -388,15 +388,13 @@ impl Edges {
     }
 }
 
-/// Alpha thresholds: the samples of a pixel have evenly spread ones, in an order of the triangle's own, and all moved a little by its own
-/// share of a step: whole multiples of a step come out exactly, what lies between them in the mean of many triangles.
+/// Alpha thresholds: the samples of a pixel have evenly spread ones, in an order of the triangle's own, all moved by a share of a step that is
+/// the pixel's: whole multiples of a step come out exactly, what lies between them in the mean of some pixels.
 struct Thresholds {
     samples: usize,
     count: u32,
     step: u32,
-    start: u32,
-    /// In (0, 1).
-    share: f32,
+    triangle: u32,
 }
 
 impl Thresholds {
@@ -406,13 +404,15 @@ impl Thresholds {
             count: (samples * samples) as u32,
             // A full-period walk through the samples; 5 and the squares 1 … 256 of 1 … 16 share a factor for multiples of 5 only, 7 serves those.
             step: if samples.is_multiple_of(5) { 7 } else { 5 },
-            start: triangle.wrapping_mul(0x9E37_79B9) >> 16,
-            share: ((triangle.wrapping_mul(0x85EB_CA6B) >> 20) as f32 + 0.5) / 4096.0,
+            triangle: triangle.wrapping_mul(0x9E37_79B9),
         }
     }
 
     fn at(&self, x: usize, y: usize) -> f32 {
         let place = (y % self.samples * self.samples + x % self.samples) as u32;
-        (((place * self.step + self.start) % self.count) as f32 + self.share) / self.count as f32
+        let pixel = (y / self.samples * TILE + x / self.samples) as u32;
+        let mixed = (self.triangle ^ pixel.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
+        let share = ((mixed >> 20) as f32 + 0.5) / 4096.0;
+        (((place * self.step + (self.triangle >> 16)) % self.count) as f32 + share) / self.count as f32
     }
 }

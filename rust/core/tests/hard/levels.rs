@@ -137,6 +137,9 @@ fn one_sided_leaves_that_face_away() {
             for back_sides in [None, Some(false), Some(true)] {
                 let found = chain(&wall(normal), None, &ChainSettings { back_sides, ..settings() }).unwrap();
                 blank += usize::from(found.levels[0].judgement.coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
+                // One plane shows a wall; nothing is kept that would show it from its edge.
+                let planes = found.levels.last().unwrap().sheet.billboards.iter().filter(|b| !b.back).count();
+                blank += usize::from(planes != 1);
             }
         }
     }
@@ -163,6 +166,29 @@ fn leaves_of_which_hardly_anything_can_be_seen() {
     let found = chain(&soup(&tiny), None, &settings());
     let answered = found.as_ref().map_or_else(|e| e.to_string().contains("nothing shows"), |c| fewest_drawn(c) > 0);
     case(GROUP, "leaves of R/2000", "definition: levels that show something, or a named error").equals(answered, true);
+}
+
+#[test]
+fn foliage_that_is_faint_all_over() {
+    // A needle foliage of which no pixel of the judge's is half covered, and leaves that are blended everywhere.
+    let mut least: f64 = 1.0;
+    for alpha in [0.03, 0.06, 0.1, 0.15, 0.25, 0.4] {
+        let leaves = soup(
+            &random_corners(200, 82)
+                .into_iter()
+                .map(|[a, b, c]| [a, a + (b - a) * 6.0, a + (c - a) * 6.0])
+                .collect::<Vec<_>>(),
+        );
+        let color = Vec4::new(1.0, 1.0, 1.0, alpha);
+        let faint =
+            leaves.with_materials(|m| Material { base_color: color, alpha_mode: AlphaMode::Blend, ..m.clone() });
+        let levels = chain(&faint, None, &ChainSettings { texture_size: 512, ..settings() }).unwrap().levels;
+        least = levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
+    }
+    let thin = chain(&needles(0.006), None, &ChainSettings { texture_size: 1024, ..settings() }).unwrap();
+    least = thin.levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
+    // A cutoff draws what is faint as if it were not, or not at all: too much is better than nothing.
+    case(GROUP, "coverage lost of faint leaves and needles", "bound: four fifths").holds(1.0 - least, 0.8);
 }
 
 #[test]

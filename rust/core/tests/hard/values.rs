@@ -27,6 +27,10 @@ fn the_share_of_leaves() {
     let slow = keep(1e6, 1.0, 1e-300);
     case(GROUP, "λ for h → 0 prunes slowly", "closed form: (10⁻⁶)^(ln ½ / ln h)")
         .holds((slow - (-6.0 * 0.5f64.ln() / -300.0).exp()).abs(), 1e-14);
+    // d₀/d is below what f64 holds, its power is not: exp(−616 ln 10 · ln ½ / ln 10⁻³⁰⁰).
+    let vast = keep(1e308, 1e-308, 1e-300);
+    case(GROUP, "λ where d₀/d underflows", "closed form: 2^(−616/300)")
+        .holds((vast - 2f64.powf(-616.0 / 300.0)).abs(), 1e-12);
     let mut falls = true;
     for i in 0..10_000 {
         falls &= keep(f64::from(i + 1) * 0.01, 3.0, 0.3) <= keep(f64::from(i) * 0.01, 3.0, 0.3);
@@ -47,6 +51,9 @@ fn the_ramp_and_the_scale() {
     let vast = [0.0, 0.3, 0.6].map(|rank| (rank, 1e308));
     case(GROUP, "areas whose sum is beyond f64", "closed form: three leaves, two of them drawn, at λ = ½")
         .holds((area_scale(vast.into_iter(), 0.5) - 1.5f64.sqrt()).abs(), 4e-16);
+    let unlike = [(0.6, 1e308), (0.3, 1e-20)];
+    case(GROUP, "a tiny leaf drawn for one of 10³²⁸ times its area, relative error", "closed form: 10¹⁶⁴")
+        .holds((area_scale(unlike.into_iter(), 0.5) / 1e164 - 1.0).abs(), 1e-14);
     case(GROUP, "no leaves at all", "definition: 1").equals(area_scale(std::iter::empty(), 0.3), 1.0);
     let mut random = Random(3);
     let leaves: Vec<(f64, f64)> =
@@ -85,6 +92,11 @@ fn the_transition() {
     }
     case(GROUP, "a for distances and limits that are infinite or no numbers", "definition: within [0, 1]")
         .equals(within, true);
+    let (low, high) = (-1e308, 1.7e308);
+    case(GROUP, "a between limits whose difference is beyond f64", "closed form: 1/2.7, 2/2.7").holds(
+        (transition(0.0, low, high) - 1.0 / 2.7).abs().max((transition(1e308, low, high) - 2.0 / 2.7).abs()),
+        1e-15,
+    );
     let inside = (0..1000).map(|i| a(f64::from(i) * 0.01)).all(|a| (0.0..=1.0).contains(&a));
     case(GROUP, "a stays within [0, 1]", "definition").equals(inside, true);
     let worst = [1e-30, 1e-6, 1.0, 1e30].map(|deviation| {
