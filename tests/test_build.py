@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from addon.build import levels as built_levels
 from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
 from addon.build.levels import Costs, Plan, build_levels, prefix_table
-from addon.build.materials import Page, atlas_image, atlas_material
 from addon.placement import Placement
 from addon.plan.reach import reaches
 from addon.scene.extract import Geometry, Tree
@@ -455,43 +454,7 @@ def test_a_build_that_fails_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     assert count_data() == before
 
 
-# Materials and meshes
-
-
-def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
-    pixels = np.arange(4 * 2 * 4, dtype=np.uint8).reshape(4, 2, 4) * 7
-    image = atlas_image("tree_LOD1", pixels)
-    assert (image.name, tuple(image.size), image.alpha_mode) == ("tree_LOD1", (2, 4), "CHANNEL_PACKED")
-    assert image.packed_file is not None
-    read = np.empty(pixels.size, np.float32)
-    image.pixels.foreach_get(read)
-    assert np.array_equal(np.rint(read.reshape(4, 2, 4)[::-1] * 255.0).astype(np.uint8), pixels)
-
-
-def test_the_atlas_material_is_cut_out_by_alpha() -> None:
-    image = atlas_image("page", np.full((2, 2, 4), 255, np.uint8))
-    material = atlas_material("page", Page(image), alpha_cutoff=0.375, double_sided=False)
-    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    threshold = surface.inputs["Alpha"].links[0].from_node
-    assert (threshold.operation, threshold.inputs[1].default_value) == ("GREATER_THAN", 0.375)
-    assert surface.inputs["Base Color"].links[0].from_node.image == image
-    assert material.use_backface_culling
-
-
-def test_the_atlas_material_shows_normals_and_gloss() -> None:
-    color, normal, gloss = (
-        atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
-        for name in ("color", "normal", "gloss")
-    )
-    material = atlas_material("page", Page(color, normal, gloss), alpha_cutoff=0.5, double_sided=True)
-    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    mapped = surface.inputs["Normal"].links[0].from_node
-    assert (mapped.type, mapped.inputs["Color"].links[0].from_node.image) == ("NORMAL_MAP", normal)
-    for name, channel in (("Roughness", "Green"), ("Metallic", "Blue")):
-        part = surface.inputs[name].links[0].from_socket
-        assert (part.name, part.node.inputs[0].links[0].from_node.image) == (channel, gloss)
-    spaces = [image.colorspace_settings.name for image in (color, normal, gloss)]
-    assert spaces == ["sRGB", "Non-Color", "Non-Color"]
+# Meshes
 
 
 def test_faces_without_normals_are_flat() -> None:
