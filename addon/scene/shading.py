@@ -56,7 +56,7 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     names = [
         material.name for material, s in zip(materials, shadings, strict=True) if material is not None and s.glossy
     ]
-    return Gloss(1.0, 0.0, next(iter(names), None))
+    return Gloss(1.0, 0.0, next(iter(names), None), warnings)
 
 
 def read_shading(material: bpy.types.Material | None, colors: Texture | None) -> Shading:

@@ -102,6 +102,18 @@ impl Sheet {
     /// # Errors
     /// A page size outside its range; more outlines than fit at one texel each.
     pub fn pack(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
+        Self::packed(planes, outlines, settings, MOST_ATTEMPTS)
+    }
+
+    /// The same for a look that nobody keeps: each density is tried once.
+    ///
+    /// # Errors
+    /// As [`Self::pack`].
+    pub fn pack_loosely(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
+        Self::packed(planes, outlines, settings, 1)
+    }
+
+    fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, attempts: usize) -> Result<Self> {
         settings.check()?;
         if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size * settings.size {
             return Err(too_many(outlines.len(), settings.size));
@@ -112,7 +124,7 @@ impl Sheet {
         let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(SMALLEST));
         while density * longest.max(SMALLEST) >= 1.0 {
             let densities: Vec<f64> = (0..TRIES).map(|i| density * libm::pow(DENSITY_STEP, f64::from(i))).collect();
-            let fits = |&density: &f64| place(outlines, density, settings).map(|packed| (density, packed));
+            let fits = |&density: &f64| place(outlines, density, settings, attempts).map(|packed| (density, packed));
             if let Some((density, packed)) = densities.par_iter().find_map_first(fits) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));
             }
@@ -219,7 +231,7 @@ fn texels(length: f64, density: f64) -> usize {
     ((length * density - 1e-6).ceil() as usize).max(1)
 }
 
-fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<Vec<Placed>> {
+fn place(outlines: &[Outline], density: f64, settings: SheetSettings, attempts: usize) -> Option<Vec<Placed>> {
     let border = 2 * settings.gutter;
     let dimensions = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
     let area: usize = outlines.iter().map(dimensions).map(|(width, height)| width * height).sum();
@@ -233,7 +245,7 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings) -> Option<
     });
     let items: Vec<Boxed> = items.collect();
     let mut packed =
-        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(&items, settings.size)? };
+        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(&items, settings.size, attempts)? };
     packed.sort_by_key(|(data, _)| *data);
     let placed = packed.iter().map(|&((plane, back), rect)| Placed {
         plane: plane as u32,
@@ -254,9 +266,9 @@ type Boxed = ((usize, bool), usize, usize);
 
 /// As tight as it gets, in time quadratic in the number. First the packer turns what it likes; then, while that is quick, it is told at random what
 /// to turn, for its own choice is the best at every step and not in the end.
-fn tightly(items: &[Boxed], size: usize) -> Option<Vec<((usize, bool), Rect)>> {
+fn tightly(items: &[Boxed], size: usize, most: usize) -> Option<Vec<((usize, bool), Rect)>> {
     let attempts = 1 + MOST_WORK / (items.len() * items.len()).max(1);
-    (0..attempts.min(MOST_ATTEMPTS)).find_map(|attempt| {
+    (0..attempts.min(most)).find_map(|attempt| {
         let mut stream = Stream::new(0, attempt, 0);
         let item = |&(data, width, height): &Boxed| match (attempt, stream.below(4)) {
             (0, _) | (_, 0 | 1) => Item::new(data, width, height, Rotation::Allowed),

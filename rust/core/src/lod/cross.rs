@@ -27,16 +27,15 @@ pub(super) fn build(
     progress.tell("pack", 0.0)?;
     let frame = *leaves.frame();
     let parts: Vec<&Foliage> = std::iter::once(leaves).chain(wood).collect();
-    let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = parts.iter().flat_map(|part| in_frame(part, frame)).collect();
-    let up = settings.up.normalize();
-    let planes = planes(up, leaves, &triangles);
-    let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
     // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture, unless leaves show one side only.
     let one_sided = || (0..leaves.triangle_count()).any(|t| !leaves.material(t).double_sided);
     let two_sided = settings.back_sides.unwrap_or_else(one_sided);
     let shown: Vec<Foliage> =
         parts.iter().map(|part| if two_sided { (*part).clone() } else { part.double_sided() }).collect();
-    let triangles: Vec<_> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
+    let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
+    let up = settings.up.normalize();
+    let planes = planes(up, leaves, &triangles);
+    let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
     let sheet = Sheet::pack(&planes, &outlines, SheetSettings::of_size(page, two_sided))?;
     let packed = Instant::now();
 

@@ -24,7 +24,8 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     if (0..foliage.triangle_count()).any(|t| !foliage.material(t).double_sided) {
         return Ok(true);
     }
-    let Ok(front) = Sheet::pack(&cloud.planes, outlines, SheetSettings { size: PAGE, gutter: 1, back_sides: false })
+    let Ok(front) =
+        Sheet::pack_loosely(&cloud.planes, outlines, SheetSettings { size: PAGE, gutter: 1, back_sides: false })
     else {
         return Ok(false); // too many billboards for a look
     };

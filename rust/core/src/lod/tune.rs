@@ -2,12 +2,12 @@
 //!
 //! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels; all differ from plant to
 //! plant, so there is no right value in theory. Each setting has one thing to keep, judged by a few small views (other ones than those
-//! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps the silhouettes at
-//! the moment when the billboards take over from the collapsed leaves. Both figures are exact on any machine.
+//! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps what is covered
+//! where, at the moment when the billboards take over from the collapsed leaves. Both figures are exact on any machine.
 
-use super::level::billboards;
 use glam::DVec3;
 
+use super::level::billboards;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};

@@ -9,6 +9,7 @@
 //! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
 //! O(texels · log texels).
 
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::channels::Channel;
@@ -17,7 +18,6 @@ use super::raster::Canvas;
 use crate::color::decode_table;
 use crate::foliage::Image;
 use crate::sheet::Region;
-use glam::{Vec3, Vec4};
 
 /// The levels of an image, level 0 first: half the side each, down to one texel.
 pub type Levels = Vec<Image>;
