@@ -1,6 +1,7 @@
 //! How far two pictures of the same view differ: coverage, silhouettes, and FLIP (Andersson et al., "FLIP: A Difference Evaluator
 //! for Alternating Images", 2020; the crate `nv-flip` wraps NVIDIA's own).
 
+use crate::color::decode_table;
 use crate::foliage::Image;
 
 /// FLIP counts only this close to a silhouette, so that empty ground does not dilute it.
@@ -56,6 +57,20 @@ pub fn soft_overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> 
         (both + u64::from(a[3].min(b[3])), either + u64::from(a[3].max(b[3])))
     });
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}
+
+/// The mean linear colour of what is covered, all pictures together; black when they are empty.
+pub fn mean_color(pictures: &[Image]) -> [f64; 3] {
+    let table = decode_table();
+    let (mut sums, mut covered) = ([0.0; 3], 0.0);
+    for &[r, g, b, alpha] in pictures.iter().flat_map(Image::pixels) {
+        let alpha = f64::from(alpha);
+        for (sum, code) in sums.iter_mut().zip([r, g, b]) {
+            *sum += alpha * f64::from(table[code as usize]);
+        }
+        covered += alpha;
+    }
+    sums.map(|sum| if covered > 0.0 { sum / covered } else { 0.0 })
 }
 
 /// A code laid over mid-grey with its alpha.

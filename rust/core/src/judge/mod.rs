@@ -6,7 +6,7 @@ mod render;
 pub use measure::{Judgement, compare};
 pub use render::{View, render};
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -76,6 +76,16 @@ impl Judge {
         let pictures = self.look_at(level)?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
+    }
+
+    /// The mean linear colour of the base over that of `level`, channel by channel; 1 where either has none.
+    ///
+    /// # Errors
+    /// A picture without pixels.
+    pub fn tone(&self, level: &Foliage) -> Result<Vec3> {
+        let (base, other) = (measure::mean_color(&self.pictures), measure::mean_color(&self.look_at(level)?));
+        let ratio = |(a, b): (f64, f64)| if a > 0.0 && b > 0.0 { (a / b) as f32 } else { 1.0 };
+        Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
     }
 
     /// What is reported of `level`: coverage over all views, overlap and error as means over them.

@@ -53,6 +53,7 @@ pub(super) fn build(
     progress.tell("bake", 0.8)?;
     let judges = Judges::new(&parts, &frame, settings.up)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
+    let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     tune::check_shown(&judgement, &page, alpha_cutoff)?;
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);

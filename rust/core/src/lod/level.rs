@@ -113,6 +113,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let collapsed = projection.at(finer, HAND_OVER)?;
     let before = Judge::new(&[&collapsed], finer.frame(), tune::views(settings.up)?)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
+    let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let judgement = step.judges.report.judge(&shown)?;
     tune::check_shown(&judgement, &page, alpha_cutoff)?;

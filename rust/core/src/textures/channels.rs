@@ -5,7 +5,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::raster::{Canvas, ScreenTriangle};
-use crate::color::{encode, quantise};
+use crate::color::{decode_table, encode, quantise};
 use crate::foliage::{Image, Surface};
 
 /// A channel of a page.
@@ -68,6 +68,18 @@ impl Channel {
         };
         let pixels: Vec<[u8; 4]> = canvas.pixels.par_iter().map(code).collect();
         Image::new(canvas.width, canvas.height, pixels).expect("a canvas is whole")
+    }
+}
+
+impl Canvas {
+    /// The base colours of an image: linear light, premultiplied. The inverse of [`Channel::to_image`].
+    pub(super) fn of_color(image: &Image) -> Self {
+        let table = decode_table();
+        let premultiplied = image.pixels().par_iter().map(|&[r, g, b, a]| {
+            let share = f32::from(a) / 255.0;
+            (Vec3::from_array([r, g, b].map(|code| table[code as usize])) * share).extend(share)
+        });
+        Self { width: image.width(), height: image.height(), pixels: premultiplied.collect() }
     }
 }
 

@@ -9,13 +9,12 @@
 //! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
 //! O(texels · log texels).
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use super::channels::Channel;
 use super::dilate;
 use super::raster::Canvas;
-use crate::color::decode_table;
 use crate::foliage::Image;
 use crate::sheet::Region;
 
@@ -27,7 +26,7 @@ pub type Levels = Vec<Image>;
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
-    let mut means = linear(image);
+    let mut means = Canvas::of_color(image);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
     while means.width > 1 || means.height > 1 {
@@ -44,7 +43,7 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
 /// The same as engines make them: means of alpha, and of colour weighted by it.
 #[must_use]
 pub fn means(image: &Image) -> Levels {
-    let mut means = linear(image);
+    let mut means = Canvas::of_color(image);
     let mut levels = vec![image.clone()];
     while means.width > 1 || means.height > 1 {
         means = halved(&means);
@@ -58,16 +57,6 @@ fn filled(means: &Canvas) -> Image {
     let mut filled = means.clone();
     dilate::fill_transparent(&mut filled);
     Channel::BaseColor.to_image(&filled)
-}
-
-/// Linear light, premultiplied.
-fn linear(image: &Image) -> Canvas {
-    let table = decode_table();
-    let premultiplied = image.pixels().par_iter().map(|&[r, g, b, a]| {
-        let share = f32::from(a) / 255.0;
-        (Vec3::from_array([r, g, b].map(|code| table[code as usize])) * share).extend(share)
-    });
-    Canvas { width: image.width(), height: image.height(), pixels: premultiplied.collect() }
 }
 
 /// Means of 2 × 2; the last column and row of an odd side are left out, as graphics interfaces define levels. A side of 1 stays.

@@ -6,6 +6,7 @@ pub mod image;
 pub mod mips;
 mod page;
 mod raster;
+mod tone;
 
 use glam::{DVec3, Mat3};
 use rayon::prelude::*;

@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::channels::Channel;
+use super::tone;
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
 
@@ -79,6 +80,18 @@ impl Page {
         let others = [("normal", &self.normal), ("gloss", &self.gloss), ("translucency", &self.translucency)];
         let others = others.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)));
         std::iter::once(("base_color", &self.base_color)).chain(others)
+    }
+
+    /// The page as it is drawn with this cutoff: what fails gives its colour to what passes beside it.
+    #[must_use]
+    pub fn settled(self, alpha_cutoff: f32) -> Self {
+        Self { base_color: tone::gathered(&self.base_color, alpha_cutoff), ..self }
+    }
+
+    /// The page with its linear colours multiplied.
+    #[must_use]
+    pub fn toned(self, factors: Vec3) -> Self {
+        Self { base_color: tone::scaled(&self.base_color, factors), ..self }
     }
 
     /// The material of billboards that show the page, cut out at `alpha_cutoff`.
