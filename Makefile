@@ -50,6 +50,11 @@ bench: ## measure the speed of the core
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 
+.PHONY: fidelity
+fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/fidelity.py $(ARGS)
+
 .PHONY: stability
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
 	.venv/bin/python tools/stability.py
@@ -114,6 +119,10 @@ $(eval $(call environment,.venv-4.2,4.2))
 $(eval $(call environment,.venv-5.0,5.0))
 
 .venv/.build: tools/requirements/build.txt .venv/.blender
+	@tools/environment.sh .venv $<
+	@touch $@
+
+.venv/.fidelity: tools/requirements/fidelity.txt .venv/.blender
 	@tools/environment.sh .venv $<
 	@touch $@
 

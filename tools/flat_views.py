@@ -1,10 +1,13 @@
-"""Renders levels of baked GLB files from a ring of views, flat-lit, with Cycles: what `measure.py` compares.
+"""Renders models from a ring of views, flat-lit, with Cycles: what `measure.py` and `fidelity.py` compare.
 
-usage: python flat_views.py OUT.npz SIZE VIEWS SAMPLES BAKED.glb LEVEL[@TRANSITION] …
+usage: python flat_views.py OUT.npz SIZE VIEWS GRID MODEL …
 
-LEVEL is a node of the file (NAME_LOD0 …), drawn without its wood; @1 sets its morph target. All levels are framed by
-the bounding sphere of the first. Writes one array (views, SIZE, SIZE, 4) of straight RGBA per level as asked for.
-Independent of the project's own renderer and judge: Blender imports, Cycles renders.
+A MODEL is FILE.glb, or FILE.glb:NODE for one of its nodes, or FILE.glb:NODE@1 with its morph target set. @half moves
+the samples by half their distance, which shows what the sampling itself is worth. All are framed by the bounding sphere
+of the first, or of that with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4) per model as asked
+for: linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel; that converges faster
+than random samples under a wide filter. Independent of the project's own renderer and judge: Blender imports, Cycles
+renders.
 """
 
 from __future__ import annotations
@@ -49,23 +52,46 @@ def make_flat(material: bpy.types.Material) -> None:
     tree.links.new(mix.outputs[0], output.inputs[0])
 
 
-def bounding_sphere(obj: bpy.types.Object) -> tuple[Vector, float]:
-    points = np.empty(3 * len(obj.data.vertices))
-    obj.data.vertices.foreach_get("co", points)
-    matrix = np.array(obj.matrix_world)
-    world = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-    centre = (world.min(0) + world.max(0)) / 2.0
-    return Vector(centre), float(np.linalg.norm(world - centre, axis=1).max())
+def visible_meshes(model: str) -> list[bpy.types.Object]:
+    """Opens a model; everything else in its file is hidden."""
+    file, _, rest = model.partition(".glb")
+    name, _, state = rest.lstrip(":").partition("@")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=f"{file}.glb")
+    for material in bpy.data.materials:
+        if material.use_nodes and any(node.type == "BSDF_PRINCIPLED" for node in material.node_tree.nodes):
+            make_flat(material)
+    meshes = [obj for obj in bpy.data.objects if obj.type == "MESH"]
+    for obj in meshes:
+        obj.hide_render = name not in ("", obj.name)
+        for block in obj.data.shape_keys.key_blocks[1:] if obj.data.shape_keys else ():
+            block.value = float(state == "1")
+    return [obj for obj in meshes if not obj.hide_render]
 
 
-def set_up_camera(size: int, samples: int, radius: float) -> bpy.types.Object:
+def bounding_sphere(objects: list[bpy.types.Object]) -> tuple[Vector, float]:
+    world = []
+    for obj in objects:
+        points = np.empty(3 * len(obj.data.vertices))
+        obj.data.vertices.foreach_get("co", points)
+        matrix = np.array(obj.matrix_world)
+        world.append(points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
+    places = np.concatenate(world)
+    centre = (places.min(0) + places.max(0)) / 2.0
+    return Vector(centre), float(np.linalg.norm(places - centre, axis=1).max())
+
+
+def set_up_camera(side: int, radius: float) -> bpy.types.Object:
+    """One sample in the middle of each pixel of a picture of `side` pixels."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CPU", samples, 1
+    scene.cycles.device, scene.cycles.samples = "CPU", 1
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.transparent_max_bounces = 64
     scene.render.film_transparent = True
-    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.image_settings.compression = 0
     scene.view_settings.view_transform = "Standard"
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.type, camera.data.ortho_scale, camera.data.clip_end = "ORTHO", 2.05 * radius, 20.0 * radius
@@ -74,40 +100,38 @@ def set_up_camera(size: int, samples: int, radius: float) -> bpy.types.Object:
     return camera
 
 
-def picture(path: str, size: int) -> NDArray[np.float32]:
+def picture(path: str, size: int, grid: int) -> NDArray[np.float32]:
     bpy.context.scene.render.filepath = path
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(path)
-    pixels = np.empty(size * size * 4, np.float32)
+    side = size * grid
+    pixels = np.empty(side * side * 4, np.float32)
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
-    return pixels.reshape(size, size, 4)[::-1]
+    codes = pixels.reshape(side, side, 4)[::-1]
+    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    light[..., 3] = codes[..., 3]
+    light[..., :3] *= light[..., 3:]
+    return light.reshape(size, grid, size, grid, 4).mean((1, 3), dtype=np.float32)
 
 
 def main() -> None:
-    out, size, views, samples, baked, *levels = sys.argv[1:]
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.import_scene.gltf(filepath=baked)
-    for material in bpy.data.materials:
-        make_flat(material)
-    objects = {obj.name: obj for obj in bpy.data.objects if obj.type == "MESH"}
-    centre, radius = bounding_sphere(objects[levels[0].split("@")[0]])
-    camera = set_up_camera(int(size), int(samples), radius)
+    out, size, views, grid, *models = sys.argv[1:]
+    frame = next((model for model in models if model.endswith("@frame")), models[0])
+    centre, radius = bounding_sphere(visible_meshes(frame))
     rendered = {}
     with tempfile.TemporaryDirectory() as folder:
-        for level in levels:
-            name, _, transition = level.partition("@")
-            for obj in objects.values():
-                obj.hide_render = obj.name != name
-            keys = objects[name].data.shape_keys
-            if keys is not None:
-                keys.key_blocks["Billboards"].value = float(transition or 0.0)
+        for model in (model for model in models if not model.endswith("@frame")):
+            visible_meshes(model)
+            camera = set_up_camera(int(size) * int(grid), radius)
+            if model.endswith("@half"):
+                camera.data.shift_x = camera.data.shift_y = 0.5 / (int(size) * int(grid))
             pictures = []
             for direction in directions(int(views)):
                 camera.location = centre + direction * radius * 4.0
                 camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
-                pictures.append(picture(str(Path(folder) / "view.png"), int(size)))
-            rendered[level] = np.stack(pictures)
+                pictures.append(picture(str(Path(folder) / "view.png"), int(size), int(grid)))
+            rendered[model] = np.stack(pictures)
     np.savez(out, **rendered)
 
 

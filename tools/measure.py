@@ -4,8 +4,9 @@ usage: python tools/measure.py [--no-views] [TREE.glb …]      (default: all of
 
 For each tree: exit status, wall time and peak memory of the bake; errors and warnings of the Khronos validator; the
 greatest distance of a vertex from its parent plane over ε, level by level, read from the GLB in f64; and from Cycles
-(8 views, 256², 32 samples, flat-lit) the coverage of LOD 1 over the leaves and the silhouette overlap of the collapsed
-leaves with LOD 1. Prints a table in Markdown; for all trees it also writes docs/measured.md and docs/bench/bake.json.
+(8 views, 256², 6 × 6 samples, flat-lit) the coverage of LOD 1 over the leaves and the silhouette overlap of the
+collapsed leaves with LOD 1. Prints a table in Markdown; for all trees it also writes docs/measured.md and
+docs/bench/bake.json.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ beside the published algorithm is printed by `make bench`, and kept in [bench/fi
 - *billboards*, *greatest deviation / ε*: by level; in f64, along the normal, over every vertex of the level before. At
   most 1.
 - *coverage*: of LOD 1 over the leaves. *overlap*: of the silhouettes of the collapsed leaves (morph target at 1) and
-  LOD 1 (intersection over union of alpha > ½). Both from Cycles, flat-lit, mean of 8 views, 256², 32 samples.
+  LOD 1 (intersection over union of alpha > ½). Both from Cycles, flat-lit, mean of 8 views, 256², 6 × 6 samples.
 """
 
 
@@ -81,11 +82,12 @@ def greatest_deviation(node: Node) -> float:
 
 
 def views(name: str, out: Path) -> dict[str, float]:
-    leaves, collapsed, level = f"{name}_LOD0", f"{name}_LOD0@1", f"{name}_LOD1"
+    node = str(out / f"{name}.glb:{name}")
+    leaves, collapsed, level = f"{node}_LOD0", f"{node}_LOD0@1", f"{node}_LOD1"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "views.npz"
-        script = [sys.executable, str(ROOT / "tools" / "flat_views.py"), str(file), "256", "8", "32"]
-        run = [*script, str(out / f"{name}.glb"), leaves, collapsed, level]
+        script = [sys.executable, str(ROOT / "tools" / "flat_views.py"), str(file), "256", "8", "6"]
+        run = [*script, leaves, collapsed, level]
         looked = subprocess.run(run, capture_output=True, text=True, timeout=1800)
         if looked.returncode != 0:
             raise SystemExit(f"flat_views.py failed on {name}:\n{looked.stderr}")

@@ -1,0 +1,264 @@
+"""Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
+
+usage: python tools/fidelity.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+
+The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
+billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
+published method and as many texels, then a quarter of them. Cycles renders all from 8 views (tools/flat_views.py); the
+project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. Prints a
+table in Markdown; for all trees it also writes docs/bench/fidelity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import flip_evaluator
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.stats import spearmanr
+
+import leafcloud
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLIAGE, INSTRUMENT = ROOT.parent / "shared" / "foliage", ROOT.parent / "shared" / "measure"
+KEPT = ROOT / "target" / "fidelity"
+TREE_LIMIT = 200_000
+"""Triangles up to which the alternatives are made."""
+EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
+TEXELS = 8_388_608
+SIZE, VIEWS = 256, 8
+FINE, COARSE = 12, 4
+"""Samples along a pixel: where pictures are compared closely, and for alternatives that are far off."""
+ALTERNATIVES = {"literal": ("paper", FINE), "cross": ("cross", COARSE), "sloppy": ("sloppy", COARSE)}
+LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}
+"""The side of the page."""
+
+Pictures = NDArray[np.float32]
+"""(views, size, size, 4), linear light, premultiplied."""
+
+INTRODUCTION = f"""# Fidelity
+
+Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, seen from {VIEWS} directions by Cycles,
+flat-lit, orthographic, {FINE} × {FINE} samples a pixel. FLIP is the mean within four pixels of either silhouette, over
+grey. Beside it what one might use instead, made from the same leaves.
+
+- *literal*: the published algorithm (ε = {EPSILON} R, N = {CANDIDATES}), rectangles, one front texture each,
+  {TEXELS / 1e6:.1f} M texels.
+- *cross*: two perpendicular billboards. *sloppy*: meshoptimizer's simplifySloppy to as many triangles as *literal*.
+- *level 1*: no more billboards than *literal*, one texture for both sides, a page of {LEVELS["level 1"]}²; *a quarter*:
+  one of {LEVELS["a quarter"]}².
+- *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
+  the instrument itself is worth.
+"""
+
+
+def run(*command: object, **more: Any) -> str:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **more)
+    if done.returncode != 0:
+        raise SystemExit(f"{command[1]} failed:\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}")
+    return done.stdout
+
+
+def make_alternatives(tree: Path, folder: Path) -> int:
+    """Writes leaves.glb, paper.glb, cross.glb and sloppy.glb; returns how many billboards paper.glb has."""
+    count = folder / "billboards"
+    if not count.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        fitter = KEPT / "alg1"
+        run("rustc", "-O", "-C", "target-cpu=native", INSTRUMENT / "alg1.rs", "-o", fitter)
+        alone = {"env": {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")}}
+        paper = (tree, folder / "paper.glb", fitter, EPSILON, CANDIDATES, SEED, TEXELS)
+        told = run(sys.executable, INSTRUMENT / "paper_cloud.py", *paper, **alone)
+        billboards = int(told.rsplit("billboards", 1)[1])
+        run(sys.executable, INSTRUMENT / "peers.py", tree, folder, 2 * billboards, **alone)
+        count.write_text(str(billboards))
+    return int(count.read_text())
+
+
+def bake(leaves: Path, billboards: int, side: int, out: Path) -> Path:
+    """Level 1 of the leaves alone, as a file."""
+    shape = ("--max-billboards", billboards, "--texture-size", side, "--levels", 1, "--no-cross", "--effects", "none")
+    run(sys.executable, ROOT / "bake.py", "--input", leaves, "--out", out, *shape)
+    return out / f"{leaves.stem}_LOD1.glb"
+
+
+def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
+    """Cycles' pictures of models, framed by that of the leaves."""
+    file = folder / "views.npz"
+    run(sys.executable, ROOT / "tools" / "flat_views.py", file, SIZE, VIEWS, grid, *models, f"{frame}:@frame")
+    with np.load(file) as pictures:
+        return [pictures[model] for model in models]
+
+
+def reference(folder: Path) -> dict[str, Pictures]:
+    """Pictures of the leaves and the alternatives; made once."""
+    file = folder / "reference.npz"
+    if not file.is_file():
+        leaves = folder / "leaves.glb"
+        models = {"leaves": (leaves, FINE), "floor": (f"{leaves}:@half", FINE)}
+        models |= {name: (folder / f"{stem}.glb", grid) for name, (stem, grid) in ALTERNATIVES.items()}
+        pictures = {name: look(folder, grid, leaves, str(model))[0] for name, (model, grid) in models.items()}
+        np.savez(file, **pictures)
+    with np.load(file) as kept:
+        return dict(kept)
+
+
+def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
+    """The same views by the project's own renderer."""
+    golden = math.pi * (3.0 - math.sqrt(5.0))
+    foliage = leafcloud.read_gltf(str(model), names=names)
+    pictures = []
+    for i in range(VIEWS):
+        z = 1.0 - 1.5 * (i + 0.5) / VIEWS
+        direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
+        frame = {"centre": base.centre.tolist(), "radius": 1.025 * base.radius}
+        pictures.append(leafcloud.render([foliage], direction, SIZE, samples=8, **frame))
+    codes = np.stack(pictures).astype(np.float32) / 255.0
+    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    light[..., 3] = codes[..., 3]
+    light[..., :3] *= light[..., 3:]
+    return light
+
+
+def smaller(pictures: Pictures, times: int) -> Pictures:
+    views, size = pictures.shape[:2]
+    return pictures.reshape(views, size // times, times, size // times, times, 4).mean((2, 4))
+
+
+def flip(base: Pictures, other: Pictures) -> float:
+    """Mean over the views, each within four pixels of either silhouette."""
+
+    def over_grey(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        alpha = picture[..., 3:]
+        light = picture[..., :3] / np.maximum(alpha, 1e-6)
+        codes = np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+        return (codes * alpha + 0.5 * (1.0 - alpha)).astype(np.float32)
+
+    errors = []
+    for a, b in zip(base, other, strict=True):
+        error = np.asarray(flip_evaluator.evaluate(over_grey(a), over_grey(b), "LDR", applyMagma=False)[0])
+        near = binary_dilation((a[..., 3] > 0.5) | (b[..., 3] > 0.5), iterations=4)
+        errors.append(error.reshape(*near.shape, -1)[..., 0][near].mean())
+    return float(np.mean(errors))
+
+
+def coverage(base: Pictures, other: Pictures) -> float:
+    return float(np.mean(other[..., 3].sum((1, 2)) / base[..., 3].sum((1, 2))))
+
+
+def figures(base: Pictures, others: dict[str, Pictures]) -> dict[str, dict[str, float]]:
+    def of(other: Pictures) -> dict[str, float]:
+        return {
+            "coverage": coverage(base, other),
+            "256": flip(base, other),
+            "64": flip(smaller(base, 4), smaller(other, 4)),
+        }
+
+    return {name: of(other) for name, other in others.items()}
+
+
+def measure(tree: Path) -> dict[str, Any]:
+    folder = KEPT / tree.stem
+    billboards = make_alternatives(tree, folder)
+    leaves = folder / "leaves.glb"
+    pictures = reference(folder)
+    base = leafcloud.read_gltf(str(leaves), names=["leaves"])
+    seen = {
+        name: judged(base, folder / f"{stem}.glb", ["b", "cross", "leaves"]) for name, (stem, _) in ALTERNATIVES.items()
+    }
+    with tempfile.TemporaryDirectory() as out:
+        for name, side in LEVELS.items():
+            file = bake(leaves, billboards, side, Path(out) / str(side))
+            [pictures[name]] = look(folder, FINE, leaves, str(file))
+            seen[name] = judged(base, file, ["leaves"])
+        report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
+    kept = pictures.pop("leaves")
+    return {
+        "tree": tree.stem,
+        "literal": billboards,
+        "billboards": report["levels"][1]["billboards"],
+        "cycles": figures(kept, pictures),
+        "judge": figures(judged(base, leaves, ["leaves"]), seen),
+    }
+
+
+def lines_of(head: list[str], rows: list[list[str]]) -> str:
+    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
+
+
+def error_table(rows: list[dict[str, Any]], size: str) -> str:
+    names = ["floor", *ALTERNATIVES, *LEVELS]
+    errors = [[row["cycles"][name][size] for name in names] for row in rows]
+    literal = names.index("literal")
+    ratios = np.array([[e[names.index(level)] / e[literal] for level in LEVELS] for e in errors])
+    body = [
+        [row["tree"], *(f"{x:.4f}" for x in e), *(f"{x:.2f}" for x in ratio)]
+        for row, e, ratio in zip(rows, errors, ratios, strict=True)
+    ]
+    body.append(["mean", *[""] * len(names), *(f"**{x:.2f}**" for x in ratios.mean(axis=0))])
+    return lines_of([f"FLIP at {size}²", *names, *(f"{level} / literal" for level in LEVELS)], body)
+
+
+def coverage_table(rows: list[dict[str, Any]]) -> str:
+    names = [*ALTERNATIVES, *LEVELS]
+    body = [
+        [row["tree"], f"{row['billboards']} of {row['literal']}"]
+        + [f"{row['cycles'][name]['coverage']:.3f}" for name in names]
+        for row in rows
+    ]
+    return lines_of(["coverage", "billboards", *names], body)
+
+
+def judge_table(rows: list[dict[str, Any]], size: str) -> str:
+    names = [*ALTERNATIVES, *LEVELS]
+
+    def errors(who: str, row: dict[str, Any]) -> list[float]:
+        return [row[who][name][size] for name in names]
+
+    body = []
+    for row in rows:
+        mine, theirs = errors("judge", row), errors("cycles", row)
+        agreement = spearmanr(mine, theirs).statistic
+        body.append([row["tree"], *(f"{error:.4f}" for error in mine), f"{agreement:.2f}"])
+    everything = [[error for row in rows for error in errors(who, row)] for who in ("judge", "cycles")]
+    body.append(["all", *[""] * len(names), f"**{spearmanr(*everything).statistic:.3f}**"])
+    return lines_of([f"the judge's FLIP at {size}²", *names, "rank correlation with Cycles"], body)
+
+
+def tables(rows: list[dict[str, Any]]) -> str:
+    parts = [error_table(rows, "256"), error_table(rows, "64"), coverage_table(rows)]
+    return "\n\n".join([*parts, judge_table(rows, "256"), judge_table(rows, "64")])
+
+
+def triangles(tree: Path) -> int:
+    return leafcloud.read_gltf(str(tree)).triangle_count
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Level 1 beside the leaves, and beside what one might use instead.")
+    parser.add_argument(
+        "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
+    )
+    arguments = parser.parse_args()
+    trees = arguments.trees or [tree for tree in sorted(FOLIAGE.glob("*.glb")) if triangles(tree) <= TREE_LIMIT]
+    rows = []
+    for tree in trees:
+        rows.append(measure(tree.resolve()))
+        print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
+    print(tables(rows))
+    if not arguments.trees:
+        (ROOT / "docs" / "bench" / "fidelity.md").write_text(f"{INTRODUCTION}\n{tables(rows)}\n")
+
+
+if __name__ == "__main__":
+    main()
