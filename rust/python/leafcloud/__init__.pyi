@@ -178,6 +178,11 @@ class Level:
     def translucency(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) the colour of the light that shines through, sRGB; ``None`` when it was not asked for."""
     @property
+    def visibility(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) where the sky is seen, b = 2 · code / 255 − 1 in each billboard's axes (red to the right, green up,
+        blue toward the viewer): light from the direction l reaches the share occlusion + b · l of a place, cut to
+        [0, 1], where the occlusion is the red of ``gloss``. ``None`` when it was not asked for."""
+    @property
     def alpha_cutoff(self) -> float: ...
     @property
     def texels(self) -> int:
@@ -340,6 +345,8 @@ def build_chain(
     normals: float | None = None,
     gloss: bool = False,
     translucency: bool = False,
+    occlusion: bool = False,
+    visibility: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,
@@ -369,7 +376,9 @@ def build_chain(
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
-    bent toward the hull of the crown), ``gloss``, ``translucency``.
+    bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
+    from a place, in the red of ``gloss``), ``visibility`` (where it is seen, with ``occlusion``: the crown shades
+    itself).
     """
 
 def start_chain(
@@ -385,6 +394,8 @@ def start_chain(
     normals: float | None = None,
     gloss: bool = False,
     translucency: bool = False,
+    occlusion: bool = False,
+    visibility: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,

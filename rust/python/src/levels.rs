@@ -172,6 +172,11 @@ impl PyLevel {
     }
 
     #[getter]
+    fn visibility<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.visibility.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    #[getter]
     fn alpha_cutoff(&self) -> f32 {
         self.level().alpha_cutoff
     }

@@ -126,6 +126,8 @@ impl<'py> Options<'py> {
                 normal: self.some("normals", "the share that normals are bent by, in [0, 1], or None")?,
                 gloss: self.flag("gloss", default.channels.gloss)?,
                 translucency: self.flag("translucency", default.channels.translucency)?,
+                occlusion: self.flag("occlusion", default.channels.occlusion)?,
+                visibility: self.flag("visibility", default.channels.visibility)?,
             },
             back_sides: self.take("back_sides", sides, default.back_sides)?,
         })

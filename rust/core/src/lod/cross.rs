@@ -14,19 +14,20 @@ use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
 use crate::sheet::{Sheet, SheetSettings};
-use crate::textures::{Drawn, bake};
+use crate::textures::{Channels, Drawn, Sky, bake};
 
+/// The leaves are the first of the parts.
 pub(super) fn build(
-    leaves: &Foliage,
-    wood: Option<&Foliage>,
+    parts: &[&Foliage],
     page: usize,
+    channels: (&Channels, Option<&Sky>),
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Level> {
     let started = Instant::now();
     progress.tell("pack", 0.0)?;
+    let leaves = parts[0];
     let frame = *leaves.frame();
-    let parts: Vec<&Foliage> = std::iter::once(leaves).chain(wood).collect();
     // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture, unless leaves show one side only.
     let one_sided = || (0..leaves.triangle_count()).any(|t| !leaves.material(t).double_sided);
     let two_sided = settings.back_sides.unwrap_or_else(one_sided);
@@ -40,7 +41,7 @@ pub(super) fn build(
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
-    let page = bake(&sheet, settings.samples, &settings.channels, |plane| {
+    let page = bake(&sheet, settings.samples, channels, |plane| {
         let plane = planes[plane as usize];
         let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
             foliage,
@@ -51,7 +52,7 @@ pub(super) fn build(
         triangles.iter().map(project).collect()
     });
     progress.tell("bake", 0.8)?;
-    let judges = Judges::new(&parts, &frame, settings.up)?;
+    let judges = Judges::new(parts, &frame, settings.up)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;

@@ -16,7 +16,7 @@ use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{Sheet, SheetSettings};
-use crate::textures::{Channels, Drawn, Page, Samples, bake};
+use crate::textures::{Channels, Drawn, Page, Samples, Sky, bake};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -81,6 +81,8 @@ pub(super) struct Step<'a> {
     pub page: usize,
     /// What the page shows.
     pub channels: Channels,
+    /// Over the leaves and the wood, when a channel depends on it.
+    pub sky: Option<&'a Sky>,
     /// Of the leaves.
     pub judges: &'a Judges,
 }
@@ -107,7 +109,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     // One texture for both sides shows leaves from either side.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let page =
-        bake_cloud(either.as_ref().unwrap_or(finer), &cloud, &projection, &sheet, settings.samples, &step.channels);
+        bake_cloud(either.as_ref().unwrap_or(finer), &cloud, &projection, &sheet, settings.samples, (&step.channels, step.sky));
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
@@ -147,7 +149,7 @@ pub(super) fn bake_cloud(
     projection: &Projection,
     sheet: &Sheet,
     samples: Samples,
-    channels: &Channels,
+    channels: (&Channels, Option<&Sky>),
 ) -> Page {
     let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
     let drawn = |triangle: &u32| {

@@ -16,7 +16,7 @@ use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
 use crate::progress::Progress;
 use crate::prune;
-use crate::textures::{Channels, Samples};
+use crate::textures::{Channels, Samples, Sky};
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
@@ -136,6 +136,9 @@ pub fn build_chain(
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let judges = Judges::new(&[foliage], &frame, settings.up)?;
+    let channels = settings.channels.completed();
+    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(wood).collect();
+    let sky = channels.need_sky().then(|| Sky::over(&parts, &frame));
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
         // The first level sees all leaves and takes most of the time.
@@ -161,14 +164,15 @@ pub fn build_chain(
             fit,
             deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
-            channels: if index == 0 { settings.channels } else { settings.channels.unbent() },
+            channels: if index == 0 { channels } else { channels.of_billboards() },
+            sky: sky.as_ref(),
             judges: &judges,
         };
         levels.push(level::build(&step, settings, share(index))?);
     }
     if settings.cross {
         let page = settings.page(settings.levels);
-        levels.push(cross::build(foliage, wood, page, settings, share(settings.levels))?);
+        levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
     }
     progress.tell("bake", 1.0)?;
     Ok(Chain { levels, ranks: prune::order(foliage, settings.fit.seed) })

@@ -31,7 +31,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     };
     let back = Sheet { billboards: front.billboards.iter().map(Billboard::mirrored).collect(), ..front };
     let look = |sheet: &Sheet| -> Result<Image> {
-        Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?, &Channels::default()).base_color)
+        Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?, (&Channels::default(), None)).base_color)
     };
     Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
 }

@@ -1,25 +1,30 @@
 //! What a page or a picture can show of a surface, channel by channel. Each channel that is asked for is a pass of its own over what is seen;
 //! one that is not asked for costs nothing.
 
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::raster::{Canvas, ScreenTriangle};
+use super::sky::Sky;
 use crate::color::{decode_table, encode, quantise};
 use crate::foliage::{Image, Surface};
 
 /// A channel of a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Channel {
+pub enum Channel<'a> {
     /// Linear base colour; as an image sRGB, with straight alpha.
     BaseColor,
     /// The normal on the side that faces the viewer, in the billboard's axes (red to the right, green up), bent by the given share, in
     /// [0, 1], toward the hull of the crown, as foliage is shaded.
     Normal(f32),
-    /// Occlusion, roughness, metallic.
-    Gloss,
+    /// Occlusion, roughness, metallic; occlusion is what the material says times the share of the sky that is seen.
+    Gloss(Option<&'a Sky>),
     /// The linear colour of the light that shines through; as an image sRGB.
     Translucency,
+    /// Where the sky is seen, in the billboard's axes (red to the right, green up): the share toward l is occlusion + this · l. In [−1, 1].
+    Visibility(&'a Sky),
+    /// How near to the viewer, in the units of the screen triangle; no image shows it.
+    Depth,
 }
 
 /// A point of a triangle that is seen.
@@ -37,14 +42,19 @@ pub struct Seen<'a> {
 /// Normals lean at most so far from the viewer, as the part along the view: a billboard can show none that point away.
 const LEAST_TOWARD_VIEWER: f32 = 0.02;
 
-impl Channel {
+impl Channel<'_> {
     /// What it shows of a point.
     pub(super) fn look(self, seen: &Seen) -> Vec3 {
         match self {
             Self::BaseColor => seen.surface.base_color(seen.weights),
             Self::Normal(bend) => normal(seen, bend),
-            Self::Gloss => seen.surface.gloss(seen.weights),
+            Self::Gloss(sky) => {
+                let gloss = seen.surface.gloss(seen.weights);
+                sky.map_or(gloss, |sky| gloss.with_x(gloss.x * sky.from(seen.place()).share))
+            }
             Self::Translucency => seen.surface.translucency(seen.weights),
+            Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
+            Self::Depth => Vec3::splat(seen.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
         }
     }
 
@@ -58,16 +68,29 @@ impl Channel {
             let value = if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
             match self {
                 Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
-                Self::Normal(_) => {
-                    let shifted = value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5;
-                    [quantise(shifted.x), quantise(shifted.y), quantise(shifted.z), 255]
-                }
-                Self::Gloss => [quantise(value.x), quantise(value.y), quantise(value.z), 255],
+                Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
+                Self::Visibility(_) => shares(value * 0.5 + 0.5),
+                Self::Gloss(_) | Self::Depth => shares(value),
                 Self::Translucency => [encode(value.x), encode(value.y), encode(value.z), 255],
             }
         };
         let pixels: Vec<[u8; 4]> = canvas.pixels.par_iter().map(code).collect();
         Image::new(canvas.width, canvas.height, pixels).expect("a canvas is whole")
+    }
+}
+
+/// Linear codes.
+fn shares(value: Vec3) -> [u8; 4] {
+    [quantise(value.x), quantise(value.y), quantise(value.z), 255]
+}
+
+impl Seen<'_> {
+    /// Where it really is, in the caller's coordinates.
+    fn place(&self) -> DVec3 {
+        let ScreenTriangle { foliage, triangle, .. } = self.triangle;
+        let [a, b, c] = foliage.corners(*triangle as usize);
+        let [u, v, w] = self.weights.as_dvec3().to_array();
+        foliage.frame().to_caller(a * u + b * v + c * w)
     }
 }
 

@@ -47,7 +47,7 @@ fn near(found: Vec3, expected: Vec3) {
 const FRONT: Mat3 = Mat3::IDENTITY;
 /// From behind: right is −x, up is y.
 const BACK: Mat3 = Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z);
-const NORMAL: Channel = Channel::Normal(0.0);
+const NORMAL: Channel<'static> = Channel::Normal(0.0);
 
 #[test]
 fn a_tilted_leaf_shows_its_tilt() {
@@ -109,7 +109,7 @@ fn alpha_of_what_ignores_it_counts_nowhere() {
         let material =
             Material { image: Some(clear(side)), gloss: Some(clear(side)), metallic: 1.0, ..Material::default() };
         let leaf = square(DMat3::IDENTITY, material);
-        (seen(&leaf, Channel::BaseColor, FRONT)(7, 8), seen(&leaf, Channel::Gloss, FRONT)(7, 8))
+        (seen(&leaf, Channel::BaseColor, FRONT)(7, 8), seen(&leaf, Channel::Gloss(None), FRONT)(7, 8))
     });
     near(near_and_far[0].0, near_and_far[1].0);
     near(near_and_far[0].1, near_and_far[1].1);
@@ -163,7 +163,7 @@ fn factors_multiply_images() {
         ..Material::default()
     };
     let leaf = square(DMat3::IDENTITY, material);
-    near(seen(&leaf, Channel::Gloss, FRONT)(5, 5), Vec3::new(1.0, 0.2, 0.2));
+    near(seen(&leaf, Channel::Gloss(None), FRONT)(5, 5), Vec3::new(1.0, 0.2, 0.2));
     // Code 188 is 0.503 by the standard's formula.
     near(seen(&leaf, Channel::Translucency, FRONT)(5, 5), Vec3::new(1.0, 0.2515, 0.0));
 }
@@ -187,5 +187,5 @@ fn channels_become_codes() {
     let canvas = super::Canvas { width: 1, height: 1, pixels: vec![Vec3::new(0.3, 0.0, 0.4).extend(0.5)] };
     let code = |channel: Channel| channel.to_image(&canvas).pixels()[0];
     assert_eq!(code(Channel::Normal(0.0)), [204, 128, 230, 255]);
-    assert_eq!(code(Channel::Gloss), [153, 0, 204, 255]);
+    assert_eq!(code(Channel::Gloss(None)), [153, 0, 204, 255]);
 }

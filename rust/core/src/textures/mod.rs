@@ -6,6 +6,7 @@ pub mod image;
 pub mod mips;
 mod page;
 mod raster;
+mod sky;
 mod tone;
 
 use glam::{DVec3, Mat3};
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 pub use channels::Channel;
 pub use page::{Channels, Page};
 pub use raster::{Canvas, ScreenTriangle, Window, rasterise};
+pub use sky::{Outlook, Sky};
 
 use crate::error::{Error, Result};
 use crate::foliage::Foliage;
@@ -55,14 +57,14 @@ pub struct Drawn<'a> {
 
 /// Renders every billboard's triangles into its region of the page.
 ///
-/// `drawn` gives the triangles that a plane shows. What is transparent is filled in from around it, so that no filter finds anything else.
+/// `drawn` gives the triangles that a plane shows; without a `sky` there are no channels that depend on it. What is transparent is filled in from around it, so that no filter finds anything else.
 ///
 /// # Panics
 /// Never: base colour is always among the channels.
 pub fn bake<'a>(
     sheet: &Sheet,
     samples: Samples,
-    channels: &Channels,
+    (channels, sky): (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
 ) -> Page {
     let places: Vec<ToPage> = sheet.billboards.iter().map(ToPage::new).collect();
@@ -71,13 +73,13 @@ pub fn bake<'a>(
         drawn.iter().map(|d| places[index].place(d)).collect::<Vec<_>>()
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
-    let channels = channels.list();
+    let channels = channels.list(sky);
     let canvases = rasterise(&triangles, sheet.size, sheet.size, samples, &channels);
-    let image = |(channel, mut canvas): (Channel, Canvas)| {
+    let images = channels.into_iter().zip(canvases).map(|(channel, mut canvas)| {
         dilate::fill_transparent(&mut canvas);
         (channel, channel.to_image(&canvas))
-    };
-    Page::of(channels.into_iter().zip(canvases).map(image)).expect("base colour is always there")
+    });
+    Page::of(images).expect("base colour is always there")
 }
 
 /// The map from a billboard's plane to texels of the page.

@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::channels::Channel;
+use super::sky::Sky;
 use super::tone;
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
@@ -16,6 +17,10 @@ pub struct Channels {
     pub gloss: bool,
     /// The light that shines through.
     pub translucency: bool,
+    /// How much of the sky is seen, as occlusion beside roughness and metallic.
+    pub occlusion: bool,
+    /// Where it is seen, so that a cloud shades itself; the share that this is added to is the occlusion.
+    pub visibility: bool,
 }
 
 impl Channels {
@@ -30,18 +35,32 @@ impl Channels {
         }
     }
 
-    /// The same without bending: what is drawn is bent already.
+    /// With what the others rest upon.
     #[must_use]
-    pub fn unbent(self) -> Self {
-        Self { normal: self.normal.map(|_| 0.0), ..self }
+    pub fn completed(self) -> Self {
+        Self { occlusion: self.occlusion || self.visibility, ..self }
     }
 
-    /// Base colour first.
-    pub(super) fn list(&self) -> Vec<Channel> {
+    /// What it takes of them where what is drawn shows them already: it is bent, and occluded.
+    #[must_use]
+    pub fn of_billboards(self) -> Self {
+        Self { normal: self.normal.map(|_| 0.0), gloss: self.gloss || self.occlusion, occlusion: false, ..self }
+    }
+
+    /// Whether any of them depends on the sky.
+    #[must_use]
+    pub fn need_sky(&self) -> bool {
+        self.occlusion || self.visibility
+    }
+
+    /// Base colour first; what depends on the sky is there when there is one.
+    pub(super) fn list<'a>(&self, sky: Option<&'a Sky>) -> Vec<Channel<'a>> {
+        let occluding = sky.filter(|_| self.occlusion);
         let wanted = [
             self.normal.map(Channel::Normal),
-            self.gloss.then_some(Channel::Gloss),
+            (self.gloss || occluding.is_some()).then_some(Channel::Gloss(occluding)),
             self.translucency.then_some(Channel::Translucency),
+            sky.filter(|_| self.visibility).map(Channel::Visibility),
         ];
         std::iter::once(Channel::BaseColor).chain(wanted.into_iter().flatten()).collect()
     }
@@ -58,26 +77,35 @@ pub struct Page {
     pub gloss: Option<Image>,
     /// sRGB.
     pub translucency: Option<Image>,
+    /// Where the sky is seen, in the axes of each billboard; to be added to the occlusion.
+    pub visibility: Option<Image>,
 }
 
 impl Page {
-    pub(super) fn of(images: impl IntoIterator<Item = (Channel, Image)>) -> Option<Self> {
-        let (mut base_color, mut normal, mut gloss, mut translucency) = (None, None, None, None);
+    pub(super) fn of<'a>(images: impl IntoIterator<Item = (Channel<'a>, Image)>) -> Option<Self> {
+        let (mut base_color, mut normal, mut gloss, mut translucency, mut visibility) = (None, None, None, None, None);
         for (channel, image) in images {
             let place = match channel {
                 Channel::BaseColor => &mut base_color,
                 Channel::Normal(_) => &mut normal,
-                Channel::Gloss => &mut gloss,
+                Channel::Gloss(_) => &mut gloss,
                 Channel::Translucency => &mut translucency,
+                Channel::Visibility(_) => &mut visibility,
+                Channel::Depth => continue,
             };
             *place = Some(image);
         }
-        Some(Self { base_color: base_color?, normal, gloss, translucency })
+        Some(Self { base_color: base_color?, normal, gloss, translucency, visibility })
     }
 
     /// The images with their names, base colour first.
     pub fn images(&self) -> impl Iterator<Item = (&'static str, &Image)> {
-        let others = [("normal", &self.normal), ("gloss", &self.gloss), ("translucency", &self.translucency)];
+        let others = [
+            ("normal", &self.normal),
+            ("gloss", &self.gloss),
+            ("translucency", &self.translucency),
+            ("visibility", &self.visibility),
+        ];
         let others = others.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)));
         std::iter::once(("base_color", &self.base_color)).chain(others)
     }

@@ -66,7 +66,7 @@ pub fn rasterise<'a>(
     width: usize,
     height: usize,
     samples: Samples,
-    channels: &[Channel],
+    channels: &[Channel<'_>],
 ) -> Vec<Canvas> {
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);

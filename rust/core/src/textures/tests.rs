@@ -154,7 +154,7 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
             |t| Drawn { foliage: &foliage, triangle: t, targets: foliage.corners(t), corners: foliage.corners(t) };
         (0..2).map(drawn).collect()
     };
-    let page = bake(&sheet, samples(4), &Channels::default(), shown).base_color;
+    let page = bake(&sheet, samples(4), (&Channels::default(), None), shown).base_color;
     for billboard in &sheet.billboards {
         let to_page = ToPage::new(billboard);
         let look = |x: f64, y: f64| {

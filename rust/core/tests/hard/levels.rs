@@ -277,7 +277,7 @@ fn a_plane_for_each_of_65_537_triangles() {
     let shape = OutlineSettings { corners: 4 };
     let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
     let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096, gutter: 2, back_sides: false }).unwrap();
-    let page = bake(&sheet, Samples::new(4).unwrap(), &Channels::default(), |p| {
+    let page = bake(&sheet, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {
         let t = p as usize;
         vec![Drawn { foliage: &foliage, triangle: t, targets: projection.targets[t], corners: foliage.corners(t) }]
     })

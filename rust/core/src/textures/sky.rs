@@ -1,0 +1,227 @@
+//! How much of the sky is seen from everywhere in a crown, so that what stands for it shades itself.
+//!
+//! The crown is looked at from many directions, as a sun does that casts shadows (Williams, "Casting curved shadows on curved surfaces",
+//! 1978): each time the depth of what is nearest. A place sees the direction as far as nothing nearer lies around it (Reeves, Salesin,
+//! Cook, "Rendering antialiased shadows with depth maps", 1987). What a place sees of all directions is kept to first order,
+//! V(l) ≈ m + b · l, by least squares: the mean m is ambient occlusion, the vector b points to where the light comes from. Places are the cells
+//! of a grid with a side of R/24; leaves move as far when they collapse at ε = 0.04 R, and a finer shadow would be cast by what is no longer there.
+//! O(directions · (triangles + cells)).
+//!
+//! Known limit: to first order a shadow has no edge; light through a single gap is spread over half of the sky.
+
+use glam::{DVec3, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::Samples;
+use super::channels::Channel;
+use super::raster::{ScreenTriangle, Window, rasterise};
+use crate::foliage::Foliage;
+use crate::geometry::Frame;
+
+/// Directions to look from, for few triangles and for many: they cost as many pictures of the crown.
+const DIRECTIONS: usize = 64;
+const FEWEST_DIRECTIONS: usize = 16;
+const MANY_TRIANGLES: usize = 200_000;
+
+/// Pixels along a picture of the crown.
+const PIXELS: usize = 256;
+
+/// Cells along the box around the bounding sphere.
+const CELLS: usize = 48;
+
+/// Places in a cell, along each side, that are asked; what lies nearer than half a cell does not hide it.
+const TAPS: usize = 3;
+const BIAS: f32 = 1.0 / CELLS as f32;
+
+/// What a place sees of the sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlook {
+    /// The share of all directions that is seen, in [0, 1].
+    pub share: f32,
+    /// Toward l the share `share + toward · l` is seen, cut to [0, 1]; in the caller's axes.
+    pub toward: Vec3,
+}
+
+/// The outlook from everywhere in a crown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sky {
+    frame: Frame,
+    /// (share, toward) of each cell, x first.
+    cells: Vec<Vec4>,
+}
+
+impl Sky {
+    /// As `parts` leave it, which shade one another from either side; `frame` holds the places that may be asked for.
+    #[must_use]
+    pub fn over(parts: &[&Foliage], frame: &Frame) -> Self {
+        let parts: Vec<Foliage> = parts.iter().map(|part| part.double_sided()).collect();
+        let triangles: usize = parts.iter().map(Foliage::triangle_count).sum();
+        let count = if triangles > MANY_TRIANGLES { FEWEST_DIRECTIONS } else { DIRECTIONS };
+        let mut cells = vec![Vec4::ZERO; CELLS * CELLS * CELLS];
+        for direction in directions(count) {
+            let shadow = Shadow::cast(&parts, frame, direction);
+            let toward = 3.0 * direction.as_vec3();
+            cells.par_iter_mut().enumerate().for_each(|(cell, seen)| {
+                *seen += toward.extend(1.0) * shadow.seen_from(middle(cell));
+            });
+        }
+        for cell in &mut cells {
+            *cell /= count as f32;
+        }
+        Self { frame: *frame, cells }
+    }
+
+    /// The outlook from a place in the caller's coordinates; outside the crown's box that of the nearest place in it.
+    #[must_use]
+    pub fn from(&self, place: DVec3) -> Outlook {
+        let at = (self.frame.to_local(place).as_vec3() + 1.0) * (CELLS as f32 / 2.0) - 0.5;
+        let at = at.clamp(Vec3::ZERO, Vec3::splat((CELLS - 1) as f32));
+        let low = at.floor().min(Vec3::splat((CELLS - 2) as f32));
+        let share = at - low;
+        let [x, y, z] = low.to_array().map(|i| i as usize);
+        let along_x = |y: usize, z: usize| {
+            let first = (z * CELLS + y) * CELLS + x;
+            self.cells[first].lerp(self.cells[first + 1], share.x)
+        };
+        let along_y = |z: usize| along_x(y, z).lerp(along_x(y + 1, z), share.y);
+        let seen = along_y(z).lerp(along_y(z + 1), share.z);
+        Outlook { share: seen.w, toward: seen.truncate() }
+    }
+}
+
+/// The middle of a cell, in the local frame.
+fn middle(cell: usize) -> Vec3 {
+    let at = [cell % CELLS, cell / CELLS % CELLS, cell / (CELLS * CELLS)];
+    Vec3::from_array(at.map(|i| (i as f32 + 0.5) * (2.0 / CELLS as f32) - 1.0))
+}
+
+/// A spiral over the whole sphere whose directions and their squares average out, to about 1/count.
+fn directions(count: usize) -> impl Iterator<Item = DVec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count).map(move |i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+        let (radius, angle) = ((1.0 - z * z).sqrt(), i as f64 * golden);
+        DVec3::new(radius * libm::cos(angle), radius * libm::sin(angle), z)
+    })
+}
+
+/// How near to a sun the first thing lies, pixel by pixel.
+struct Shadow {
+    right: Vec3,
+    up: Vec3,
+    sun: Vec3,
+    /// Along the sun; −∞ where nothing lies.
+    depths: Vec<f32>,
+}
+
+impl Shadow {
+    fn cast(parts: &[Foliage], frame: &Frame, sun: DVec3) -> Self {
+        let right = sun.any_orthonormal_vector();
+        let up = sun.cross(right);
+        let half = PIXELS as f64 / 2.0;
+        let place = |foliage: &Foliage, triangle: usize| {
+            let onto = |p: DVec3| {
+                let p = frame.to_local(foliage.frame().to_caller(p));
+                DVec3::new(half + half * right.dot(p), half - half * up.dot(p), sun.dot(p)).as_vec3()
+            };
+            foliage.corners(triangle).map(onto)
+        };
+        let mut triangles: Vec<ScreenTriangle> = Vec::new();
+        for foliage in parts {
+            let shown = (0..foliage.triangle_count()).into_par_iter().map(|triangle| ScreenTriangle {
+                corners: place(foliage, triangle),
+                foliage,
+                triangle: triangle as u32,
+                window: &Window::WHOLE,
+            });
+            triangles.par_extend(shown);
+        }
+        let one = Samples::new(1).expect("one sample is allowed");
+        let [canvas] = &rasterise(&triangles, PIXELS, PIXELS, one, &[Channel::Depth])[..] else { unreachable!() };
+        let depth = |pixel: &Vec4| if pixel.w > 0.0 { pixel.x } else { f32::NEG_INFINITY };
+        let depths = canvas.pixels.iter().map(depth).collect();
+        Self { right: right.as_vec3(), up: up.as_vec3(), sun: sun.as_vec3(), depths }
+    }
+
+    /// The share of a cell around the place that the sun reaches.
+    fn seen_from(&self, place: Vec3) -> f32 {
+        const HALF: f32 = PIXELS as f32 / 2.0;
+        let (x, y) = (HALF + HALF * self.right.dot(place), HALF - HALF * self.up.dot(place));
+        let depth = self.sun.dot(place) + BIAS;
+        let step = PIXELS as f32 / (CELLS * TAPS) as f32;
+        let offset = |tap: usize| (tap as f32 - (TAPS - 1) as f32 / 2.0) * step;
+        // Outside the picture nothing lies; casts of negative numbers give 0, so they are asked for first.
+        let inside = |at: f32| (at >= 0.0 && at < PIXELS as f32).then_some(at as usize);
+        let open = (0..TAPS * TAPS).filter(|tap| {
+            let (column, row) = (inside(x + offset(tap % TAPS)), inside(y + offset(tap / TAPS)));
+            column.zip(row).is_none_or(|(column, row)| self.depths[row * PIXELS + column] <= depth)
+        });
+        open.count() as f32 / (TAPS * TAPS) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::foliage::Attributes;
+
+    /// Squares of side 2 at the heights, facing up; R is that of their bounding sphere.
+    fn tiers(heights: &[f64]) -> Foliage {
+        let corners = |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
+        let positions: Vec<DVec3> = heights.iter().flat_map(|&z| corners(z)).collect();
+        let square = |i: usize| [[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| t.map(|c| c + 4 * i as u32));
+        let triangles = (0..heights.len()).flat_map(square).collect();
+        Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+    }
+
+    #[test]
+    fn directions_average_out() {
+        for count in [FEWEST_DIRECTIONS, DIRECTIONS] {
+            let mean = directions(count).sum::<DVec3>() / count as f64;
+            let squares = directions(count).map(|d| d * d).sum::<DVec3>() / count as f64;
+            assert!(mean.length() < 0.02, "{mean}");
+            assert!((squares - 1.0 / 3.0).abs().max_element() < 0.02, "{squares}");
+        }
+    }
+
+    #[test]
+    fn over_a_large_roof_half_of_the_sky_is_seen() {
+        let roof = tiers(&[0.0]);
+        let sky = Sky::over(&[&roof], roof.frame());
+        // Close over its middle: V(l) is 1 for l up and 0 for l down, to first order ½ + ¾ z (by hand: 3 · mean of V z = ¾).
+        let outlook = sky.from(DVec3::new(0.0, 0.0, 0.08));
+        assert!((outlook.share - 0.5).abs() < 0.06, "{outlook:?}");
+        assert!((outlook.toward - Vec3::Z * 0.75).abs().max_element() < 0.1, "{outlook:?}");
+        let below = sky.from(DVec3::new(0.0, 0.0, -0.08));
+        assert!((below.toward + Vec3::Z * 0.75).abs().max_element() < 0.1, "{below:?}");
+    }
+
+    #[test]
+    fn between_roofs_only_the_sides_are_open() {
+        let roofs = tiers(&[-0.25, 0.25]);
+        let sky = Sky::over(&[&roofs], roofs.frame());
+        let outlook = sky.from(DVec3::ZERO);
+        // The open band |z| < sin(atan(¼)) at the least (along the sides), sin(atan(¼ / √2)) at the corners.
+        assert!((0.15..0.3).contains(&outlook.share), "{outlook:?}");
+        assert!(outlook.toward.length() < 0.1, "{outlook:?}");
+    }
+
+    #[test]
+    fn far_outside_nothing_hides_most_of_the_sky() {
+        let roof = tiers(&[0.0]);
+        let sky = Sky::over(&[&roof], roof.frame());
+        let corner = roof.frame().centre + DVec3::splat(roof.frame().radius);
+        assert!(sky.from(corner).share > 0.85);
+        assert_eq!(sky.from(corner * 50.0), sky.from(corner), "the nearest place answers");
+    }
+
+    #[test]
+    fn transparent_leaves_cast_no_shadow() {
+        use crate::foliage::{AlphaMode, Material};
+        use glam::Vec4;
+        let glass = Material { base_color: Vec4::new(1.0, 1.0, 1.0, 0.0), alpha_mode: AlphaMode::Blend, ..Material::default() };
+        let clear = tiers(&[-0.25, 0.25]).with_materials(|_| glass.clone());
+        let outlook = Sky::over(&[&clear], clear.frame()).from(DVec3::ZERO);
+        assert!(outlook.share == 1.0 && outlook.toward.length() < 0.05, "{outlook:?}");
+    }
+}
