@@ -31,7 +31,7 @@ from .export.report import report
 from .export.staging import Staging
 from .job import Progress, wait
 from .placement import Placement
-from .plan.effects import Facts, is_on, plan_channels, plan_effects, settle_back_sides
+from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from .plan.reach import View, reaches, rising
 from .scene.describe import describe_material
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
@@ -73,6 +73,8 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),
+        occlusion=bool(is_on(prepared.effects, "occlusion")),
+        visibility=bool(is_on(prepared.effects, "self_shadowing")),
         **fit_options(settings),
     )
 
@@ -101,6 +103,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
         roughness=prepared.gloss.roughness,
         metallic=prepared.gloss.metallic,
+        occlusion=bool(is_on(prepared.effects, "occlusion")),
+        gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
         pruning=pruning,
         switch_distances=switch_distances,

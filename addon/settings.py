@@ -13,9 +13,9 @@ METHODS = get_args(Method)
 EFFORTS = get_args(Effort)
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = ("billboards",)
-EFFECTS = ("transitions", "pruning", "back_sides", "normals", "gloss")
+EFFECTS = ("transitions", "pruning", "back_sides", "normals", "gloss", "occlusion", "self_shadowing")
 CHANNELS = ("normals", "gloss")
-"""The effects that are channels of the textures."""
+"""The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")
 """What may stand in place of a list of effects."""
 

@@ -135,4 +135,5 @@ def main() -> None:
     np.savez(out, **rendered)
 
 
-main()
+if __name__ == "__main__":
+    main()

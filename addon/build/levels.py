@@ -65,6 +65,9 @@ class Plan:
     reaches: tuple[Reach, ...]
     roughness: float = 1.0
     metallic: float = 0.0
+    occlusion: bool = False
+    gloss_for: str = "gloss"
+    """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
 
     @property
     def follows_camera(self) -> bool:
@@ -221,8 +224,12 @@ def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
         with costs.spent_on("normals", normal.nbytes):
             page = replace(page, normal=atlas_image(f"{name}_normal", normal, data=True))
     if (gloss := level.gloss) is not None:
-        with costs.spent_on("gloss", gloss.nbytes):
-            page = replace(page, gloss=atlas_image(f"{name}_gloss", gloss, data=True))
+        with costs.spent_on(plan.gloss_for, gloss.nbytes):
+            image = atlas_image(f"{name}_gloss", gloss, data=True)
+            page = replace(page, gloss=image, occluded=plan.occlusion)
+    if (visibility := level.visibility) is not None:
+        with costs.spent_on("self_shadowing", visibility.nbytes):
+            page = replace(page, visibility=atlas_image(f"{name}_visibility", visibility, data=True))
     return page
 
 

@@ -16,14 +16,22 @@ import leafcloud
 from ..scene.surface import read_surface
 from .cloud_mesh import COLOR_NAME, UV_NAME, LayerNames
 
+VISIBILITY_NODE = "Visibility"
+
 
 @dataclass(frozen=True)
 class Page:
-    """The images of a level; `normal` in the billboards' axes, `gloss` of occlusion, roughness and metallic."""
+    """The images of a level; `normal` in the billboards' axes, `gloss` of occlusion, roughness and metallic.
+
+    `visibility`: where the sky is seen, in the billboards' axes; see `leafcloud.Level.visibility`.
+    """
 
     base_color: bpy.types.Image
     normal: bpy.types.Image | None = None
     gloss: bpy.types.Image | None = None
+    occluded: bool = False
+    """Whether the red of `gloss` says anything."""
+    visibility: bpy.types.Image | None = None
     roughness: float = 1.0
     metallic: float = 0.0
     """Both where there is no image of them."""
@@ -75,11 +83,28 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
         tree.links.new(_image_node(tree, page.gloss, 0.0).outputs["Color"], parts.inputs[0])
         tree.links.new(parts.outputs["Green"], surface.inputs["Roughness"])
         tree.links.new(parts.outputs["Blue"], surface.inputs["Metallic"])
+        if page.occluded:
+            tree.links.new(parts.outputs["Red"], _gltf_output(tree).inputs["Occlusion"])
     if page.normal is not None:
         normal = _node(tree, "ShaderNodeNormalMap", (-280.0, -300.0))
         tree.links.new(_image_node(tree, page.normal, -300.0).outputs["Color"], normal.inputs["Color"])
         tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
+    if page.visibility is not None:
+        # No renderer of Blender's asks for it: it waits for a shader that does, and for the export.
+        _image_node(tree, page.visibility, -600.0).name = VISIBILITY_NODE
     return material
+
+
+def _gltf_output(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """The node by whose name Blender's glTF exporter knows what a Principled BSDF has no input for."""
+    name = "glTF Material Output"
+    group = bpy.data.node_groups.get(name)
+    if group is None:
+        group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+        group.interface.new_socket("Occlusion", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 1.0
+    node = _node(tree, "ShaderNodeGroup", (0.0, -400.0))
+    node.node_tree = group
+    return node
 
 
 def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image, height: float) -> bpy.types.Node:

@@ -17,6 +17,7 @@ from ..build.morphs import add_point_attribute
 from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
+from .visibility import add_visibility
 
 FALLBACK_SETS = (2, 3)
 """TEXCOORD_2 is (rank, pivot.x), TEXCOORD_3 is (pivot.y, pivot.z), of the pivot in glTF's Y-up coordinates."""
@@ -100,6 +101,7 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
     add_tangents(path)
+    add_visibility(path, collection)
 
 
 def export_level(level: BuiltLevel, path: Path) -> None:

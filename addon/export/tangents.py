@@ -6,15 +6,14 @@ On a billboard, which is flat and evenly mapped, there is just one choice: along
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-_JSON, _BIN = 0x4E4F534A, 0x004E4942
+from .glb_file import append_view, read_glb, write_glb
+
 _FLOAT, _ARRAY_BUFFER = 5126, 34962
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, _FLOAT: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -22,7 +21,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def add_tangents(path: Path) -> None:
     """Adds TANGENT to each primitive of the GLB file at `path` whose material has a normal map, and to no others."""
-    document, binary = _read(path)
+    document, binary = read_glb(path)
     mapped = [number for number, material in enumerate(document.get("materials", [])) if "normalTexture" in material]
     primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
     wanting = [p for p in primitives if p.get("material") in mapped and "TANGENT" not in p["attributes"]]
@@ -37,8 +36,7 @@ def add_tangents(path: Path) -> None:
         positions, normals, uvs = (_values(document, binary, attributes[name]) for name in names)
         triangles = _values(document, binary, primitive["indices"]).reshape(-1, 3)
         binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
-    document["buffers"][0]["byteLength"] = len(binary)
-    _write(path, document, binary)
+    write_glb(path, document, binary)
 
 
 def _tangents(
@@ -78,30 +76,13 @@ def _values(document: dict[str, Any], binary: bytes, number: int) -> NDArray[Any
 
 
 def _append(document: dict[str, Any], binary: bytes, primitive: dict[str, Any], tangents: NDArray[np.float32]) -> bytes:
-    data = tangents.tobytes()
-    view = {"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), "target": _ARRAY_BUFFER}
-    document["bufferViews"].append(view)
+    view, binary = append_view(document, binary, tangents.tobytes(), target=_ARRAY_BUFFER)
     accessor = {
-        "bufferView": len(document["bufferViews"]) - 1,
+        "bufferView": view,
         "componentType": _FLOAT,
         "count": len(tangents),
         "type": "VEC4",
     }
     document["accessors"].append(accessor)
     primitive["attributes"]["TANGENT"] = len(document["accessors"]) - 1
-    return binary + data
-
-
-def _read(path: Path) -> tuple[dict[str, Any], bytes]:
-    content = path.read_bytes()
-    size = struct.unpack_from("<I", content, 12)[0]
-    document = json.loads(content[20 : 20 + size])
-    rest = content[20 + size :]
-    return document, rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
-
-
-def _write(path: Path, document: dict[str, Any], binary: bytes) -> None:
-    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
-    chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, binary + b"\0" * (-len(binary) % 4))]
-    body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    return binary

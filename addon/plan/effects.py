@@ -30,14 +30,20 @@ class Facts:
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
-        return (_transitions(facts), _pruning(facts), _back_sides(), _normals(facts), _gloss(facts))
+        return (_transitions(facts), _pruning(facts), _back_sides(), _normals(facts), _gloss(facts), *_SKY)
     forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
     return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
 
 
 def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
-    """The channels of the textures that are on; it does not matter how many leaves there are."""
-    return tuple(effect.name for effect in plan_effects(settings, facts) if effect.name in CHANNELS and effect.on)
+    """The channels that are read from the materials; it does not matter how many leaves there are.
+
+    Occlusion shares a texture with gloss, and needs it whole.
+    """
+    on = {effect.name for effect in plan_effects(settings, facts) if effect.on}
+    if on & {"occlusion", "self_shadowing"}:
+        on.add("gloss")
+    return tuple(name for name in CHANNELS if name in on)
 
 
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
@@ -51,6 +57,11 @@ def is_on(effects: Sequence[Effect], name: str) -> bool | None:
         if effect.name == name:
             return effect.on
     raise KeyError(name)
+
+
+def first_on(effects: Sequence[Effect], names: Sequence[str]) -> str:
+    """The first of `names` whose effect is on; the first of all when none is."""
+    return next((name for name in names if is_on(effects, name)), names[0])
 
 
 def _transitions(facts: Facts) -> Effect:
@@ -75,6 +86,14 @@ def _gloss(facts: Facts) -> Effect:
     if facts.glossy is None:
         return Effect("gloss", False, "all leaves are equally glossy, which takes a number and no texture")
     return Effect("gloss", True, f"lights are mirrored in the material {facts.glossy!r} otherwise than elsewhere")
+
+
+_SKY = (
+    Effect("occlusion", False, "the leaves have none of their own, so it would show where billboards take over"),
+    Effect(
+        "self_shadowing", False, "renderers cast shadows themselves, and only a shader made for it reads the texture"
+    ),
+)
 
 
 def _free_light(engine: str) -> str:

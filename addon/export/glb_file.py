@@ -1,0 +1,35 @@
+"""GLB files as a document and a binary chunk, for what Blender's exporter leaves out."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+
+
+def read_glb(path: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON document and the binary chunk of the GLB file at `path`."""
+    content = path.read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    document = json.loads(content[20 : 20 + size])
+    rest = content[20 + size :]
+    return document, rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
+
+
+def write_glb(path: Path, document: dict[str, Any], binary: bytes) -> None:
+    """Writes both; the document's only buffer is the chunk."""
+    document["buffers"][0]["byteLength"] = len(binary)
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
+    chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, binary + b"\0" * (-len(binary) % 4))]
+    body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+
+
+def append_view(document: dict[str, Any], binary: bytes, data: bytes, **more: int) -> tuple[int, bytes]:
+    """The number of a new buffer view of `data`, and the chunk with it, at a multiple of four bytes."""
+    binary += b"\0" * (-len(binary) % 4)
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), **more})
+    return len(document["bufferViews"]) - 1, binary + data

@@ -1,0 +1,200 @@
+"""Level 1 under a sun that moves, beside the leaves, which cast shadows: `make relit`.
+
+usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+
+The leaves are white paper in Cycles: diffuse, with the shadows that they cast upon one another. Level 1 is seen without
+any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
+textures say reaches a place; beside it with shadows that Cycles traces between the billboards. 6 suns, 4 views each.
+The luminance error is the mean difference over what either covers, over the mean luminance of the leaves. Prints a
+table in Markdown; for all trees it also writes docs/bench/relit.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from flat_views import bounding_sphere, directions, picture, set_up_camera
+from mathutils import Vector
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+LARGEST_FILE = 10_000_000
+SIZE, GRID, VIEWS = 128, 4, 4
+SUNS = [
+    (math.radians(azimuth), math.radians(height))
+    for azimuth, height in zip(range(0, 360, 60), [20, 45, 70] * 2, strict=True)
+]
+WAYS = ("normals", "self-shadowed", "traced")
+
+Pictures = NDArray[np.float32]
+
+INTRODUCTION = """# Relit
+
+Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views each, beside the leaves with all the
+shadows that they cast in Cycles. *Normals*: no shadows, as an engine without shadow maps shows it. *Self-shadowed*:
+times the share of the sun that occlusion and visibility textures say reaches a place. *Traced*: with the shadows that
+the billboards cast upon one another in Cycles. The luminance error is the mean difference over what either covers, over
+the mean luminance of the leaves; at 128², and of the same pictures at 32².
+"""
+
+
+def bake(tree: Path, out: Path) -> Path:
+    effects = "normals,occlusion,self_shadowing"
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--effects", effects]
+    subprocess.run([*command, "--levels", "1", "--no-cross"], check=True, capture_output=True)
+    return out / f"{tree.stem}.blend"
+
+
+def open_level(blend: Path, level: int) -> bpy.types.Object:
+    """The level of a baked file, alone in an empty scene."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    name = f"{blend.stem}_LOD{level}"
+    with bpy.data.libraries.load(str(blend)) as (_, wanted):
+        wanted.objects = [name]
+    [obj] = wanted.objects
+    obj.hide_render = False
+    obj.modifiers.clear()
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def make_diffuse(material: bpy.types.Material, *, shadowed: bool) -> None:
+    """White paper with the material's alpha and normals; `shadowed`: as bright as the sun reaches it."""
+    tree = material.node_tree
+    surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    paper, clear, mix = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfTransparent", "MixShader")
+    )
+    paper.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    mix.inputs[0].default_value = surface.inputs["Alpha"].default_value
+    for source, target in (
+        (surface.inputs["Alpha"], mix.inputs[0]),
+        (surface.inputs["Normal"], paper.inputs["Normal"]),
+    ):
+        if source.is_linked:
+            tree.links.new(source.links[0].from_socket, target)
+    if shadowed:
+        tree.links.new(sun_share(tree), paper.inputs["Color"])
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(paper.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs[0])
+
+
+def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    """Occlusion + (2 · visibility − 1) · sun, cut to [0, 1]; the attribute "sun" is in the billboards' axes."""
+    occlusion = next(node for node in tree.nodes if node.type == "SEPARATE_COLOR").outputs["Red"]
+    toward, sun, dot = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VectorMath", "Attribute", "VectorMath"))
+    toward.operation, dot.operation, sun.attribute_name = "MULTIPLY_ADD", "DOT_PRODUCT", "sun"
+    toward.inputs[1].default_value, toward.inputs[2].default_value = (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)
+    share = tree.nodes.new("ShaderNodeMath")
+    share.operation, share.use_clamp = "ADD", True
+    tree.links.new(tree.nodes["Visibility"].outputs["Color"], toward.inputs[0])
+    tree.links.new(toward.outputs[0], dot.inputs[0])
+    tree.links.new(sun.outputs["Vector"], dot.inputs[1])
+    tree.links.new(dot.outputs["Value"], share.inputs[0])
+    tree.links.new(occlusion, share.inputs[1])
+    return share.outputs[0]
+
+
+def set_sun_attribute(mesh: bpy.types.Mesh, sun: Vector) -> None:
+    """The direction to the sun along u, along v, and across, of each face."""
+    attribute = mesh.attributes.get("sun") or mesh.attributes.new("sun", "FLOAT_VECTOR", "FACE")
+    layout = mesh.uv_layers.active.uv
+    for polygon, value in zip(mesh.polygons, attribute.data, strict=True):
+        first, second, third = polygon.loop_indices[:3]
+        points = [mesh.vertices[mesh.loops[i].vertex_index].co for i in (first, second, third)]
+        places = [layout[i].vector for i in (first, second, third)]
+        (s1, t1), (s2, t2) = places[1] - places[0], places[2] - places[0]
+        e1, e2 = points[1] - points[0], points[2] - points[0]
+        turn = math.copysign(1.0, s1 * t2 - s2 * t1)
+        along, up = ((e1 * t2 - e2 * t1) * turn).normalized(), ((e2 * s1 - e1 * s2) * turn).normalized()
+        value.vector = (along.dot(sun), up.dot(sun), along.cross(up).dot(sun))
+
+
+def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool, folder: str) -> Pictures:
+    """(suns, views, size, size, 4), linear light, premultiplied."""
+    centre, radius = frame
+    camera = set_up_camera(SIZE * GRID, radius)
+    cycles = bpy.context.scene.cycles
+    cycles.max_bounces = cycles.diffuse_bounces = 0
+    cycles.transparent_max_bounces = 64
+    light = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    light.data.energy, light.data.angle, light.data.use_shadow = 2.0, 0.0, shadows
+    light.data.cycles.cast_shadow = shadows
+    bpy.context.scene.collection.objects.link(light)
+    pictures = []
+    for azimuth, height in SUNS:
+        sun = Vector((math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), math.sin(height)))
+        light.rotation_euler = sun.to_track_quat("Z", "Y").to_euler()
+        set_sun_attribute(obj.data, sun)
+        for direction in directions(VIEWS):
+            camera.location = centre + direction * radius * 4.0
+            camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+            pictures.append(picture(f"{folder}/view.png", SIZE, GRID))
+    return np.stack(pictures)
+
+
+def error(base: Pictures, other: Pictures, times: int) -> float:
+    """Mean luminance difference over what either covers, over the mean luminance of the base there."""
+
+    def smaller(pictures: Pictures) -> Pictures:
+        size = SIZE // times
+        return pictures.reshape(-1, size, times, size, times, 4).mean((2, 4))
+
+    base, other = smaller(base), smaller(other)
+    covered = (base[..., 3] > 0.0) | (other[..., 3] > 0.0)
+    luminance = [pictures[..., :3] @ np.array([0.2126, 0.7152, 0.0722], np.float32) for pictures in (base, other)]
+    return float(np.abs(luminance[0] - luminance[1])[covered].mean() / luminance[0][covered].mean())
+
+
+def measure(tree: Path) -> list[float]:
+    """The error by normals, self-shadowed and traced, at each size."""
+    with tempfile.TemporaryDirectory() as folder:
+        blend = bake(tree, Path(folder) / "out")
+        leaves = open_level(blend, 0)
+        frame = bounding_sphere([leaves])
+        for material in leaves.data.materials:
+            make_diffuse(material, shadowed=False)
+        base = render(leaves, frame, shadows=True, folder=folder)
+        pictures = []
+        for way in WAYS:
+            level = open_level(blend, 1)
+            make_diffuse(level.data.materials[0], shadowed=way == "self-shadowed")
+            pictures.append(render(level, frame, shadows=way == "traced", folder=folder))
+        return [error(base, other, times) for times in (1, 4) for other in pictures]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Level 1 under a sun that moves, beside the leaves.")
+    parser.add_argument(
+        "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
+    )
+    arguments = parser.parse_args()
+    trees = arguments.trees or [t for t in sorted(FOLIAGE.glob("*.glb")) if t.stat().st_size < LARGEST_FILE]
+    names = [f"{way} {size}²" for size in (SIZE, SIZE // 4) for way in WAYS]
+    lines = [f"| tree | {' | '.join(names)} | self-shadowed / normals |", "|" + "---|" * (len(names) + 2)]
+    ratios = []
+    for tree in trees:
+        errors = measure(tree.resolve())
+        ratios.append([errors[1] / errors[0], errors[4] / errors[3]])
+        values = " | ".join(f"{value:.3f}" for value in errors)
+        lines.append(f"| {tree.stem} | {values} | {ratios[-1][0]:.2f}, {ratios[-1][1]:.2f} |")
+        print(lines[-1], file=sys.stderr, flush=True)
+    mean = np.mean(ratios, axis=0)
+    lines.append(f"| mean | {' | '.join([''] * len(names))} | **{mean[0]:.2f}, {mean[1]:.2f}** |")
+    print("\n".join(lines))
+    if not arguments.trees:
+        (ROOT / "docs" / "bench" / "relit.md").write_text(f"{INTRODUCTION}\n" + "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
