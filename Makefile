@@ -55,6 +55,11 @@ fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
 
+.PHONY: relit
+relit: setup ## light level 1 and its leaves with six suns in Cycles, and compare
+	@mkdir -p docs/bench
+	.venv/bin/python tools/relit.py $(ARGS)
+
 .PHONY: stability
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
 	.venv/bin/python tools/stability.py

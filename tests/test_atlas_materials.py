@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 
-from addon.build.materials import Page, atlas_image, atlas_material
+from addon.build.materials import VISIBILITY_NODE, Page, atlas_image, atlas_material
 
 
 def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
@@ -27,6 +28,10 @@ def test_the_atlas_material_is_cut_out_by_alpha() -> None:
     assert material.use_backface_culling
 
 
+def tree_groups(material: bpy.types.Material) -> list[bpy.types.Node]:
+    return [node for node in material.node_tree.nodes if node.type == "GROUP"]
+
+
 def test_the_atlas_material_shows_normals_and_gloss() -> None:
     color, normal, gloss = (
         atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
@@ -39,5 +44,20 @@ def test_the_atlas_material_shows_normals_and_gloss() -> None:
     for name, channel in (("Roughness", "Green"), ("Metallic", "Blue")):
         part = surface.inputs[name].links[0].from_socket
         assert (part.name, part.node.inputs[0].links[0].from_node.image) == (channel, gloss)
+    assert not tree_groups(material), "occlusion was not asked for"
     spaces = [image.colorspace_settings.name for image in (color, normal, gloss)]
     assert spaces == ["sRGB", "Non-Color", "Non-Color"]
+
+
+def test_occlusion_and_visibility_wait_for_the_export() -> None:
+    color, gloss, visibility = (
+        atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
+        for name in ("color", "gloss", "visibility")
+    )
+    page = Page(color, gloss=gloss, occluded=True, visibility=visibility)
+    first, second = (atlas_material(name, page, alpha_cutoff=0.5, double_sided=True) for name in ("a", "b"))
+    [group], [other] = tree_groups(first), tree_groups(second)
+    assert group.node_tree == other.node_tree and group.node_tree.name == "glTF Material Output"
+    red = group.inputs["Occlusion"].links[0].from_socket
+    assert (red.name, red.node.inputs[0].links[0].from_node.image) == ("Red", gloss)
+    assert first.node_tree.nodes[VISIBILITY_NODE].image == visibility

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from addon.plan.effects import Effect, Facts, is_on, plan_channels, plan_effects, settle_back_sides
+from addon.plan.effects import Effect, Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.reach import HAND_OVER, Reach, reaches, rising
 from addon.settings import EFFECTS, BakeSettings
 
@@ -26,6 +26,8 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "back_sides": None,
         "normals": True,
         "gloss": False,
+        "occlusion": False,
+        "self_shadowing": False,
     }
     assert all(effect.reason for effect in effects)
 
@@ -34,10 +36,18 @@ def test_glossy_leaves_call_for_gloss() -> None:
     facts = replace(FACTS, glossy="laurel")
     effects = plan_effects(BakeSettings(), facts)
     assert is_on(effects, "gloss") is True
-    assert "'laurel'" in effects[-1].reason
+    assert "'laurel'" in next(effect.reason for effect in effects if effect.name == "gloss")
     assert plan_channels(BakeSettings(), facts) == ("normals", "gloss")
     assert plan_channels(BakeSettings(effects="gloss,pruning"), FACTS) == ("gloss",)
     assert plan_channels(BakeSettings(effects="none"), facts) == ()
+
+
+@pytest.mark.parametrize("effect", ["occlusion", "self_shadowing"])
+def test_occlusion_shares_its_texture_with_gloss(effect: str) -> None:
+    assert plan_channels(BakeSettings(effects=effect), FACTS) == ("gloss",)
+    effects = plan_effects(BakeSettings(effects=effect), FACTS)
+    assert first_on(effects, ("gloss", "occlusion", "self_shadowing")) == effect
+    assert first_on(plan_effects(BakeSettings(effects="none"), FACTS), ("gloss", "occlusion")) == "gloss"
 
 
 def test_one_leaf_is_not_pruned() -> None:

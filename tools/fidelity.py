@@ -37,7 +37,7 @@ TREE_LIMIT = 200_000
 EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
-FINE, COARSE = 12, 4
+FINE, COARSE = 8, 4
 """Samples along a pixel: where pictures are compared closely, and for alternatives that are far off."""
 ALTERNATIVES = {"literal": ("paper", FINE), "cross": ("cross", COARSE), "sloppy": ("sloppy", COARSE)}
 LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}

@@ -62,7 +62,9 @@ impl Level {
             let (targets, corners) = (self.projection.targets[t], self.foliage.corners(t));
             Drawn { foliage: &self.foliage, triangle: t, targets, corners }
         };
-        bake(&self.sheet, Samples::default(), (channels, None), |plane| groups.get(plane as usize).iter().map(drawn).collect())
+        bake(&self.sheet, Samples::default(), (channels, None), |plane| {
+            groups.get(plane as usize).iter().map(drawn).collect()
+        })
     }
 }
 

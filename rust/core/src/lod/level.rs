@@ -108,8 +108,14 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     progress.tell("bake", 0.65)?;
     // One texture for both sides shows leaves from either side.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
-    let page =
-        bake_cloud(either.as_ref().unwrap_or(finer), &cloud, &projection, &sheet, settings.samples, (&step.channels, step.sky));
+    let page = bake_cloud(
+        either.as_ref().unwrap_or(finer),
+        &cloud,
+        &projection,
+        &sheet,
+        settings.samples,
+        (&step.channels, step.sky),
+    );
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;

@@ -1,13 +1,12 @@
 //! How much of the sky is seen from everywhere in a crown, so that what stands for it shades itself.
 //!
 //! The crown is looked at from many directions, as a sun does that casts shadows (Williams, "Casting curved shadows on curved surfaces",
-//! 1978): each time the depth of what is nearest. A place sees the direction as far as nothing nearer lies around it (Reeves, Salesin,
-//! Cook, "Rendering antialiased shadows with depth maps", 1987). What a place sees of all directions is kept to first order,
-//! V(l) ≈ m + b · l, by least squares: the mean m is ambient occlusion, the vector b points to where the light comes from. Places are the cells
-//! of a grid with a side of R/24; leaves move as far when they collapse at ε = 0.04 R, and a finer shadow would be cast by what is no longer there.
-//! O(directions · (triangles + cells)).
+//! 1978): each time the depth of what is nearest. A place sees a direction when nothing nearer lies there. What it sees of all directions is
+//! kept to first order, V(l) ≈ m + b · l, by least squares: the mean m is ambient occlusion, the vector b points to where the light comes
+//! from. O(directions · (triangles + places)).
 //!
-//! Known limit: to first order a shadow has no edge; light through a single gap is spread over half of the sky.
+//! Known limits: to first order a shadow has no edge, light through a single gap is spread over half of the sky; what lies nearer than R/48
+//! casts none, so that leaves do not shade themselves.
 
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -26,12 +25,8 @@ const MANY_TRIANGLES: usize = 200_000;
 /// Pixels along a picture of the crown.
 const PIXELS: usize = 256;
 
-/// Cells along the box around the bounding sphere.
-const CELLS: usize = 48;
-
-/// Places in a cell, along each side, that are asked; what lies nearer than half a cell does not hide it.
-const TAPS: usize = 3;
-const BIAS: f32 = 1.0 / CELLS as f32;
+/// What lies no nearer to the sun than this does not hide a place: some pixels, so that leaves do not shade themselves. In R.
+const BIAS: f32 = 1.0 / 48.0;
 
 /// What a place sees of the sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +41,7 @@ pub struct Outlook {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky {
     frame: Frame,
-    /// (share, toward) of each cell, x first.
-    cells: Vec<Vec4>,
+    shadows: Vec<Shadow>,
 }
 
 impl Sky {
@@ -57,42 +51,18 @@ impl Sky {
         let parts: Vec<Foliage> = parts.iter().map(|part| part.double_sided()).collect();
         let triangles: usize = parts.iter().map(Foliage::triangle_count).sum();
         let count = if triangles > MANY_TRIANGLES { FEWEST_DIRECTIONS } else { DIRECTIONS };
-        let mut cells = vec![Vec4::ZERO; CELLS * CELLS * CELLS];
-        for direction in directions(count) {
-            let shadow = Shadow::cast(&parts, frame, direction);
-            let toward = 3.0 * direction.as_vec3();
-            cells.par_iter_mut().enumerate().for_each(|(cell, seen)| {
-                *seen += toward.extend(1.0) * shadow.seen_from(middle(cell));
-            });
-        }
-        for cell in &mut cells {
-            *cell /= count as f32;
-        }
-        Self { frame: *frame, cells }
+        Self { frame: *frame, shadows: directions(count).map(|sun| Shadow::cast(&parts, frame, sun)).collect() }
     }
 
-    /// The outlook from a place in the caller's coordinates; outside the crown's box that of the nearest place in it.
+    /// The outlook from a place in the caller's coordinates.
     #[must_use]
     pub fn from(&self, place: DVec3) -> Outlook {
-        let at = (self.frame.to_local(place).as_vec3() + 1.0) * (CELLS as f32 / 2.0) - 0.5;
-        let at = at.clamp(Vec3::ZERO, Vec3::splat((CELLS - 1) as f32));
-        let low = at.floor().min(Vec3::splat((CELLS - 2) as f32));
-        let share = at - low;
-        let [x, y, z] = low.to_array().map(|i| i as usize);
-        let along_x = |y: usize, z: usize| {
-            let first = (z * CELLS + y) * CELLS + x;
-            self.cells[first].lerp(self.cells[first + 1], share.x)
-        };
-        let along_y = |z: usize| along_x(y, z).lerp(along_x(y + 1, z), share.y);
-        let seen = along_y(z).lerp(along_y(z + 1), share.z);
-        Outlook { share: seen.w, toward: seen.truncate() }
+        let place = self.frame.to_local(place).as_vec3();
+        let seen = self.shadows.iter().filter(|shadow| shadow.reaches(place));
+        let sum: Vec4 = seen.map(|shadow| (3.0 * shadow.sun).extend(1.0)).sum();
+        let mean = sum / self.shadows.len() as f32;
+        Outlook { share: mean.w, toward: mean.truncate() }
     }
-}
-
-/// The middle of a cell, in the local frame.
-fn middle(cell: usize) -> Vec3 {
-    let at = [cell % CELLS, cell / CELLS % CELLS, cell / (CELLS * CELLS)];
-    Vec3::from_array(at.map(|i| (i as f32 + 0.5) * (2.0 / CELLS as f32) - 1.0))
 }
 
 /// A spiral over the whole sphere whose directions and their squares average out, to about 1/count.
@@ -106,6 +76,7 @@ fn directions(count: usize) -> impl Iterator<Item = DVec3> {
 }
 
 /// How near to a sun the first thing lies, pixel by pixel.
+#[derive(Clone, Debug, PartialEq)]
 struct Shadow {
     right: Vec3,
     up: Vec3,
@@ -143,20 +114,14 @@ impl Shadow {
         Self { right: right.as_vec3(), up: up.as_vec3(), sun: sun.as_vec3(), depths }
     }
 
-    /// The share of a cell around the place that the sun reaches.
-    fn seen_from(&self, place: Vec3) -> f32 {
+    /// Whether nothing is between the place and the sun.
+    fn reaches(&self, place: Vec3) -> bool {
         const HALF: f32 = PIXELS as f32 / 2.0;
         let (x, y) = (HALF + HALF * self.right.dot(place), HALF - HALF * self.up.dot(place));
-        let depth = self.sun.dot(place) + BIAS;
-        let step = PIXELS as f32 / (CELLS * TAPS) as f32;
-        let offset = |tap: usize| (tap as f32 - (TAPS - 1) as f32 / 2.0) * step;
         // Outside the picture nothing lies; casts of negative numbers give 0, so they are asked for first.
         let inside = |at: f32| (at >= 0.0 && at < PIXELS as f32).then_some(at as usize);
-        let open = (0..TAPS * TAPS).filter(|tap| {
-            let (column, row) = (inside(x + offset(tap % TAPS)), inside(y + offset(tap / TAPS)));
-            column.zip(row).is_none_or(|(column, row)| self.depths[row * PIXELS + column] <= depth)
-        });
-        open.count() as f32 / (TAPS * TAPS) as f32
+        let pixel = inside(x).zip(inside(y)).map(|(column, row)| row * PIXELS + column);
+        pixel.is_none_or(|pixel| self.depths[pixel] <= self.sun.dot(place) + BIAS)
     }
 }
 
@@ -212,14 +177,29 @@ mod tests {
         let sky = Sky::over(&[&roof], roof.frame());
         let corner = roof.frame().centre + DVec3::splat(roof.frame().radius);
         assert!(sky.from(corner).share > 0.85);
-        assert_eq!(sky.from(corner * 50.0), sky.from(corner), "the nearest place answers");
+        assert_eq!(sky.from(corner * 50.0).share, 1.0, "nothing lies beyond the pictures");
+    }
+
+    #[test]
+    fn a_leaf_does_not_shade_itself() {
+        let corners = [(-1.0, -0.6, 0.3), (1.0, -0.6, -0.2), (1.0, 0.6, 0.3), (-1.0, 0.6, 0.8)];
+        let corners = corners.map(|(x, y, z)| DVec3::new(x, y, z));
+        let leaf = Foliage::new(&corners, vec![[0, 1, 2], [0, 2, 3]], Attributes::default(), vec![]).unwrap();
+        let sky = Sky::over(&[&leaf], leaf.frame());
+        for i in 1..20 {
+            let share = f64::from(i) / 20.0;
+            let outlook = sky.from(corners[0].lerp(corners[2], share));
+            // But for suns that graze it.
+            assert!(outlook.share > 0.9 && outlook.toward.length() < 0.2, "{outlook:?}");
+        }
     }
 
     #[test]
     fn transparent_leaves_cast_no_shadow() {
         use crate::foliage::{AlphaMode, Material};
         use glam::Vec4;
-        let glass = Material { base_color: Vec4::new(1.0, 1.0, 1.0, 0.0), alpha_mode: AlphaMode::Blend, ..Material::default() };
+        let glass =
+            Material { base_color: Vec4::new(1.0, 1.0, 1.0, 0.0), alpha_mode: AlphaMode::Blend, ..Material::default() };
         let clear = tiers(&[-0.25, 0.25]).with_materials(|_| glass.clone());
         let outlook = Sky::over(&[&clear], clear.frame()).from(DVec3::ZERO);
         assert!(outlook.share == 1.0 && outlook.toward.length() < 0.05, "{outlook:?}");
