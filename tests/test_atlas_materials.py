@@ -57,7 +57,8 @@ def test_occlusion_and_visibility_wait_for_the_export() -> None:
     page = Page(color, gloss=gloss, occluded=True, visibility=visibility)
     first, second = (atlas_material(name, page, alpha_cutoff=0.5, double_sided=True) for name in ("a", "b"))
     [group], [other] = tree_groups(first), tree_groups(second)
-    assert group.node_tree == other.node_tree and group.node_tree.name == "glTF Material Output"
+    assert group.node_tree == other.node_tree
+    assert group.node_tree.name == "glTF Material Output"
     red = group.inputs["Occlusion"].links[0].from_socket
     assert (red.name, red.node.inputs[0].links[0].from_node.image) == ("Red", gloss)
     assert first.node_tree.nodes[VISIBILITY_NODE].image == visibility

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
+from .flatten import can_flatten, flatten
 from .shading import read_shading
-from .surface import Surface, Texture, read_surface
+from .surface import Surface, Texture, all_nodes, read_surface
 
 Pixels = NDArray[np.uint8]
 
@@ -59,6 +60,10 @@ def describe_material(
         gloss=None,
     )
     messages = list(surface.warnings)
+    if surface.gaps and material is not None:
+        flat, said = _flat(material, surface)
+        description.update(flat)  # type: ignore[typeddict-item]  # its keys are some of these
+        messages.append(said)
     if channels:
         shading = read_shading(material, surface.texture)
         if "gloss" in channels:
@@ -69,6 +74,47 @@ def describe_material(
     return description, messages
 
 
+class _Flat(TypedDict, total=False):
+    """What a rendering of a material says."""
+
+    base_color: tuple[float, float, float, float]
+    image: Pixels
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
+    alpha_cutoff: float
+
+
+def _flat(material: bpy.types.Material, surface: Surface) -> tuple[_Flat, str]:
+    """The material as Cycles renders it, if it can, and what there is to say of it."""
+    said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
+    if not can_flatten(material):
+        shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
+        return {}, (
+            f"{said}; the viewport display colour ({shown}) stands for it. Connect an Image Texture to a Principled "
+            f"BSDF, or set the viewport colour"
+        )
+    for node in all_nodes(material.node_tree):
+        if node.type == "TEX_IMAGE":
+            _check_readable(node.image, surface.name)
+    flat = flatten(material)
+    alpha = flat.pixels[..., 3:]
+    color = np.divide(flat.pixels[..., :3], alpha, out=np.zeros_like(flat.pixels[..., :3]), where=alpha > 1e-4)
+    said = f"{said}; it is rendered to an image of {len(alpha)} texels a side"
+    if flat.varying:
+        said += f", so what {' and '.join(flat.varying)} say of single leaves is lost"
+    mode = _alpha_mode(alpha)
+    image = _bytes(np.concatenate([_encoded(color), alpha], axis=2))
+    return {"base_color": (1.0, 1.0, 1.0, 1.0), "image": image, "alpha_mode": mode, "alpha_cutoff": 0.5}, said
+
+
+def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"]:
+    """How a rendered alpha counts: as a mask where it has edges, but hardly anything between."""
+    if alpha.min() > 0.999:
+        return "OPAQUE"
+    between = np.mean((alpha > 0.1) & (alpha < 0.9))
+    covered = np.mean(alpha >= 0.9)
+    return "MASK" if between <= covered else "BLEND"
+
+
 def _data(texture: Texture | None, material_name: str) -> Pixels | None:
     """(h, w, 4) the codes of an image that holds data, no colours."""
     return None if texture is None else _pixels(texture.image, material_name, data=True)
@@ -76,15 +122,15 @@ def _data(texture: Texture | None, material_name: str) -> Pixels | None:
 
 def _image(surface: Surface) -> Pixels | None:
     """The colours of one image and the alpha of the same or another, white or opaque where there is none."""
-    if surface.texture is None:
-        return None
     color, alpha = surface.color_texture, surface.alpha_texture
+    if color is None and alpha is None:
+        return None
     pixels = {texture.image: _pixels(texture.image, surface.name) for texture in (color, alpha) if texture is not None}
     opacity = None if alpha is None else _opacity(pixels[alpha.image], alpha, surface.alpha_channel)
     if color is not None:
         result = pixels[color.image].copy()
     else:
-        assert opacity is not None  # a surface with a texture has one for colour or for alpha
+        assert opacity is not None  # there is one for colour or for alpha
         result = np.full((*opacity.shape, 4), 255, np.uint8)
     result[..., 3] = 255 if opacity is None else _resized(opacity, result.shape[0], result.shape[1])
     return result
@@ -100,12 +146,8 @@ def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "lumina
 
 def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
     """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
-    width, height = image.size  # makes Blender read the file
-    if width == 0 or height == 0:
-        raise SceneError(
-            f"texture {image.name!r} of material {material_name!r} cannot be read: {_origin(image)}; "
-            f"put the file there, or pack it into the .blend"
-        )
+    _check_readable(image, material_name)
+    width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
     rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
@@ -121,6 +163,15 @@ def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -
     if _is_linear(image):
         color = _encoded(color)
     return _bytes(np.concatenate([color, alpha], axis=2))
+
+
+def _check_readable(image: bpy.types.Image, material_name: str) -> None:
+    width, height = image.size  # makes Blender read the file
+    if width == 0 or height == 0:
+        raise SceneError(
+            f"texture {image.name!r} of material {material_name!r} cannot be read: {_origin(image)}; "
+            f"put the file there, or pack it into the .blend"
+        )
 
 
 def _origin(image: bpy.types.Image) -> str:

@@ -2,8 +2,9 @@
 
 Understood is a Principled BSDF whose Base Color and Alpha are products of constants, one image and one colour
 attribute, as Blender's glTF and OBJ importers and most artists build them; for alpha also the three ways to write a
-cut-off (Math Round, Greater Than, 1 − Less Than), and a Mix Shader with Transparent BSDF. What is not understood is
-said in a warning, and the viewport colour takes its place.
+cut-off (Math Round, Greater Than, 1 − Less Than), and a Mix Shader with Transparent BSDF. What is not understood is a
+gap: then the material is rendered instead (see `flatten`), or, where there is nothing to render, the viewport colour
+takes its place.
 """
 
 from __future__ import annotations
@@ -55,10 +56,14 @@ class Surface:
     alpha_cutoff: float = 0.5
     double_sided: bool = True
     warnings: tuple[str, ...] = ()
+    gaps: tuple[str, ...] = ()
+    """What is not understood, in words that follow the material's name; the viewport colour stands for it here."""
+    layout: Texture | None = None
+    """With gaps: how a rendering of the material would be laid on the mesh."""
 
     @property
     def texture(self) -> Texture | None:
-        return self.color_texture or self.alpha_texture
+        return self.layout if self.gaps else self.color_texture or self.alpha_texture
 
 
 @dataclass(frozen=True)
@@ -104,9 +109,9 @@ def read_surface(material: bpy.types.Material | None) -> Surface:
     try:
         principled, opacity, partial = _find_principled(material.node_tree)
     except NotUnderstoodError as reason:
-        return replace(viewport, warnings=(_warning(viewport, "surface", reason),))
-    surface = _with_color(viewport, principled)
-    surface = _with_alpha(surface, [principled.input("Alpha"), *opacity])
+        return _with_gap(viewport, "surface", reason, material.node_tree)
+    surface = _with_color(viewport, principled, material.node_tree)
+    surface = _with_alpha(surface, [principled.input("Alpha"), *opacity], material.node_tree)
     if partial:
         only = f"only its Principled BSDF {principled.node.name!r} is read"
         warning = f"material {material.name!r} mixes several shaders: {only}"
@@ -174,21 +179,21 @@ def _shaders(shader: Output) -> Iterator[Output]:
             waiting += [source for source in behind if isinstance(source, Output)]
 
 
-def _with_color(viewport: Surface, principled: Output) -> Surface:
+def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
     try:
         product = _color_product(principled.input("Base Color"))
     except NotUnderstoodError as reason:
-        return replace(viewport, warnings=(*viewport.warnings, _warning(viewport, "base colour", reason)))
+        return _with_gap(viewport, "base colour", reason, tree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
-def _with_alpha(surface: Surface, targets: list[Input]) -> Surface:
+def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
     try:
         product, cutoff = _alpha_product(targets)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base colour use different texture coordinates")
     except NotUnderstoodError as reason:
-        return replace(surface, warnings=(*surface.warnings, _warning(surface, "alpha", reason)))
+        return _with_gap(surface, "alpha", reason, tree)
     alpha = product.factor[0]
     if cutoff is not None:
         mode: Literal["OPAQUE", "MASK", "BLEND"] = "MASK"
@@ -210,12 +215,21 @@ def laid_alike(first: Texture, second: Texture) -> bool:
     return replace(first, image=second.image) == second
 
 
-def _warning(surface: Surface, what: str, reason: NotUnderstoodError) -> str:
-    shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
-    return (
-        f"material {surface.name!r}: its {what} {reason}; the viewport display colour ({shown}) stands for it. "
-        f"Connect an Image Texture to a Principled BSDF, or set the viewport colour"
+def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
+    layouts = [node.uv_map for node in all_nodes(tree) if node.type == "UVMAP"]
+    return replace(
+        surface,
+        gaps=(*surface.gaps, f"its {what} {reason}"),
+        layout=Texture(None, next((name for name in layouts if name), ACTIVE)),
     )
+
+
+def all_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """The nodes of a tree and of the groups in it."""
+    for node in tree.nodes:
+        yield node
+        if node.type == "GROUP" and node.node_tree is not None:
+            yield from all_nodes(node.node_tree)
 
 
 def _color_product(target: Input) -> _Product:

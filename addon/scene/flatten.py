@@ -1,0 +1,261 @@
+"""What Cycles makes of a material whose nodes are no plain product: base colour and alpha as an image over its UV map.
+
+The shaders are replaced by what they say of colour and alpha, on a copy of the material: a Mix Shader mixes both, a
+Transparent BSDF has no alpha, all others have their colour. A square that lies on the whole of the UV map is rendered
+with it, flat, from above. So image textures, ramps, mixes, curves and node groups count as they are, whatever they are.
+
+Known limit: what differs from leaf to leaf (object, particle or island random, generated coordinates, colour
+attributes) has one value on the square; a warning says so.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .surface import all_nodes
+
+LEAST, USUAL, LARGEST = 64, 512, 4096
+"""Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""
+
+SAMPLES = 4
+"""A texel is the mean of as many places; procedural textures have no pixels that would be enough by themselves."""
+
+_VARYING = {
+    "OBJECT_INFO": "Object Info",
+    "PARTICLE_INFO": "Particle Info",
+    "HAIR_INFO": "Curves Info",
+    "NEW_GEOMETRY": "Geometry",
+    "VERTEX_COLOR": "Color Attribute",
+    "ATTRIBUTE": "Attribute",
+}
+
+
+@dataclass(frozen=True)
+class Flattened:
+    """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top; and the nodes that tell leaves apart."""
+
+    pixels: NDArray[np.float32]
+    varying: tuple[str, ...]
+
+
+def can_flatten(material: bpy.types.Material) -> bool:
+    """Whether its nodes show anything, and do not wait for an image."""
+    nodes = list(all_nodes(material.node_tree))
+    waiting = any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
+    output = _output(material.node_tree)
+    return not waiting and output is not None and output.inputs["Surface"].is_linked
+
+
+def flatten(material: bpy.types.Material) -> Flattened:
+    """Renders a material that can be. The scenes and materials of the file stay as they are."""
+    copy = material.copy()
+    groups: list[bpy.types.NodeTree] = []
+    varying = sorted({_VARYING[node.type] for node in all_nodes(copy.node_tree) if node.type in _VARYING})
+    side = _side(copy.node_tree)
+    mesh = _square(list(all_nodes(copy.node_tree)))
+    scene = bpy.data.scenes.new("leafcloud flatten")
+    seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
+    try:
+        _replace_shaders(copy.node_tree, groups)
+        mesh.materials.append(copy)
+        pixels = _rendered(scene, mesh, side)
+    finally:
+        for image in [i for i in bpy.data.images if i.type == "RENDER_RESULT" and i.name not in seen]:
+            bpy.data.images.remove(image)
+        for obj in list(scene.collection.objects):
+            bpy.data.objects.remove(obj)
+        bpy.data.scenes.remove(scene)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.materials.remove(copy)
+        for group in groups:
+            bpy.data.node_groups.remove(group)
+    return Flattened(pixels, tuple(varying))
+
+
+def _side(tree: bpy.types.NodeTree) -> int:
+    sides = [max(n.image.size) for n in all_nodes(tree) if n.type == "TEX_IMAGE" and n.image is not None]
+    return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
+
+
+def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
+    """[0, 1]² with texture coordinates and white colours under all names that the nodes ask for."""
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    mesh = bpy.data.meshes.new("leafcloud flatten")
+    mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
+    names = {node.uv_map for node in nodes if node.type in {"UVMAP", "NORMAL_MAP", "TANGENT"}}
+    for name in sorted(names - {""}) or ["UVMap"]:
+        mesh.uv_layers.new(name=name).uv.foreach_set("vector", np.array(corners, np.float32).ravel())
+    colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
+    colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}
+    for name in sorted(colors - names) or ["Color"]:
+        layer = mesh.color_attributes.new(name or "Color", "FLOAT_COLOR", "POINT")
+        layer.data.foreach_set("color", np.ones(16, np.float32))
+    return mesh
+
+
+def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArray[np.float32]:
+    camera = bpy.data.objects.new("leafcloud camera", bpy.data.cameras.new("leafcloud camera"))
+    square = bpy.data.objects.new("leafcloud square", mesh)
+    for obj in (camera, square):
+        scene.collection.objects.link(obj)
+    camera.location, camera.data.type, camera.data.ortho_scale = (0.5, 0.5, 1.0), "ORTHO", 1.0
+    scene.camera = camera
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", SAMPLES
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
+    scene.render.film_transparent = True
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.resolution_percentage = 100
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    data = camera.data
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flat.exr"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        image = bpy.data.images.load(str(path))
+        image.alpha_mode = "PREMUL"
+        values = np.empty(side * side * 4, np.float32)
+        image.pixels.foreach_get(values)
+        bpy.data.images.remove(image)
+    bpy.data.objects.remove(camera)
+    bpy.data.cameras.remove(data)
+    return values.reshape(side, side, 4)[::-1]
+
+
+def _output(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
+    return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)
+
+
+def _replace_shaders(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
+    """Makes the active output shine with the premultiplied colour, and let through what alpha leaves."""
+    output = _output(tree)
+    assert output is not None  # else it cannot be flattened
+    builder = _Builder(tree, groups)
+    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
+    emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
+    builder.connect(color, emission.inputs["Color"])
+    builder.connect(builder.math("SUBTRACT", 1.0, alpha), clear.inputs["Color"])
+    tree.links.new(emission.outputs[0], both.inputs[0])
+    tree.links.new(clear.outputs[0], both.inputs[1])
+    tree.links.new(both.outputs[0], output.inputs["Surface"])
+    for other in ("Volume", "Displacement"):
+        for link in list(output.inputs[other].links):
+            tree.links.remove(link)
+
+
+_BLACK = (0.0, 0.0, 0.0, 1.0)
+
+
+class _Builder:
+    """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
+
+    def __init__(self, tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
+        self.tree = tree
+        self.groups = groups
+
+    def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """Of what feeds a shader input."""
+        link = next((link for link in target.links if not link.is_muted), None)
+        if link is None:
+            return _BLACK, 0.0
+        node, source = link.from_node, link.from_socket
+        if node.mute:
+            passed = next((inner.from_socket for inner in node.internal_links if inner.to_socket == source), None)
+            return (_BLACK, 0.0) if passed is None else self.color_and_alpha(passed)
+        match node.type:
+            case "REROUTE":
+                return self.color_and_alpha(node.inputs[0])
+            case "GROUP":
+                return self._of_group(node, source)
+            case "MIX_SHADER":
+                return self._mixed(node)
+            case "ADD_SHADER":
+                (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[:2])
+                return self.vector("ADD", c1, c2), self.math("MINIMUM", self.math("ADD", a1, a2), 1.0)
+            case "BSDF_TRANSPARENT" | "HOLDOUT":
+                return _BLACK, 0.0
+        return self._of_shader(node)
+
+    def _mixed(self, node: bpy.types.Node) -> tuple[Any, Any]:
+        (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[1:3])
+        share = self.math("MINIMUM", self.math("MAXIMUM", self.read(node.inputs[0]), 0.0), 1.0)
+        rest = self.math("SUBTRACT", 1.0, share)
+        color = self.vector("ADD", self.scaled(c1, rest), self.scaled(c2, share))
+        return color, self.math("ADD", self.math("MULTIPLY", a1, rest), self.math("MULTIPLY", a2, share))
+
+    def _of_shader(self, node: bpy.types.Node) -> tuple[Any, Any]:
+        color = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
+        if color is None:
+            return _BLACK, 1.0
+        if node.type != "BSDF_PRINCIPLED":
+            return self.read(color), 1.0
+        alpha = self.read(node.inputs["Alpha"])
+        return self.scaled(self.read(color), alpha), alpha
+
+    def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """The same inside a copy of the group, handed out by two sockets more."""
+        if node.node_tree is None:
+            return _BLACK, 0.0
+        node.node_tree = node.node_tree.copy()
+        tree = node.node_tree
+        self.groups.append(tree)
+        end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
+        if end is None:
+            return _BLACK, 0.0
+        inside = _Builder(tree, self.groups)
+        inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
+        values = inside.color_and_alpha(inner)
+        handed = []
+        for value, kind in zip(values, ("NodeSocketColor", "NodeSocketFloat"), strict=True):
+            identifier = tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
+            inside.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
+            handed.append(next(socket for socket in node.outputs if socket.identifier == identifier))
+        return handed[0], handed[1]
+
+    def read(self, target: bpy.types.NodeSocket) -> Any:
+        """What feeds an input: a socket, or its own value."""
+        link = next((link for link in target.links if not link.is_muted), None)
+        if link is not None:
+            return link.from_socket
+        value = target.default_value
+        return value if isinstance(value, float) else tuple(value)
+
+    def connect(self, value: Any, target: bpy.types.NodeSocket) -> None:
+        if isinstance(value, bpy.types.NodeSocket):
+            self.tree.links.new(value, target)
+        elif isinstance(target.default_value, float):
+            target.default_value = value
+        else:
+            size = len(target.default_value)
+            values = (value,) * 3 if isinstance(value, float) else value[:3]
+            target.default_value = (*values, 1.0)[:size]
+
+    def math(self, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        return self._operation("ShaderNodeMath", operation, first, second)
+
+    def vector(self, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        return self._operation("ShaderNodeVectorMath", operation, first, second)
+
+    def scaled(self, color: Any, factor: Any) -> bpy.types.NodeSocket:
+        node = self.tree.nodes.new("ShaderNodeVectorMath")
+        node.operation = "SCALE"
+        self.connect(color, node.inputs[0])
+        self.connect(factor, node.inputs["Scale"])
+        return node.outputs["Vector"]
+
+    def _operation(self, kind: str, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        node = self.tree.nodes.new(kind)
+        node.operation = operation
+        self.connect(first, node.inputs[0])
+        self.connect(second, node.inputs[1])
+        return node.outputs[0]

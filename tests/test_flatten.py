@@ -1,0 +1,138 @@
+"""Materials whose nodes are no plain product: rendered as they are, over their UV map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import math_node, new_image, new_material, texture_node
+
+from addon.scene.describe import describe_material
+from addon.scene.flatten import flatten
+from addon.scene.surface import read_surface
+
+QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
+"""The upper row first: red, green; blue, nothing."""
+
+
+def quarters(tree: Any, side: int = 64) -> bpy.types.Node:
+    """An image of four fields, in the texture's own pixels."""
+    rows = [[QUARTERS[2 * y // side][2 * x // side] for x in range(side)] for y in range(side)]
+    node = texture_node(tree, new_image("quarters", rows))
+    node.interpolation = "Closest"
+    return node
+
+
+def fields(pixels: np.ndarray) -> np.ndarray:
+    """The middles of the four fields."""
+    side = len(pixels)
+    return pixels[[[side // 4], [3 * side // 4]], [[side // 4, 3 * side // 4]]]
+
+
+def to_surface(tree: Any, shader: bpy.types.Node) -> None:
+    tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+
+
+def test_what_a_node_makes_of_an_image_is_kept() -> None:
+    """Inverted: cyan, magenta, yellow; the mask of the image stays a mask."""
+    material, principled, tree = new_material()
+    image, invert = quarters(tree), tree.nodes.new("ShaderNodeInvert")
+    tree.links.new(image.outputs["Color"], invert.inputs["Color"])
+    tree.links.new(invert.outputs[0], principled.inputs["Base Color"])
+    tree.links.new(image.outputs["Alpha"], principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert description["image"] is not None
+    assert fields(description["image"])[[0, 0, 1], [0, 1, 0]].tolist() == [
+        [0, 255, 255, 255],
+        [255, 0, 255, 255],
+        [255, 255, 0, 255],
+    ]
+    assert fields(description["image"])[1, 1, 3] == 0
+    assert (description["alpha_mode"], description["base_color"]) == ("MASK", (1.0, 1.0, 1.0, 1.0))
+    (message,) = messages
+    assert message.startswith("material 'm': its base colour comes from the node 'Invert")
+    assert message.endswith("; it is rendered to an image of 64 texels a side")
+
+
+def test_shaders_are_mixed_as_far_as_they_cover() -> None:
+    """A quarter of transparent, three of (half diffuse red, half translucent green): alpha ¾, (½, ½, 0)."""
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    kinds = ("BsdfDiffuse", "BsdfTranslucent", "MixShader", "BsdfTransparent", "MixShader")
+    diffuse, translucent, inner, clear, outer = (tree.nodes.new(f"ShaderNode{kind}") for kind in kinds)
+    diffuse.inputs["Color"].default_value = (1.0, 0.0, 0.0, 1.0)
+    translucent.inputs["Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    inner.inputs[0].default_value, outer.inputs[0].default_value = 0.5, 0.75
+    tree.links.new(diffuse.outputs[0], inner.inputs[1])
+    tree.links.new(translucent.outputs[0], inner.inputs[2])
+    tree.links.new(clear.outputs[0], outer.inputs[1])
+    tree.links.new(inner.outputs[0], outer.inputs[2])
+    to_surface(tree, outer)
+    np.testing.assert_allclose(flatten(material).pixels[3, 5], (0.375, 0.375, 0.0, 0.75), atol=1e-3)
+    description, _ = describe_material(material)
+    assert description["alpha_mode"] == "BLEND"
+
+
+def test_shaders_in_groups_are_found() -> None:
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    inside = bpy.data.node_groups.new("leaf", "ShaderNodeTree")
+    inside.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    inside.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    start, end, paint = (
+        inside.nodes.new(kind) for kind in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeBsdfDiffuse")
+    )
+    inside.links.new(start.outputs["Tint"], paint.inputs["Color"])
+    inside.links.new(paint.outputs[0], end.inputs["Shader"])
+    group = tree.nodes.new("ShaderNodeGroup")
+    group.node_tree = inside
+    group.inputs["Tint"].default_value = (0.25, 0.5, 0.125, 1.0)
+    to_surface(tree, group)
+    np.testing.assert_allclose(flatten(material).pixels[0, 0], (0.25, 0.5, 0.125, 1.0), atol=1e-3)
+    assert {item.name for item in inside.interface.items_tree} == {"Tint", "Shader"}, "the group itself is not touched"
+
+
+def test_the_named_uv_map_lays_the_rendering() -> None:
+    material, principled, tree = new_material()
+    image, layout, curve = quarters(tree), tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeGamma")
+    layout.uv_map = "leaves"
+    tree.links.new(layout.outputs["UV"], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], curve.inputs["Color"])
+    tree.links.new(curve.outputs[0], principled.inputs["Base Color"])
+    expected = [(1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1)]
+    np.testing.assert_allclose(fields(flatten(material).pixels).reshape(4, 4)[:3], expected, atol=1e-3)
+    texture = read_surface(material).texture
+    assert texture is not None
+    assert texture.uv_map == "leaves"
+
+
+@pytest.mark.parametrize("kind", ["ShaderNodeObjectInfo", "ShaderNodeParticleInfo"])
+def test_what_differs_from_leaf_to_leaf_is_told(kind: str) -> None:
+    material, principled, tree = new_material()
+    random, ramp = tree.nodes.new(kind), tree.nodes.new("ShaderNodeValToRGB")
+    tree.links.new(random.outputs["Random"], ramp.inputs[0])
+    tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
+    _, (message,) = describe_material(material)
+    assert "say of single leaves is lost" in message
+
+
+def test_a_colour_attribute_counts_as_white() -> None:
+    material, principled, tree = new_material()
+    attribute, curve = tree.nodes.new("ShaderNodeVertexColor"), tree.nodes.new("ShaderNodeGamma")
+    attribute.layer_name = "tint"
+    tree.links.new(attribute.outputs["Color"], curve.inputs["Color"])
+    tree.links.new(curve.outputs[0], principled.inputs["Base Color"])
+    np.testing.assert_allclose(flatten(material).pixels[0, 0], (1.0, 1.0, 1.0, 1.0), atol=1e-3)
+
+
+def test_nothing_is_left_behind() -> None:
+    material, principled, tree = new_material()
+    tree.links.new(math_node(tree, "SINE", 1.0), principled.inputs["Base Color"])
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
+    before = {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds}
+    settings = bpy.context.scene.name
+    flatten(material)
+    assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
+    assert bpy.context.scene.name == settings
