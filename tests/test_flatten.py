@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from node_trees import math_node, new_image, new_material, texture_node
+from scenes import SQUARE, add_mesh
 
 from addon.scene.describe import describe_material
+from addon.scene.extract import extract
 from addon.scene.flatten import flatten
 from addon.scene.surface import read_surface
 
@@ -136,3 +138,12 @@ def test_nothing_is_left_behind() -> None:
     flatten(material)
     assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
     assert bpy.context.scene.name == settings
+
+
+def test_a_mesh_without_a_uv_map_is_told() -> None:
+    material, principled, tree = new_material()
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], principled.inputs["Base Color"])
+    obj = add_mesh("leaves", SQUARE, [(0, 1, 2, 3)])
+    obj.data.materials.append(material)
+    tree_found = extract(bpy.context.evaluated_depsgraph_get(), [obj], leaf_names=["leaves"])
+    assert tree_found.warnings == ["object 'leaves' has no UV map for its rendering"]

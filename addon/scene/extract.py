@@ -192,7 +192,7 @@ class _Reader:
                 continue
             named = copies.uvs(texture.uv_map) if texture.uv_map else uvs
             if uvs is None or named is None:
-                self._warn(copies, f"has no UV map for the image {texture.image.name!r}")
+                self._warn(copies, f"has no UV map for {texture.words}")
                 continue
             of_slot = copies.slots == i
             if named is not uvs:
@@ -208,9 +208,7 @@ class _Reader:
         outside = bool((uvs < -1e-3).any() or (uvs > 1.001).any())
         if outside and texture.extension != "REPEAT":
             mode = texture.extension.lower()
-            self._warn(
-                copies, f"uses the image {texture.image.name!r} ({mode}) outside of [0, 1], where it will repeat"
-            )
+            self._warn(copies, f"uses {texture.words} ({mode}) outside of [0, 1], where it will repeat")
 
     def _colors(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
         """The attributes' red, green and blue where they multiply the colour, their alpha where they multiply alpha."""

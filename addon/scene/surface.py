@@ -30,12 +30,17 @@ ACTIVE = ""
 class Texture:
     """An image and how it is laid on the mesh."""
 
-    image: bpy.types.Image
+    image: bpy.types.Image | None
+    """`None` for a rendering that is still to be made."""
     uv_map: str = ACTIVE
     extension: str = "REPEAT"
     """What lies outside [0, 1]: REPEAT, EXTEND, CLIP, MIRROR, or MIXED where the two axes differ."""
     transform: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     """(2, 3) by rows: carries the UV map's coordinates to the image's."""
+
+    @property
+    def words(self) -> str:
+        return "its rendering" if self.image is None else f"the image {self.image.name!r}"
 
 
 @dataclass(frozen=True)
