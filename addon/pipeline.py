@@ -33,7 +33,7 @@ from .job import Progress, wait
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from .plan.reach import View, reaches, rising
-from .scene.describe import describe_material
+from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.shading import gloss_of
 from .settings import BakeSettings, fit_options
@@ -177,17 +177,17 @@ def view_of(scene: bpy.types.Scene) -> View:
 
 def _foliage(geometry: Geometry, placement: Placement, channels: Sequence[str]) -> tuple[leafcloud.Foliage, list[str]]:
     """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
-    described = [describe_material(material, channels) for material in geometry.materials]
+    described = describe_materials(geometry, channels)
     foliage = leafcloud.Foliage(
         world_positions(geometry, placement.matrix),
         placement.wind(geometry.triangles),
         uvs=placement.wind(texture_uvs(geometry)),
         normals=placement.wind(placement.normals_to_world(geometry.normals)),
-        colors=placement.wind(geometry.colors),
+        colors=placement.wind(described.colors),
         material_ids=geometry.material_ids,
-        materials=[leafcloud.Material(**keywords) for keywords, _ in described],
+        materials=[leafcloud.Material(**keywords) for keywords in described.materials],
     )
-    return foliage, [warning for _, warnings in described for warning in warnings]
+    return foliage, described.messages
 
 
 def _without_shear(tree: Tree) -> Tree:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Literal, TypedDict
 
 import bpy
@@ -10,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
-from .flatten import can_flatten, flatten
+from .extract import Geometry
+from .flatten import Flattened, can_flatten, flatten
 from .shading import read_shading
 from .surface import Surface, Texture, all_nodes, read_surface
+from .tints import Islands, tints
 
 Pixels = NDArray[np.uint8]
 
@@ -35,6 +38,15 @@ class MaterialDescription(TypedDict):
     gloss: Pixels | None
 
 
+@dataclass(frozen=True)
+class Described:
+    """materials: by their number in the geometry. colors: (t, 3, 4) linear factors by corner, `None` for white."""
+
+    materials: list[MaterialDescription]
+    colors: NDArray[np.float32] | None
+    messages: list[str]
+
+
 def describe_material(
     material: bpy.types.Material | None, channels: Collection[str] = ()
 ) -> tuple[MaterialDescription, list[str]]:
@@ -46,6 +58,30 @@ def describe_material(
     A colour attribute that multiplies them is not here but in `Geometry.colors`.
     Raises `SceneError` when an image has no pixels, because its file is missing or cannot be read.
     """
+    description, messages, _ = _described(material, channels)
+    return description, messages
+
+
+def describe_materials(geometry: Geometry, channels: Collection[str] = ()) -> Described:
+    """All materials of a geometry, and what tells its leaves apart. Raises `SceneError` as `describe_material`."""
+    described = [_described(material, channels) for material in geometry.materials]
+    colors = geometry.colors
+    for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
+        chosen = geometry.material_ids == number
+        if material is None or flat is None or not flat.varies or not chosen.any():
+            continue
+        randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
+        leaves = Islands(geometry.positions, geometry.triangles[chosen], randoms[chosen])
+        colors = np.ones((len(chosen), 3, 4), np.float32) if colors is None else colors.copy()
+        colors[chosen, :, :3] *= tints(material, flat, leaves)
+    messages = [message for _, messages, _ in described for message in messages]
+    return Described([description for description, _, _ in described], colors, messages)
+
+
+def _described(
+    material: bpy.types.Material | None, channels: Collection[str]
+) -> tuple[MaterialDescription, list[str], Flattened | None]:
+    """What it is, what there is to say of it, and its rendering where there is one."""
     surface = read_surface(material)
     description = MaterialDescription(
         name=surface.name,
@@ -60,10 +96,12 @@ def describe_material(
         gloss=None,
     )
     messages = list(surface.warnings)
+    flat = None
     if surface.gaps and material is not None:
         flat, said = _flat(material, surface)
-        description.update(flat)  # type: ignore[typeddict-item]  # its keys are some of these
         messages.append(said)
+        if flat is not None:
+            description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
     if channels:
         shading = read_shading(material, surface.texture)
         if "gloss" in channels:
@@ -71,7 +109,7 @@ def describe_material(
             description["gloss"] = _data(shading.gloss, surface.name)
         if "normals" in channels:
             description["normal"] = _data(shading.normal, surface.name)
-    return description, messages
+    return description, messages, flat
 
 
 class _Flat(TypedDict, total=False):
@@ -83,12 +121,12 @@ class _Flat(TypedDict, total=False):
     alpha_cutoff: float
 
 
-def _flat(material: bpy.types.Material, surface: Surface) -> tuple[_Flat, str]:
+def _flat(material: bpy.types.Material, surface: Surface) -> tuple[Flattened | None, str]:
     """The material as Cycles renders it, if it can, and what there is to say of it."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
     if not can_flatten(material):
         shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
-        return {}, (
+        return None, (
             f"{said}; the viewport display colour ({shown}) stands for it. Connect an Image Texture to a Principled "
             f"BSDF, or set the viewport colour"
         )
@@ -96,14 +134,17 @@ def _flat(material: bpy.types.Material, surface: Surface) -> tuple[_Flat, str]:
         if node.type == "TEX_IMAGE":
             _check_readable(node.image, surface.name)
     flat = flatten(material)
-    alpha = flat.pixels[..., 3:]
-    color = np.divide(flat.pixels[..., :3], alpha, out=np.zeros_like(flat.pixels[..., :3]), where=alpha > 1e-4)
-    said = f"{said}; it is rendered to an image of {len(alpha)} texels a side"
-    if flat.varying:
-        said += f", so what {' and '.join(flat.varying)} say of single leaves is lost"
-    mode = _alpha_mode(alpha)
+    said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
+    if flat.lost:
+        said += f", so what the nodes {' and '.join(flat.lost)} say of single leaves is lost"
+    return flat, said
+
+
+def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
+    alpha = pixels[..., 3:]
+    color = np.divide(pixels[..., :3], alpha, out=np.zeros_like(pixels[..., :3]), where=alpha > 1e-4)
     image = _bytes(np.concatenate([_encoded(color), alpha], axis=2))
-    return {"base_color": (1.0, 1.0, 1.0, 1.0), "image": image, "alpha_mode": mode, "alpha_cutoff": 0.5}, said
+    return {"base_color": (1.0, 1.0, 1.0, 1.0), "image": image, "alpha_mode": _alpha_mode(alpha), "alpha_cutoff": 0.5}
 
 
 def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"]:

@@ -50,6 +50,8 @@ class Geometry:
     material_ids: NDArray[np.int32]
     """(t,) into `materials`."""
     materials: list[bpy.types.Material | None]
+    randoms: NDArray[np.float32] | None = None
+    """(t,) what Blender's Object Info node calls Random; `None` counts as ½ everywhere."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,14 @@ class _Reader:
             chosen.setdefault(id(slot.copies), (slot.copies, []))[1].append(slot.index)
         mesh = joined([self._realised(copies, indices, numbers) for copies, indices in chosen.values()])
         return Geometry(
-            mesh.positions, mesh.triangles, mesh.uvs, mesh.normals, mesh.colors, mesh.material_ids, materials
+            mesh.positions,
+            mesh.triangles,
+            mesh.uvs,
+            mesh.normals,
+            mesh.colors,
+            mesh.material_ids,
+            materials,
+            mesh.randoms,
         )
 
     def _realised(self, copies: Copies, indices: list[int], numbers: dict[_Material, int]) -> Triangles:
@@ -176,8 +185,10 @@ class _Reader:
             self._uvs(copies, indices),
             self._colors(copies, indices),
             numbers_of_slots[copies.slots],
+            np.zeros(len(copies.triangles), np.float32),
         )
-        placed = realise(used_only(source, wanted[copies.slots]), relative(self.frame, copies.matrices))
+        chosen = used_only(source, wanted[copies.slots])
+        placed = realise(chosen, relative(self.frame, copies.matrices), copies.randoms)
         if not np.isfinite(placed.positions).all():
             raise SceneError(
                 f"object {copies.object_name!r} lies too far from the leaves for single precision; move it closer"

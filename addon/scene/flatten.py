@@ -4,13 +4,14 @@ The shaders are replaced by what they say of colour and alpha, on a copy of the 
 Transparent BSDF has no alpha, all others have their colour. A square that lies on the whole of the UV map is rendered
 with it, flat, from above. So image textures, ramps, mixes, curves and node groups count as they are, whatever they are.
 
-Known limit: what differs from leaf to leaf (object, particle or island random, generated coordinates, colour
-attributes) has one value on the square; a warning says so.
+What differs from leaf to leaf has one value on the square; `tints` says how the leaves differ from it.
 """
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,11 +28,12 @@ LEAST, USUAL, LARGEST = 64, 512, 4096
 SAMPLES = 4
 """A texel is the mean of as many places; procedural textures have no pixels that would be enough by themselves."""
 
-_VARYING = {
-    "OBJECT_INFO": "Object Info",
+RANDOM = "leafcloud_random"
+"""The attribute that stands for the Random of the Object Info node."""
+
+_LOST = {
     "PARTICLE_INFO": "Particle Info",
     "HAIR_INFO": "Curves Info",
-    "NEW_GEOMETRY": "Geometry",
     "VERTEX_COLOR": "Color Attribute",
     "ATTRIBUTE": "Attribute",
 }
@@ -39,10 +41,13 @@ _VARYING = {
 
 @dataclass(frozen=True)
 class Flattened:
-    """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top; and the nodes that tell leaves apart."""
+    """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top."""
 
     pixels: NDArray[np.float32]
-    varying: tuple[str, ...]
+    varies: bool
+    """Whether leaves differ by where they are, or by the random number of their island or object."""
+    lost: tuple[str, ...]
+    """The nodes that tell leaves apart by what is not known here."""
 
 
 def can_flatten(material: bpy.types.Material) -> bool:
@@ -55,28 +60,84 @@ def can_flatten(material: bpy.types.Material) -> bool:
 
 def flatten(material: bpy.types.Material) -> Flattened:
     """Renders a material that can be. The scenes and materials of the file stay as they are."""
+    nodes = list(all_nodes(material.node_tree))
+    with flat_material(material) as flat, scratch_scene() as scene:
+        mesh = _square(nodes)
+        mesh.materials.append(flat)
+        try:
+            pixels = _rendered(scene, mesh, _side(material.node_tree))
+        finally:
+            bpy.data.meshes.remove(mesh)
+    lost = sorted({_LOST[node.type] for node in nodes if node.type in _LOST})
+    return Flattened(pixels, any(map(_varies, nodes)), tuple(lost))
+
+
+def _varies(node: bpy.types.Node) -> bool:
+    match node.type:
+        case "OBJECT_INFO" | "NEW_GEOMETRY":
+            return any(output.is_linked for output in node.outputs)
+        case "TEX_COORD":
+            return any(output.is_linked for output in node.outputs if output.name != "UV")
+    return False
+
+
+@contextmanager
+def flat_material(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
+    """A copy that shines with its premultiplied colour, and lets through what alpha leaves."""
     copy = material.copy()
     groups: list[bpy.types.NodeTree] = []
-    varying = sorted({_VARYING[node.type] for node in all_nodes(copy.node_tree) if node.type in _VARYING})
-    side = _side(copy.node_tree)
-    mesh = _square(list(all_nodes(copy.node_tree)))
-    scene = bpy.data.scenes.new("leafcloud flatten")
-    seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
     try:
-        _replace_shaders(copy.node_tree, groups)
-        mesh.materials.append(copy)
-        pixels = _rendered(scene, mesh, side)
+        _own_groups(copy.node_tree, groups)
+        for tree in (copy.node_tree, *groups):
+            _read_randoms(tree)
+        _replace_shaders(copy.node_tree)
+        yield copy
+    finally:
+        bpy.data.materials.remove(copy)
+        for group in groups:
+            bpy.data.node_groups.remove(group)
+
+
+@contextmanager
+def scratch_scene() -> Iterator[bpy.types.Scene]:
+    """A scene for Cycles that goes with its objects, and with what was rendered."""
+    seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
+    scene = bpy.data.scenes.new("leafcloud flatten")
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    try:
+        yield scene
     finally:
         for image in [i for i in bpy.data.images if i.type == "RENDER_RESULT" and i.name not in seen]:
             bpy.data.images.remove(image)
         for obj in list(scene.collection.objects):
             bpy.data.objects.remove(obj)
         bpy.data.scenes.remove(scene)
-        bpy.data.meshes.remove(mesh)
-        bpy.data.materials.remove(copy)
-        for group in groups:
-            bpy.data.node_groups.remove(group)
-    return Flattened(pixels, tuple(varying))
+
+
+def layer_names(nodes: Iterable[bpy.types.Node]) -> list[str]:
+    """The UV maps that nodes ask for by name; at least one."""
+    names = {node.uv_map for node in nodes if node.type in {"UVMAP", "NORMAL_MAP", "TANGENT"}}
+    return sorted(names - {""}) or ["UVMap"]
+
+
+def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
+    """Gives each group node of a tree a group of its own."""
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree is not None:
+            node.node_tree = node.node_tree.copy()
+            groups.append(node.node_tree)
+            _own_groups(node.node_tree, groups)
+
+
+def _read_randoms(tree: bpy.types.NodeTree) -> None:
+    """The random numbers of objects come from an attribute: all leaves are one object here."""
+    for info in [node for node in tree.nodes if node.type == "OBJECT_INFO"]:
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_name = RANDOM
+        for link in list(info.outputs["Random"].links):
+            tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
 def _side(tree: bpy.types.NodeTree) -> int:
@@ -89,14 +150,15 @@ def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
-    names = {node.uv_map for node in nodes if node.type in {"UVMAP", "NORMAL_MAP", "TANGENT"}}
-    for name in sorted(names - {""}) or ["UVMap"]:
+    names = layer_names(nodes)
+    for name in names:
         mesh.uv_layers.new(name=name).uv.foreach_set("vector", np.array(corners, np.float32).ravel())
     colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
     colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}
-    for name in sorted(colors - names) or ["Color"]:
+    for name in sorted(colors - {*names}) or ["Color"]:
         layer = mesh.color_attributes.new(name or "Color", "FLOAT_COLOR", "POINT")
         layer.data.foreach_set("color", np.ones(16, np.float32))
+    mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, 0.5, np.float32))
     return mesh
 
 
@@ -107,9 +169,7 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
         scene.collection.objects.link(obj)
     camera.location, camera.data.type, camera.data.ortho_scale = (0.5, 0.5, 1.0), "ORTHO", 1.0
     scene.camera = camera
-    scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", SAMPLES
-    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.cycles.samples = SAMPLES
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = side
@@ -117,6 +177,7 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
     scene.view_settings.view_transform = "Standard"
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
+    scene.render.image_settings.exr_codec = "ZIP"  # The default loses a per cent.
     data = camera.data
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flat.exr"
@@ -136,11 +197,10 @@ def _output(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
     return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)
 
 
-def _replace_shaders(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
-    """Makes the active output shine with the premultiplied colour, and let through what alpha leaves."""
+def _replace_shaders(tree: bpy.types.NodeTree) -> None:
     output = _output(tree)
     assert output is not None  # else it cannot be flattened
-    builder = _Builder(tree, groups)
+    builder = _Builder(tree)
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
     emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
     builder.connect(color, emission.inputs["Color"])
@@ -159,9 +219,8 @@ _BLACK = (0.0, 0.0, 0.0, 1.0)
 class _Builder:
     """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
 
-    def __init__(self, tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
+    def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
-        self.groups = groups
 
     def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Of what feeds a shader input."""
@@ -203,16 +262,14 @@ class _Builder:
         return self.scaled(self.read(color), alpha), alpha
 
     def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
-        """The same inside a copy of the group, handed out by two sockets more."""
+        """The same inside the group, handed out by two sockets more."""
         if node.node_tree is None:
             return _BLACK, 0.0
-        node.node_tree = node.node_tree.copy()
         tree = node.node_tree
-        self.groups.append(tree)
         end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
         if end is None:
             return _BLACK, 0.0
-        inside = _Builder(tree, self.groups)
+        inside = _Builder(tree)
         inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
         values = inside.color_and_alpha(inner)
         handed = []

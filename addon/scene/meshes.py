@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
+from .object_random import random_of
 from .realise import are_singular, first_not_finite
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+_NONE = np.empty(0, np.float32)
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class Copies:
     """Original materials by slot, at least one."""
     matrices: NDArray[np.float64]
     """(n, 4, 4) to the world, none singular; equal to `owner_matrix` for an object that stands for itself."""
+    randoms: NDArray[np.float32]
+    """(n,) in [0, 1], what the Object Info node calls Random of each copy."""
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:
@@ -126,7 +130,8 @@ def gather(
             words = _counted(count, "copy", "copies")
             dropped.append(f"{words} of {copies.object_name!r} by {copies.owner_name!r}, scaled to nothing")
         if count < len(copies.matrices):
-            standing.append(replace(copies, matrices=copies.matrices[~flat[1:]]))
+            kept = ~flat[1:]
+            standing.append(replace(copies, matrices=copies.matrices[kept], randoms=copies.randoms[kept]))
     return standing, [*unseen, *dropped]
 
 
@@ -137,6 +142,7 @@ def _shown(
     wanted = None if objects is None else {obj.original for obj in objects}
     found: dict[tuple[object, ...], Copies] = {}
     matrices: dict[tuple[object, ...], list[NDArray[np.float64]]] = {}
+    randoms: dict[tuple[object, ...], list[float]] = {}
     unseen = {} if wanted is None else {obj.name: "has no faces, or is hidden" for obj in wanted}
     for instance in depsgraph.object_instances:
         obj = instance.object
@@ -153,9 +159,13 @@ def _shown(
         key = (owner.original, obj.original, obj.data.as_pointer(), materials)
         if key not in found:
             own_matrix = np.array(owner.matrix_world, np.float64)
-            found[key] = Copies(obj.data, obj.name, owner.name, own_matrix, materials, np.empty((0, 4, 4)))
+            found[key] = Copies(obj.data, obj.name, owner.name, own_matrix, materials, np.empty((0, 4, 4)), _NONE)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
-    shown = [replace(copies, matrices=np.array(matrices[key])) for key, copies in found.items()]
+        randoms.setdefault(key, []).append(random_of(instance))
+    shown = [
+        replace(copies, matrices=np.array(matrices[key]), randoms=np.array(randoms[key], np.float32))
+        for key, copies in found.items()
+    ]
     names = {copies.owner_name for copies in shown}
     return shown, [f"{name!r} {reason}" for name, reason in sorted(unseen.items()) if name not in names]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -27,6 +27,8 @@ class Triangles:
     """(t, 3, 4)"""
     material_ids: NDArray[np.int32]
     """(t,)"""
+    randoms: NDArray[np.float32]
+    """(t,) what Blender's Object Info node calls Random."""
 
 
 def first_not_finite(positions: NDArray[np.float32]) -> tuple[int, str] | None:
@@ -67,11 +69,12 @@ def used_only(source: Triangles, chosen: NDArray[np.bool_]) -> Triangles:
         None if source.uvs is None else source.uvs[chosen],
         None if source.colors is None else source.colors[chosen],
         source.material_ids[chosen],
+        source.randoms[chosen],
     )
 
 
-def realise(source: Triangles, matrices: NDArray[np.float64]) -> Triangles:
-    """One copy of `source` for each of the (n, 4, 4) matrices, none of them singular.
+def realise(source: Triangles, matrices: NDArray[np.float64], randoms: NDArray[np.float32]) -> Triangles:
+    """One copy of `source` for each of the (n, 4, 4) matrices, none of them singular, with its own of `randoms` (n,).
 
     A copy by the identity keeps every bit. Normals turn by the inverse transpose. A mirrored copy swaps the last two
     corners of its triangles, so that they still wind counter-clockwise about the side that its normals point to.
@@ -79,7 +82,7 @@ def realise(source: Triangles, matrices: NDArray[np.float64]) -> Triangles:
     count = len(matrices)
     kept = (matrices == np.eye(4)).all(axis=(1, 2))
     if count == 1 and kept[0]:
-        return source
+        return replace(source, randoms=np.repeat(randoms, len(source.triangles)))
     linear = matrices[:, :3, :3]
     positions = np.einsum("nij,vj->nvi", linear, source.positions.astype(np.float64)) + matrices[:, None, :3, 3]
     placed = positions.astype(np.float32)
@@ -97,6 +100,7 @@ def realise(source: Triangles, matrices: NDArray[np.float64]) -> Triangles:
         None if source.uvs is None else _wound(_repeated(source.uvs, count), mirrored),
         None if source.colors is None else _wound(_repeated(source.colors, count), mirrored),
         np.tile(source.material_ids, count),
+        np.repeat(randoms, len(source.triangles)),
     )
 
 
@@ -110,6 +114,7 @@ def joined(blocks: list[Triangles]) -> Triangles:
         _joined_corners([block.uvs for block in blocks], [len(block.triangles) for block in blocks], 2, 0.0),
         _joined_corners([block.colors for block in blocks], [len(block.triangles) for block in blocks], 4, 1.0),
         np.concatenate([block.material_ids for block in blocks]),
+        np.concatenate([block.randoms for block in blocks]),
     )
 
 

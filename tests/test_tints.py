@@ -1,0 +1,147 @@
+"""What tells leaves apart survives in materials that are rendered: object, island, place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import new_image, new_material, texture_node
+from scenes import SQUARE, add_mesh
+
+from addon.scene.describe import describe_materials
+from addon.scene.extract import Geometry, extract
+from addon.scene.flatten import flatten
+from addon.scene.tints import Islands, tints
+
+TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
+TRIANGLES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.int32)
+
+
+def grey_material(node_type: str, output: str) -> bpy.types.Material:
+    """As bright as an output says."""
+    material, principled, tree = new_material()
+    node, grey = tree.nodes.new(node_type), tree.nodes.new("ShaderNodeCombineColor")
+    for target in grey.inputs:
+        tree.links.new(node.outputs[output], target)
+    tree.links.new(grey.outputs[0], principled.inputs["Base Color"])
+    return material
+
+
+def islands(randoms: list[float]) -> Islands:
+    return Islands(TWO_SQUARES, TRIANGLES, np.array(randoms, np.float32))
+
+
+def test_an_object_has_its_random_number() -> None:
+    material = grey_material("ShaderNodeObjectInfo", "Random")
+    flat = flatten(material)
+    assert flat.varies
+    factors = tints(material, flat, islands([0.25, 0.25, 0.75, 0.75]))
+    brightness = factors * flat.pixels[0, 0, :3]
+    np.testing.assert_allclose(brightness[:2], 0.25, atol=1e-3)
+    np.testing.assert_allclose(brightness[2:], 0.75, atol=1e-3)
+
+
+def test_an_island_has_one_random_number() -> None:
+    material = grey_material("ShaderNodeNewGeometry", "Random Per Island")
+    first, second = np.split(tints(material, flatten(material), islands([0.5] * 4)), 2)
+    assert np.ptp(first) < 1e-6
+    assert np.ptp(second) < 1e-6
+    assert abs(first.mean() - second.mean()) > 0.01
+
+
+def test_places_differ() -> None:
+    """As bright as x over 4: x is 0 … 1 on the one square, 3 … 4 on the other."""
+    material, principled, tree = new_material()
+    place, ramp = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMapRange")
+    parts, grey = tree.nodes.new("ShaderNodeSeparateXYZ"), tree.nodes.new("ShaderNodeCombineColor")
+    ramp.inputs["From Max"].default_value = 4.0
+    tree.links.new(place.outputs["Position"], parts.inputs[0])
+    tree.links.new(parts.outputs["X"], ramp.inputs["Value"])
+    for target in grey.inputs:
+        tree.links.new(ramp.outputs[0], target)
+    tree.links.new(grey.outputs[0], principled.inputs["Base Color"])
+    flat = flatten(material)
+    middle = flat.pixels[..., 0].mean()
+    brightness = tints(material, flat, islands([0.5] * 4))[..., 0] * middle
+    np.testing.assert_allclose(brightness, TWO_SQUARES[TRIANGLES][..., 0] / 4.0, atol=5e-3)
+
+
+def colored_geometry(material: bpy.types.Material, matrices: int) -> Geometry:
+    objects = [add_mesh(f"leaves {i}", SQUARE, [(0, 1, 2, 3)], materials=[material]) for i in range(matrices)]
+    for obj in objects:
+        obj.data.uv_layers.new()
+    names = [obj.name for obj in objects]
+    return extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=names).leaves
+
+
+def test_objects_keep_the_numbers_that_blender_gives_them() -> None:
+    """The same image on two objects; each is multiplied by its own random number."""
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(0.0, 1.0, 0.0, 1.0)] * 4] * 4))
+    info, gamma, scale = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "Gamma", "VectorMath"))
+    scale.operation = "SCALE"
+    tree.links.new(image.outputs["Color"], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], scale.inputs[0])
+    tree.links.new(info.outputs["Random"], scale.inputs["Scale"])
+    tree.links.new(scale.outputs[0], principled.inputs["Base Color"])
+    geometry = colored_geometry(material, 2)
+    described = describe_materials(geometry)
+    assert geometry.randoms is not None
+    assert described.colors is not None
+    assert geometry.randoms[0] == geometry.randoms[1] != geometry.randoms[2] == geometry.randoms[3]
+    image_pixels = described.materials[0]["image"]
+    assert image_pixels is not None
+    code = float(image_pixels[2, 2, 1]) / 255.0
+    shown = described.colors[..., 1] * ((code + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(shown, np.repeat(geometry.randoms[:, None], 3, axis=1), atol=0.01)
+
+
+def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
+    """An object, and an instance of another: seen from above, each shines with its own number."""
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    info, shine = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(info.outputs["Random"], shine.inputs["Color"])
+    tree.links.new(shine.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    add_mesh("Blätter", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)], materials=[material])
+    source = bpy.data.collections.new("source")
+    source.objects.link(bpy.data.objects.new("twig", bpy.data.objects["Blätter"].data))
+    empty = bpy.data.objects.new("instancer", None)
+    empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", source, (1.0, 0.0, 0.0)
+    scene = bpy.context.scene
+    scene.collection.objects.link(empty)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.type, camera.data.ortho_scale, camera.location = "ORTHO", 2.0, (1.0, 0.5, 2.0)
+    scene.collection.objects.link(camera)
+    scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
+    scene.render.resolution_x, scene.render.resolution_y = 16, 8
+    scene.render.image_settings.file_format, scene.render.filepath = "OPEN_EXR", str(tmp_path / "seen.exr")
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.color_depth, scene.render.image_settings.exr_codec = "32", "ZIP"
+    geometry = extract(bpy.context.evaluated_depsgraph_get(), None, leaf_names=["Blätter", "twig"]).leaves
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    seen = np.array(image.pixels[:], np.float32).reshape(8, 16, 4)
+    first, second = seen[4, 4, 0], seen[4, 12, 0]
+    assert geometry.randoms is not None
+    assert sorted(set(geometry.randoms.tolist())) == pytest.approx(sorted([first, second]), abs=2e-3)
+    assert abs(first - second) > 0.01
+
+
+@pytest.mark.parametrize("uses", [True, False])
+def test_without_variation_there_are_no_colours(uses: bool) -> None:
+    """The node alone does not make leaves differ: it has to be asked."""
+    material = grey_material("ShaderNodeTexCoord" if uses else "ShaderNodeValue", "UV" if uses else "Value")
+    material.node_tree.nodes.new("ShaderNodeObjectInfo")
+    geometry = colored_geometry(material, 1)
+    assert describe_materials(geometry).colors is None
+
+
+def test_nothing_is_left_behind() -> None:
+    material = grey_material("ShaderNodeObjectInfo", "Random")
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
+    before = {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds}
+    tints(material, flatten(material), islands([0.5] * 4))
+    assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
