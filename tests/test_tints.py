@@ -118,7 +118,7 @@ def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
     scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
     scene.render.resolution_x, scene.render.resolution_y = 16, 8
     scene.render.image_settings.file_format, scene.render.filepath = "OPEN_EXR", str(tmp_path / "seen.exr")
-    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.view_transform, scene.cycles.use_denoising = "Standard", False
     scene.render.image_settings.color_depth, scene.render.image_settings.exr_codec = "32", "ZIP"
     geometry = extract(bpy.context.evaluated_depsgraph_get(), None, leaf_names=["Blätter", "twig"]).leaves
     bpy.ops.render.render(write_still=True)
