@@ -24,7 +24,7 @@ import leafcloud
 
 from .baked import Baked, Prepared
 from .build.levels import Costs, Plan, build_levels
-from .export import gltf
+from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.preview import preview_image
 from .export.report import report
@@ -138,14 +138,19 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
     with Staging(directory) as staging:
         seconds = []
         engine = baked.prepared.settings.engine
+        textures = ktx2.Ktx2Textures(_levels_by_material(baked) if engine in ktx2.ENGINES else {})
         with gltf.engine_attributes(baked.levels, engine), gltf.masked_leaves(baked.levels):
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()
-                gltf.export_level(level, staging.path(f"{level.object.name}.glb"))
+                file = staging.path(f"{level.object.name}.glb")
+                gltf.export_level(level, file)
+                textures.add_to(file)
                 seconds.append(time.perf_counter() - begin)
             progress(f"write {name}.glb", 0.0)
-            gltf.export_collection(baked.collection, staging.path(f"{name}.glb"))
+            file = staging.path(f"{name}.glb")
+            gltf.export_collection(baked.collection, file)
+            textures.add_to(file)
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
@@ -158,6 +163,12 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         staging.write_json("report.json", content)
         staging.commit()
     return content
+
+
+def _levels_by_material(baked: Baked) -> dict[str, leafcloud.Level]:
+    """The clouds and the cross by the names of their only materials."""
+    built = [level.object.data.materials[0].name for level in baked.levels[1:]]
+    return dict(zip(built, baked.chain.levels, strict=True))
 
 
 def file_name(name: str) -> str:

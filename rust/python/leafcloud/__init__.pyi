@@ -182,6 +182,15 @@ class Level:
         """(h, w, 4) where the sky is seen, b = 2 · code / 255 − 1 in each billboard's axes (red to the right, green up,
         blue toward the viewer): light from the direction l reaches the share occlusion + b · l of a place, cut to
         [0, 1], where the occlusion is the red of ``gloss``. ``None`` when it was not asked for."""
+    def ktx2(self, channel: str) -> bytes:
+        """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
+        UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Of colours, as much of each billboard passes
+        ``alpha_cutoff`` at every level as on the page itself, down to 8 × 8 texels. The same bytes for the same page on
+        one machine.
+
+        Raises ``LeafcloudError`` for a channel that the level does not have, and for a page whose side is no multiple
+        of 4.
+        """
     @property
     def alpha_cutoff(self) -> float: ...
     @property

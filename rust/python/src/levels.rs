@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use leafcloud::Cloud;
 use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, Level};
-use leafcloud::sheet::Billboard;
+use leafcloud::sheet::{Billboard, Region};
+use leafcloud::{Cloud, Error};
+use leafcloud_ktx2::Codes;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{image_array, point_groups, vector_rows};
-use crate::errors::Failure;
+use crate::errors::{Failure, guard};
 use crate::foliage::PyFoliage;
 
 /// A cloud with what is needed to speak of it to the caller.
@@ -174,6 +175,26 @@ impl PyLevel {
     #[getter]
     fn visibility<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
         self.level().page.visibility.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let encode = || {
+            let level = self.level();
+            let regions: Vec<Region> = level.sheet.billboards.iter().map(|b| b.region).collect();
+            let levels = level.page.levels(channel, &regions, level.alpha_cutoff).ok_or_else(|| {
+                let known: Vec<&str> = level.page.images().map(|(name, _)| name).collect();
+                Error::invalid(format!("the level has no channel {channel:?}; it has {}", known.join(", ")))
+            })?;
+            let codes = if matches!(channel, "base_color" | "translucency") { Codes::Srgb } else { Codes::Linear };
+            let mips = levels.iter().map(|image| leafcloud_ktx2::Level {
+                width: image.width(),
+                height: image.height(),
+                pixels: image.pixels(),
+            });
+            leafcloud_ktx2::encode(&mips.collect::<Vec<_>>(), codes).map_err(|error| Error::invalid(error.to_string()))
+        };
+        let file = py.detach(|| guard(encode))?;
+        Ok(PyBytes::new(py, &file))
     }
 
     #[getter]

@@ -9,12 +9,13 @@
 //! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
 //! O(texels · log texels).
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::channels::Channel;
 use super::dilate;
 use super::raster::Canvas;
+use crate::color::quantise;
 use crate::foliage::Image;
 use crate::sheet::Region;
 
@@ -48,6 +49,36 @@ pub fn means(image: &Image) -> Levels {
     while means.width > 1 || means.height > 1 {
         means = halved(&means);
         levels.push(filled(&means));
+    }
+    levels
+}
+
+/// Of shares, such as occlusion, roughness and metallic: means of their codes.
+#[must_use]
+pub fn of_shares(image: &Image) -> Levels {
+    of_data(image, |mean| mean)
+}
+
+/// Of tangent-space normals: means, made as long as 1 again.
+#[must_use]
+pub fn of_normals(image: &Image) -> Levels {
+    of_data(image, |mean| (mean * 2.0 - 1.0).try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5)
+}
+
+/// Of linear codes; what is transparent was filled in from its surroundings, so that all texels count alike.
+fn of_data(image: &Image, settle: impl Fn(Vec3) -> Vec3 + Sync) -> Levels {
+    let share = |code: u8| f32::from(code) / 255.0;
+    let pixels = image.pixels().iter().map(|&[r, g, b, _]| Vec3::new(share(r), share(g), share(b)).extend(1.0));
+    let mut means = Canvas { width: image.width(), height: image.height(), pixels: pixels.collect() };
+    let mut levels = vec![image.clone()];
+    while means.width > 1 || means.height > 1 {
+        means = halved(&means);
+        let codes = means.pixels.par_iter().map(|mean| {
+            let [r, g, b] = settle(mean.truncate()).to_array().map(quantise);
+            [r, g, b, 255]
+        });
+        let codes: Vec<[u8; 4]> = codes.collect();
+        levels.push(Image::new(means.width, means.height, codes).expect("as many as the canvas has"));
     }
     levels
 }
@@ -188,6 +219,18 @@ mod tests {
             let at = |region: Region| share(level, smaller(region, 1 << number, level.width(), level.height()), 128);
             assert_eq!((at(left), at(right)), (0.0, 1.0), "level {number}");
         }
+    }
+
+    #[test]
+    fn shares_are_means_and_normals_stay_as_long_as_1() {
+        // Two columns lean to the left, two to the right, by 45°: together they point at the viewer.
+        let leaning = image(4, 4, |x, _| [if x % 2 == 0 { 218 } else { 37 }, 128, 218, 255]);
+        let normal = of_normals(&leaning)[1].pixels()[0];
+        assert!(normal[0].abs_diff(128) <= 1 && normal[1].abs_diff(128) <= 1 && normal[2] >= 254, "{normal:?}");
+        let checkers = image(4, 4, |x, y| if (x + y) % 2 == 0 { [0, 100, 255, 255] } else { [200, 100, 255, 255] });
+        let levels = of_shares(&checkers);
+        assert_eq!(levels.iter().map(Image::width).collect::<Vec<_>>(), [4, 2, 1]);
+        assert!(levels[1..].iter().all(|level| level.pixels().iter().all(|p| *p == [100, 100, 255, 255])));
     }
 
     proptest! {

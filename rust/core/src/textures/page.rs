@@ -4,12 +4,14 @@ use glam::{Vec3, Vec4};
 
 use super::channels::Channel;
 use super::sky::Sky;
-use super::tone;
+use super::{mips, tone};
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
+use crate::sheet::Region;
 
 /// Which channels a page has beside base colour and alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // Each is there or not, whatever the others.
 pub struct Channels {
     /// Normals, bent toward the hull of the crown by a share in [0, 1].
     pub normal: Option<f32>,
@@ -120,6 +122,18 @@ impl Page {
     #[must_use]
     pub fn toned(self, factors: Vec3) -> Self {
         Self { base_color: tone::scaled(&self.base_color, factors), ..self }
+    }
+
+    /// The mip levels of the image with this name, which suit what it shows: coverage at the cutoff is kept region by region. `None` without it.
+    #[must_use]
+    pub fn levels(&self, name: &str, regions: &[Region], alpha_cutoff: f32) -> Option<mips::Levels> {
+        let (name, image) = self.images().find(|(known, _)| *known == name)?;
+        Some(match name {
+            "base_color" => mips::of_color(image, regions, alpha_cutoff),
+            "normal" => mips::of_normals(image),
+            "translucency" => mips::means(image),
+            _ => mips::of_shares(image),
+        })
     }
 
     /// The material of billboards that show the page, cut out at `alpha_cutoff`.

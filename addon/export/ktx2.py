@@ -1,0 +1,76 @@
+"""Textures as KTX2 beside the PNGs of a GLB file, with mip levels that keep what is seen: `KHR_texture_basisu`.
+
+An engine that knows the extension takes them; any other takes the PNG, and makes mip levels itself, in which thin
+leaves dissolve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import leafcloud
+
+from .glb_file import append_view, read_glb, write_glb
+
+ENGINES = ("three", "babylon")
+"""The engines that are known to take it."""
+
+EXTENSION = "KHR_texture_basisu"
+
+
+@dataclass
+class Ktx2Textures:
+    """The textures of the levels by their materials' names, each encoded when it is first asked for."""
+
+    levels: Mapping[str, leafcloud.Level]
+    encoded: dict[tuple[str, str], bytes] = field(default_factory=dict)
+
+    def get(self, material: str, channel: str) -> bytes:
+        key = (material, channel)
+        if key not in self.encoded:
+            self.encoded[key] = self.levels[material].ktx2(channel)
+        return self.encoded[key]
+
+    def add_to(self, path: Path) -> None:
+        """Adds the textures of the materials in a GLB file to it; without levels it stays as it is."""
+        if not self.levels:
+            return
+        document, binary = read_glb(path)
+        named = [material for material in document.get("materials", []) if material["name"] in self.levels]
+        done: set[int] = set()
+        for material in named:
+            for channel, find in _TEXTURES.items():
+                number = find(material)
+                if number is None or number in done:
+                    continue
+                done.add(number)
+                view, binary = append_view(document, binary, self.get(material["name"], channel))
+                document["images"].append({"bufferView": view, "mimeType": "image/ktx2"})
+                source = {"source": len(document["images"]) - 1}
+                document["textures"][number].setdefault("extensions", {})[EXTENSION] = source
+        if done:
+            used = document.setdefault("extensionsUsed", [])
+            document["extensionsUsed"] = sorted({*used, EXTENSION})
+            write_glb(path, document, binary)
+
+
+def _in_surface(name: str) -> Callable[[dict[str, Any]], int | None]:
+    return lambda material: _index(material.get("pbrMetallicRoughness", {}).get(name))
+
+
+def _index(texture: dict[str, Any] | None) -> int | None:
+    return None if texture is None else texture["index"]
+
+
+_TEXTURES: dict[str, Callable[[dict[str, Any]], int | None]] = {
+    "base_color": _in_surface("baseColorTexture"),
+    "gloss": _in_surface("metallicRoughnessTexture"),
+    "normal": lambda material: _index(material.get("normalTexture")),
+    "visibility": lambda material: _index(
+        material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture"),
+    ),
+}
+"""Where glTF has each channel of a level."""

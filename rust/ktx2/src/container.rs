@@ -1,0 +1,100 @@
+//! The KTX 2.0 container (Khronos Group, "KTX File Format Specification", 2.0; data format descriptors: "Khronos Data Format Specification", 1.3).
+
+use crate::{Codes, Error, Level};
+
+const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'\r', b'\n', 0x1A, b'\n'];
+const HEADER: usize = 80;
+const LEVEL_INDEX: usize = 24;
+
+/// Of the supercompression schemes: Zstandard.
+const ZSTANDARD: u32 = 2;
+
+/// How hard Zstandard tries; levels above change little on blocks.
+const EFFORT: i32 = 9;
+
+/// The file around the blocks of the levels.
+///
+/// # Errors
+/// Zstandard fails, or the file would not fit its 32-bit offsets.
+pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u8>, Error> {
+    let pack = |blocks: &Vec<u8>| zstd::bulk::compress(blocks, EFFORT).map_err(|e| Error::Encoder(e.to_string()));
+    let packed: Vec<Vec<u8>> = blocks.iter().map(pack).collect::<Result<_, _>>()?;
+    let descriptor = data_format_descriptor(codes);
+    let values = key_values();
+    let descriptor_at = HEADER + LEVEL_INDEX * levels.len();
+    let values_at = descriptor_at + descriptor.len();
+    let data_at = values_at + values.len();
+
+    let mut file = IDENTIFIER.to_vec();
+    let number = |value: usize| u32::try_from(value).map_err(|_| Error::Levels("the file is too large".to_owned()));
+    // vkFormat undefined, typeSize 1, width, height, depth, layers, faces, levels, scheme.
+    let [width, height] = [number(levels[0].width)?, number(levels[0].height)?];
+    let [descriptor_size, values_size] = [number(descriptor.len())?, number(values.len())?];
+    let header = [
+        0,
+        1,
+        width,
+        height,
+        0,
+        0,
+        1,
+        number(levels.len())?,
+        ZSTANDARD,
+        number(descriptor_at)?,
+        descriptor_size,
+        number(values_at)?,
+        values_size,
+    ];
+    file.extend(header.iter().flat_map(|word| word.to_le_bytes()));
+    // No global data for supercompression.
+    file.extend([0u8; 16]);
+    // The smallest level lies first, the index begins with the largest.
+    let place = |number: usize| data_at + packed[number + 1..].iter().map(Vec::len).sum::<usize>();
+    for (number, (data, blocks)) in packed.iter().zip(blocks).enumerate() {
+        let entry = [place(number), data.len(), blocks.len()];
+        file.extend(entry.iter().flat_map(|&value| (value as u64).to_le_bytes()));
+    }
+    file.extend(descriptor);
+    file.extend(values);
+    file.extend(packed.into_iter().rev().flatten());
+    Ok(file)
+}
+
+/// One basic block: UASTC with RGBA, 4 × 4 pixels, straight alpha; no bytes per plane, for the levels are supercompressed.
+fn data_format_descriptor(codes: Codes) -> Vec<u8> {
+    const UASTC: u8 = 166;
+    const BT709: u8 = 1;
+    const RGBA: u8 = 3;
+    let transfer: u8 = match codes {
+        Codes::Linear => 1,
+        Codes::Srgb => 2,
+    };
+    let mut bytes = Vec::with_capacity(44);
+    bytes.extend(44u32.to_le_bytes());
+    bytes.extend(0u32.to_le_bytes()); // Khronos' basic descriptor
+    bytes.extend(2u16.to_le_bytes()); // its version 1.3
+    bytes.extend(40u16.to_le_bytes());
+    bytes.extend([UASTC, BT709, transfer, 0]);
+    bytes.extend([3, 3, 0, 0]); // a block's sides, less one
+    bytes.extend([0u8; 8]);
+    // One sample: from bit 0, 128 bits long, of the whole range.
+    bytes.extend(0u16.to_le_bytes());
+    bytes.extend([127, RGBA]);
+    bytes.extend([0u8; 4]);
+    bytes.extend(0u32.to_le_bytes());
+    bytes.extend(u32::MAX.to_le_bytes());
+    bytes
+}
+
+/// Rows from the top, columns from the left; who wrote it. In the order of their names.
+fn key_values() -> Vec<u8> {
+    let writer = concat!("leafcloud ", env!("CARGO_PKG_VERSION"));
+    let mut bytes = Vec::new();
+    for (key, value) in [("KTXorientation", "rd"), ("KTXwriter", writer)] {
+        let entry: Vec<u8> = [key.as_bytes(), &[0], value.as_bytes(), &[0]].concat();
+        bytes.extend(u32::try_from(entry.len()).expect("a few bytes").to_le_bytes());
+        bytes.extend(&entry);
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+    }
+    bytes
+}

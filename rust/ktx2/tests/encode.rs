@@ -1,0 +1,102 @@
+//! What comes out is read by another implementation: the crate `basisu`, a transcoder of its own.
+
+use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
+use leafcloud_ktx2::{Codes, Error, Level, encode};
+
+/// Leaf-like: green of several shades where alpha is full, discs on nothing.
+fn picture(side: usize) -> Vec<[u8; 4]> {
+    let pixel = |i: usize| {
+        let (x, y) = ((i % side) as f32 / side as f32, (i / side) as f32 / side as f32);
+        let (u, v) = ((x * 4.0).fract() - 0.5, (y * 4.0).fract() - 0.5);
+        let alpha = ((0.4 - (u * u + v * v).sqrt()) * side as f32 / 4.0 + 0.5).clamp(0.0, 1.0);
+        [(40.0 + 60.0 * x) as u8, (110.0 + 60.0 * y) as u8, 30, (alpha * 255.0) as u8]
+    };
+    (0..side * side).map(pixel).collect()
+}
+
+fn chain(side: usize) -> Vec<(usize, Vec<[u8; 4]>)> {
+    std::iter::successors(Some(side), |s| (*s > 1).then_some(s / 2)).map(|s| (s, picture(s))).collect()
+}
+
+fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<Level<'_>> {
+    chain.iter().map(|(side, pixels)| Level { width: *side, height: *side, pixels }).collect()
+}
+
+#[test]
+fn every_level_comes_back() {
+    let chain = chain(128);
+    for codes in [Codes::Srgb, Codes::Linear] {
+        let file = encode(&levels(&chain), codes).unwrap();
+        let read = Transcoder::new(&file).unwrap();
+        assert_eq!((read.level_count(), read.base_dimensions()), (8, (128, 128)));
+        assert_eq!(read.supercompression(), Supercompression::Zstandard);
+        assert!(read.has_alpha());
+        for (number, (side, pixels)) in chain.iter().enumerate() {
+            let back = read.transcode(number as u32, TargetFormat::Rgba32, DecodeFlags::NONE).unwrap();
+            let back: &[[u8; 4]] = back.as_chunks().0;
+            assert_eq!(back.len(), side * side);
+            let off: u64 = back.iter().zip(pixels).map(|(a, b)| u64::from(a[3].abs_diff(b[3]))).sum();
+            // The smallest levels are nothing but edges.
+            let most = if *side >= 32 { 2.0 } else { 8.0 };
+            assert!((off as f64) < most * (side * side) as f64, "alpha of level {number}: {off} over {side}²");
+            let seen = back.iter().zip(pixels).filter(|(_, b)| b[3] == 255);
+            let worst = seen.flat_map(|(a, b)| (0..3).map(|i| a[i].abs_diff(b[i]))).max().unwrap_or(0);
+            assert!(worst <= 24, "colour of level {number} is off by {worst}");
+        }
+    }
+}
+
+#[test]
+fn what_passes_a_cutoff_still_does() {
+    let pixels = picture(256);
+    let file = encode(&[Level { width: 256, height: 256, pixels: &pixels }], Codes::Srgb).unwrap();
+    let back = Transcoder::new(&file).unwrap().transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).unwrap();
+    let passing = |alphas: &mut dyn Iterator<Item = u8>| alphas.filter(|&a| a > 127).count() as f64;
+    let (before, after) =
+        (passing(&mut pixels.iter().map(|p| p[3])), passing(&mut back.iter().skip(3).step_by(4).copied()));
+    assert!((after / before - 1.0).abs() < 0.01, "{before} texels became {after}");
+}
+
+#[test]
+fn the_header_is_that_of_the_specification() {
+    let chain = chain(8);
+    let file = encode(&levels(&chain), Codes::Srgb).unwrap();
+    let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap());
+    assert_eq!(&file[..12], b"\xABKTX 20\xBB\r\n\x1A\n");
+    assert_eq!([12, 16, 20, 24, 28, 32, 36, 40, 44].map(word), [0, 1, 8, 8, 0, 0, 1, 4, 2]);
+    // The descriptor lies behind the index of four levels; its colour model is UASTC, its transfer sRGB.
+    assert_eq!([48, 52].map(word), [80 + 4 * 24, 44]);
+    assert_eq!(file[176 + 12..176 + 16], [166, 1, 2, 0]);
+    // Levels lie from the smallest to the largest, without gaps, up to the end.
+    let long = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap());
+    let index: Vec<[u64; 3]> = (0..4).map(|i| [0, 8, 16].map(|field| long(80 + 24 * i + field))).collect();
+    for pair in index.windows(2) {
+        assert_eq!(pair[1][0] + pair[1][1], pair[0][0]);
+    }
+    assert_eq!(index[0][0] + index[0][1], file.len() as u64);
+    assert_eq!(index.iter().map(|entry| entry[2]).collect::<Vec<_>>(), [4 * 16, 16, 16, 16]);
+}
+
+#[test]
+fn the_same_pictures_give_the_same_bytes() {
+    let chain = chain(64);
+    let file = encode(&levels(&chain), Codes::Srgb).unwrap();
+    assert_eq!(encode(&levels(&chain), Codes::Srgb).unwrap(), file);
+}
+
+#[test]
+fn what_is_no_mip_chain_is_refused() {
+    let (four, two) = (picture(4), picture(2));
+    let level = |width: usize, height: usize, pixels| Level { width, height, pixels };
+    let message = |levels: &[Level]| match encode(levels, Codes::Srgb) {
+        Err(Error::Levels(message)) => message,
+        other => panic!("{other:?}"),
+    };
+    assert!(message(&[]).starts_with("there are no levels"));
+    assert!(message(&[level(2, 2, &two)]).contains("2 × 2 pixels; both sides must be multiples of 4"));
+    assert!(message(&[level(4, 4, &two)]).contains("4 × 4 pixels with data for 4"));
+    assert!(message(&[level(4, 4, &four), level(1, 1, &two[..1])]).contains("level 1 has 1 × 1"));
+    let one = &two[..1];
+    let long = [level(4, 4, &four), level(2, 2, &two), level(1, 1, one), level(1, 1, one)];
+    assert!(message(&long).contains("there are 4 levels; there can be 3"));
+}

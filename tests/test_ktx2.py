@@ -1,0 +1,109 @@
+"""Textures with mip levels of their own in the files for engines that take them.
+
+The tests of the crate that makes the blocks read them back with another implementation.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import run
+
+import leafcloud
+
+WORDS = ("format", "type_size", "width", "height", "depth", "layers", "faces", "levels", "scheme")
+
+
+def header(file: bytes) -> dict[str, int]:
+    assert file[:12] == b"\xabKTX 20\xbb\r\n\x1a\n"
+    return dict(zip(WORDS, struct.unpack_from("<9I", file, 12), strict=True))
+
+
+def transfer(file: bytes) -> str:
+    """How the data format descriptor says that codes are meant."""
+    start = struct.unpack_from("<I", file, 48)[0]
+    assert file[start + 12] == 166, "UASTC"
+    return {1: "linear", 2: "sRGB"}[file[start + 14]]
+
+
+def document_of(path: Path) -> tuple[dict[str, Any], bytes]:
+    content = path.read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    return json.loads(content[20 : 20 + size]), content[28 + size :]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Path:
+    out = tmp_path_factory.mktemp("three")
+    shape = ("--levels", "1", "--texture-size", "256", "--effects", "normals,occlusion,self_shadowing")
+    baked = run("--input", shrub, "--out", out, "--engine", "three", *shape)
+    assert baked.returncode == 0, baked.stderr
+    return out
+
+
+def test_each_texture_of_a_level_has_both(files: Path) -> None:
+    document, binary = document_of(files / "shrub_LOD1.glb")
+    assert document["extensionsUsed"].count("KHR_texture_basisu") == 1
+    assert "KHR_texture_basisu" not in document.get("extensionsRequired", [])
+    [material] = [material for material in document["materials"] if material["name"] == "shrub_LOD1"]
+    surface = material["pbrMetallicRoughness"]
+    expected = {
+        surface["baseColorTexture"]["index"]: "sRGB",
+        surface["metallicRoughnessTexture"]["index"]: "linear",
+        material["normalTexture"]["index"]: "linear",
+        material["extras"]["leafcloud"]["visibilityTexture"]["index"]: "linear",
+    }
+    assert len(expected) == 4
+    for number, codes in expected.items():
+        texture = document["textures"][number]
+        assert document["images"][texture["source"]]["mimeType"] == "image/png"
+        image = document["images"][texture["extensions"]["KHR_texture_basisu"]["source"]]
+        assert image["mimeType"] == "image/ktx2"
+        view = document["bufferViews"][image["bufferView"]]
+        assert view["byteOffset"] % 4 == 0
+        file = binary[view["byteOffset"] :][: view["byteLength"]]
+        assert header(file) == dict(zip(WORDS, (0, 1, 256, 256, 0, 0, 1, 9, 2), strict=True))
+        assert transfer(file) == codes
+
+
+def test_the_leaves_keep_their_own_textures(files: Path) -> None:
+    document, _ = document_of(files / "shrub_LOD0.glb")
+    assert "KHR_texture_basisu" not in document.get("extensionsUsed", [])
+
+
+def test_the_occlusion_texture_is_that_of_gloss(files: Path) -> None:
+    document, _ = document_of(files / "shrub_LOD1.glb")
+    [material] = [material for material in document["materials"] if material["name"] == "shrub_LOD1"]
+    gloss = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]
+    assert material["occlusionTexture"]["index"] == gloss
+
+
+def test_the_validator_finds_nothing_but_the_extension(
+    files: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    found = gltf_issues(*files.glob("*.glb"))
+    # It does not know KTX2.
+    assert {issue["code"] for issue in found} <= {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
+    assert all("/images/" in issue["pointer"] for issue in found)
+
+
+def chain(side: int) -> leafcloud.Chain:
+    positions = np.array([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)], np.float32)
+    foliage = leafcloud.Foliage(positions, np.array([(0, 1, 2), (0, 2, 3)], np.int32))
+    return leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=side)
+
+
+def test_what_there_is_not_is_refused() -> None:
+    [level] = chain(64).levels
+    assert header(level.ktx2("base_color"))["levels"] == 7
+    with pytest.raises(leafcloud.LeafcloudError, match=r'no channel "normal"; it has base_color'):
+        level.ktx2("normal")
+    [odd] = chain(66).levels
+    with pytest.raises(leafcloud.LeafcloudError, match=r"66 × 66 pixels; both sides must be multiples of 4"):
+        odd.ktx2("base_color")
