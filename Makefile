@@ -44,11 +44,12 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
 
 .PHONY: bench
-bench: ## measure the speed of the core
+bench: ## measure the speed of the core, and what it makes beside what else one might use (hours)
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
+	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit)
 
 .PHONY: fidelity
 fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)

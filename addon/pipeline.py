@@ -57,7 +57,9 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
-    warnings = tuple(dict.fromkeys([*tree.warnings, *leaf_warnings, *wood_warnings, *gloss.warnings, *blended]))
+    pages = ktx2.warning(settings.engine, settings.texture_size, settings.levels + settings.cross)
+    said = [*tree.warnings, *leaf_warnings, *wood_warnings, *gloss.warnings, *blended, *([pages] if pages else [])]
+    warnings = tuple(dict.fromkeys(said))
     return Prepared(tree, settings, placement, foliage, wood, gloss, effects, warnings)
 
 
@@ -166,9 +168,10 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
 
 
 def _levels_by_material(baked: Baked) -> dict[str, leafcloud.Level]:
-    """The clouds and the cross by the names of their only materials."""
+    """The clouds and the cross by the names of their only materials, as far as their pages can be KTX2."""
     built = [level.object.data.materials[0].name for level in baked.levels[1:]]
-    return dict(zip(built, baked.chain.levels, strict=True))
+    levels = zip(built, baked.chain.levels, strict=True)
+    return {name: level for name, level in levels if ktx2.is_taken(level)}
 
 
 def file_name(name: str) -> str:

@@ -13,12 +13,29 @@ from typing import Any
 
 import leafcloud
 
+from ..settings import SMALLEST_TEXTURE
 from .glb_file import append_view, read_glb, write_glb
 
 ENGINES = ("three", "babylon")
 """The engines that are known to take it."""
 
 EXTENSION = "KHR_texture_basisu"
+
+
+def is_taken(level: leafcloud.Level) -> bool:
+    """glTF wants sides that are multiples of 4."""
+    return level.base_color.shape[0] % 4 == 0
+
+
+def warning(engine: str, texture_size: int, pages: int) -> str | None:
+    """What there is to say before a bake whose `pages` are halved from level to level."""
+    odd = [side for side in (max(texture_size >> i, SMALLEST_TEXTURE) for i in range(pages)) if side % 4]
+    if engine not in ENGINES or not odd:
+        return None
+    sides = ", ".join(f"{side}²" for side in odd)
+    return (
+        f"pages of {sides} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as texture size"
+    )
 
 
 @dataclass
