@@ -191,7 +191,7 @@ def view_of(scene: bpy.types.Scene) -> View:
 
 def _foliage(geometry: Geometry, placement: Placement, channels: Sequence[str]) -> tuple[leafcloud.Foliage, list[str]]:
     """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
-    described = describe_materials(geometry, channels)
+    described = describe_materials(geometry, channels, placement.matrix)
     foliage = leafcloud.Foliage(
         world_positions(geometry, placement.matrix),
         placement.wind(geometry.triangles),

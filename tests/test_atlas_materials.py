@@ -49,6 +49,16 @@ def test_the_atlas_material_shows_normals_and_gloss() -> None:
     assert spaces == ["sRGB", "Non-Color", "Non-Color"]
 
 
+def test_occlusion_finds_a_place_in_a_group_that_is_there() -> None:
+    theirs = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
+    theirs.interface.new_socket("Thickness", in_out="INPUT", socket_type="NodeSocketFloat")
+    color, gloss = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("color", "gloss"))
+    material = atlas_material("m", Page(color, gloss=gloss, occluded=True), alpha_cutoff=0.5, double_sided=True)
+    [group] = tree_groups(material)
+    assert group.node_tree == theirs
+    assert group.inputs["Occlusion"].is_linked
+
+
 def test_occlusion_and_visibility_wait_for_the_export() -> None:
     color, gloss, visibility = (
         atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")

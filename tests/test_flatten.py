@@ -6,13 +6,15 @@ from typing import Any
 
 import bpy
 import numpy as np
+import pytest
 from node_trees import math_node, new_image, new_material, texture_node
 from scenes import SQUARE, add_mesh
 
+from addon.scene import SceneError
 from addon.scene.describe import describe_material
 from addon.scene.extract import extract
 from addon.scene.flatten import flatten
-from addon.scene.surface import read_surface
+from addon.scene.surface import Texture, read_surface
 
 QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
 """The upper row first: red, green; blue, nothing."""
@@ -54,7 +56,7 @@ def test_what_a_node_makes_of_an_image_is_kept() -> None:
     assert (description["alpha_mode"], description["base_color"]) == ("MASK", (1.0, 1.0, 1.0, 1.0))
     (message,) = messages
     assert message.startswith("material 'm': its base colour comes from the node 'Invert")
-    assert message.endswith("; it is rendered to an image of 64 texels a side")
+    assert "; it is rendered to an image of 64 texels a side;" in message
 
 
 def test_shaders_are_mixed_as_far_as_they_cover() -> None:
@@ -95,6 +97,70 @@ def test_shaders_in_groups_are_found() -> None:
     assert {item.name for item in inside.interface.items_tree} == {"Tint", "Shader"}, "the group itself is not touched"
 
 
+def test_a_shader_that_is_handed_into_a_group_is_found() -> None:
+    """A wrapper that cuts half of whatever shader it is given."""
+    material, principled, tree = new_material()
+    principled.inputs["Base Color"].default_value = (0.25, 0.5, 0.125, 1.0)
+    inside = bpy.data.node_groups.new("cut", "ShaderNodeTree")
+    inside.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketShader")
+    inside.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketShader")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeMixShader", "ShaderNodeBsdfTransparent")
+    start, end, mix, clear = (inside.nodes.new(kind) for kind in kinds)
+    inside.links.new(clear.outputs[0], mix.inputs[1])
+    inside.links.new(start.outputs["In"], mix.inputs[2])
+    inside.links.new(mix.outputs[0], end.inputs["Out"])
+    group = tree.nodes.new("ShaderNodeGroup")
+    group.node_tree = inside
+    tree.links.new(principled.outputs[0], group.inputs["In"])
+    to_surface(tree, group)
+    np.testing.assert_allclose(flatten(material).pixels[0, 0], (0.125, 0.25, 0.0625, 0.5), atol=1e-3)
+
+
+def test_nodes_that_are_not_linked_decide_nothing() -> None:
+    """Neither an image that is missing, nor a UV map, nor one for roughness."""
+    material, principled, tree = new_material()
+    image, curve = quarters(tree), tree.nodes.new("ShaderNodeGamma")
+    tree.links.new(image.outputs["Color"], curve.inputs["Color"])
+    tree.links.new(curve.outputs[0], principled.inputs["Base Color"])
+    texture_node(tree, None)
+    tree.links.new(texture_node(tree, None).outputs["Color"], principled.inputs["Roughness"])
+    tree.nodes.new("ShaderNodeUVMap").uv_map = "other"
+    description, (message,) = describe_material(material)
+    assert description["image"] is not None
+    assert "it is rendered" in message
+    assert read_surface(material).texture == Texture(None)
+
+
+def test_the_image_says_which_uv_map_counts() -> None:
+    """A gradient on a second map does not move the leaf's image."""
+    material, principled, tree = new_material()
+    image, gradient, layout, mix = (
+        quarters(tree),
+        *(tree.nodes.new(kind) for kind in ("ShaderNodeTexGradient", "ShaderNodeUVMap", "ShaderNodeMix")),
+    )
+    layout.uv_map, mix.data_type, mix.blend_type = "gradient", "RGBA", "SCREEN"
+    tree.links.new(layout.outputs["UV"], gradient.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], mix.inputs[6])
+    tree.links.new(gradient.outputs["Color"], mix.inputs[7])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    assert read_surface(material).texture == Texture(None)
+
+
+def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    material, principled, tree = new_material()
+    tree.links.new(math_node(tree, "SINE", 1.0), principled.inputs["Base Color"])
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
+    before = {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds}
+
+    def no_folder(*_: Any, **__: Any) -> None:
+        raise RuntimeError("no space")
+
+    monkeypatch.setattr("addon.scene.flatten.tempfile.TemporaryDirectory", no_folder)
+    with pytest.raises(SceneError, match=r"material 'm' is no plain product and could not be rendered \(no space\)"):
+        flatten(material)
+    assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
+
+
 def test_the_named_uv_map_lays_the_rendering() -> None:
     material, principled, tree = new_material()
     image, layout, curve = quarters(tree), tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeGamma")
@@ -115,7 +181,7 @@ def test_what_is_lost_is_told() -> None:
     tree.links.new(random.outputs["Random"], ramp.inputs[0])
     tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
     _, (message,) = describe_material(material)
-    assert message.endswith(", so what the nodes Particle Info say of single leaves is lost")
+    assert ", so what the nodes Particle Info say of single leaves is lost;" in message
 
 
 def test_a_colour_attribute_counts_as_white() -> None:

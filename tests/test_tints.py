@@ -68,6 +68,43 @@ def test_places_differ() -> None:
     np.testing.assert_allclose(brightness, TWO_SQUARES[TRIANGLES][..., 0] / 4.0, atol=5e-3)
 
 
+def test_colour_attributes_count_as_white() -> None:
+    material, principled, tree = new_material()
+    info, color, scale = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "VertexColor", "VectorMath"))
+    scale.operation = "SCALE"
+    tree.links.new(color.outputs["Color"], scale.inputs[0])
+    tree.links.new(info.outputs["Random"], scale.inputs["Scale"])
+    tree.links.new(scale.outputs[0], principled.inputs["Base Color"])
+    for name in ("tint", ""):
+        color.layer_name = name
+        factors = tints(material, flatten(material), islands([0.25, 0.25, 0.75, 0.75]))
+        np.testing.assert_allclose(factors[:2], 0.5, atol=1e-3)
+        np.testing.assert_allclose(factors[2:], 1.5, atol=1e-3)
+
+
+def test_alpha_is_no_tint() -> None:
+    material, principled, tree = new_material()
+    info = tree.nodes.new("ShaderNodeObjectInfo")
+    principled.inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1.0)
+    tree.links.new(info.outputs["Random"], principled.inputs["Alpha"])
+    factors = tints(material, flatten(material), islands([0.25, 0.25, 0.75, 0.75]))
+    np.testing.assert_allclose(factors, 1.0, atol=1e-3)
+
+
+def test_places_are_those_in_the_world() -> None:
+    material, principled, tree = new_material()
+    place, parts, grey = (tree.nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "SeparateXYZ", "CombineColor"))
+    tree.links.new(place.outputs["Position"], parts.inputs[0])
+    for target in grey.inputs:
+        tree.links.new(parts.outputs["X"], target)
+    tree.links.new(grey.outputs[0], principled.inputs["Base Color"])
+    geometry = colored_geometry(material, 1)
+    near, far = (describe_materials(geometry, (), np.eye(4) + x * np.eye(4, k=3)).colors for x in (0.0, 1.0))
+    assert near is not None
+    assert far is not None
+    np.testing.assert_allclose(far[..., 0] / near[..., 0].max(), (near[..., 0] / near[..., 0].max()) + 1.0, atol=0.02)
+
+
 def colored_geometry(material: bpy.types.Material, matrices: int) -> Geometry:
     objects = [add_mesh(f"leaves {i}", SQUARE, [(0, 1, 2, 3)], materials=[material]) for i in range(matrices)]
     for obj in objects:

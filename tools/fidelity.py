@@ -12,6 +12,7 @@ table in Markdown; for all trees it also writes docs/bench/fidelity.md.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import os
@@ -71,7 +72,7 @@ def run(*command: object, **more: Any) -> str:
 
 def make_alternatives(tree: Path, folder: Path) -> int:
     """Writes leaves.glb, paper.glb, cross.glb and sloppy.glb; returns how many billboards paper.glb has."""
-    count = folder / "billboards"
+    count = folder / f"billboards-{hashlib.sha256(tree.read_bytes()).hexdigest()[:12]}"
     if not count.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         fitter = KEPT / "alg1"
@@ -102,9 +103,10 @@ def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
 
 def reference(folder: Path) -> dict[str, Pictures]:
     """Pictures of the leaves and the alternatives; made once."""
-    file = folder / "reference.npz"
+    leaves = folder / "leaves.glb"
+    seen_by = leaves.read_bytes() + (ROOT / "tools" / "flat_views.py").read_bytes()
+    file = folder / f"reference-{FINE}-{hashlib.sha256(seen_by).hexdigest()[:12]}.npz"
     if not file.is_file():
-        leaves = folder / "leaves.glb"
         models = {"leaves": (leaves, FINE), "floor": (f"{leaves}:@half", FINE)}
         models |= {name: (folder / f"{stem}.glb", grid) for name, (stem, grid) in ALTERNATIVES.items()}
         pictures = {name: look(folder, grid, leaves, str(model))[0] for name, (model, grid) in models.items()}

@@ -1,6 +1,6 @@
 """Level 1 under a sun that moves, beside the leaves, which cast shadows: `make relit`.
 
-usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
 The leaves are white paper in Cycles: diffuse, with the shadows that they cast upon one another. Level 1 is seen without
 any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
@@ -63,6 +63,7 @@ def open_level(blend: Path, level: int) -> bpy.types.Object:
     obj.hide_render = False
     obj.modifiers.clear()
     bpy.context.scene.collection.objects.link(obj)
+    bpy.context.view_layer.update()
     return obj
 
 
@@ -135,7 +136,7 @@ def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool,
     for azimuth, height in SUNS:
         sun = Vector((math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), math.sin(height)))
         light.rotation_euler = sun.to_track_quat("Z", "Y").to_euler()
-        set_sun_attribute(obj.data, sun)
+        set_sun_attribute(obj.data, (obj.matrix_world.to_3x3().inverted() @ sun).normalized())
         for direction in directions(VIEWS):
             camera.location = centre + direction * radius * 4.0
             camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()

@@ -99,8 +99,10 @@ def _gltf_output(tree: bpy.types.NodeTree) -> bpy.types.Node:
     """The node by whose name Blender's glTF exporter knows what a Principled BSDF has no input for."""
     name = "glTF Material Output"
     group = bpy.data.node_groups.get(name)
-    if group is None:
+    if group is None or group.bl_idname != "ShaderNodeTree":
         group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+    sockets = {item.name for item in group.interface.items_tree if item.item_type == "SOCKET"}
+    if "Occlusion" not in sockets:
         group.interface.new_socket("Occlusion", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 1.0
     node = _node(tree, "ShaderNodeGroup", (0.0, -400.0))
     node.node_tree = group

@@ -72,8 +72,9 @@ def masked_leaves(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 
 def is_blended(material: bpy.types.Material) -> bool:
-    """Whether the material's alpha is read as coverage."""
-    return read_surface(material).alpha_mode == "BLEND"
+    """Whether the material's alpha is read as coverage, or not understood, which exporters take for the same."""
+    surface = read_surface(material)
+    return surface.alpha_mode == "BLEND" or any(gap.startswith("its alpha ") for gap in surface.gaps)
 
 
 def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
@@ -100,8 +101,8 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
         raise ExportError(f"{path.name}: {reason(error)}") from error
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
-    add_tangents(path)
     add_visibility(path, collection)
+    add_tangents(path)
 
 
 def export_level(level: BuiltLevel, path: Path) -> None:

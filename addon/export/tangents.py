@@ -20,16 +20,20 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def add_tangents(path: Path) -> None:
-    """Adds TANGENT to each primitive of the GLB file at `path` whose material has a normal map, and to no others."""
+    """Adds TANGENT to each primitive of the GLB file at `path` whose material has a map in its axes, and to no others.
+
+    That is a normal map, or a texture of where the sky is seen.
+    """
     document, binary = read_glb(path)
-    mapped = [number for number, material in enumerate(document.get("materials", [])) if "normalTexture" in material]
+    maps = {number: _map(material) for number, material in enumerate(document.get("materials", []))}
+    mapped = {number: texture for number, texture in maps.items() if texture is not None}
     primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
     wanting = [p for p in primitives if p.get("material") in mapped and "TANGENT" not in p["attributes"]]
     if not wanting:
         return
     for primitive in wanting:
         attributes = primitive["attributes"]
-        texture = document["materials"][primitive["material"]]["normalTexture"]
+        texture = mapped[primitive["material"]]
         names = ("POSITION", "NORMAL", f"TEXCOORD_{texture.get('texCoord', 0)}")
         if not {*names} <= {*attributes}:
             continue  # a mesh without texture coordinates: the map is not laid out on it
@@ -37,6 +41,11 @@ def add_tangents(path: Path) -> None:
         triangles = _values(document, binary, primitive["indices"]).reshape(-1, 3)
         binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
     write_glb(path, document, binary)
+
+
+def _map(material: dict[str, Any]) -> dict[str, Any] | None:
+    visibility = material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture")
+    return material.get("normalTexture", visibility)
 
 
 def _tangents(

@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
-from .extract import Geometry
-from .flatten import Flattened, can_flatten, flatten
+from .extract import Geometry, world_positions
+from .flatten import Flattened, flatten
+from .node_links import shown_nodes
 from .shading import read_shading
-from .surface import Surface, Texture, all_nodes, read_surface
+from .surface import Surface, Texture, read_surface
 from .tints import Islands, tints
 
 Pixels = NDArray[np.uint8]
+
+_SEEN = 1.0 / 512.0
+"""Tints that differ less from white tell no leaves apart."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Of linear Rec. 709 colours, which is what Blender turns a colour into where a value is wanted."""
@@ -62,8 +66,13 @@ def describe_material(
     return description, messages
 
 
-def describe_materials(geometry: Geometry, channels: Collection[str] = ()) -> Described:
-    """All materials of a geometry, and what tells its leaves apart. Raises `SceneError` as `describe_material`."""
+def describe_materials(
+    geometry: Geometry, channels: Collection[str] = (), matrix: NDArray[np.float64] | None = None
+) -> Described:
+    """All materials of a geometry, and what tells its leaves apart, which `matrix` carries to the world.
+
+    Raises `SceneError` as `describe_material`.
+    """
     described = [_described(material, channels) for material in geometry.materials]
     colors = geometry.colors
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
@@ -71,9 +80,12 @@ def describe_materials(geometry: Geometry, channels: Collection[str] = ()) -> De
         if material is None or flat is None or not flat.varies or not chosen.any():
             continue
         randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
-        leaves = Islands(geometry.positions, geometry.triangles[chosen], randoms[chosen])
+        places = world_positions(geometry, np.eye(4) if matrix is None else matrix).astype(np.float32)
+        factors = tints(material, flat, Islands(places, geometry.triangles[chosen], randoms[chosen]))
+        if np.abs(factors - 1.0).max() < _SEEN:
+            continue
         colors = np.ones((len(chosen), 3, 4), np.float32) if colors is None else colors.copy()
-        colors[chosen, :, :3] *= tints(material, flat, leaves)
+        colors[chosen, :, :3] *= factors
     messages = [message for _, messages, _ in described for message in messages]
     return Described([description for description, _, _ in described], colors, messages)
 
@@ -124,20 +136,22 @@ class _Flat(TypedDict, total=False):
 def _flat(material: bpy.types.Material, surface: Surface) -> tuple[Flattened | None, str]:
     """The material as Cycles renders it, if it can, and what there is to say of it."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
-    if not can_flatten(material):
+    if surface.layout is None:
         shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
         return None, (
             f"{said}; the viewport display colour ({shown}) stands for it. Connect an Image Texture to a Principled "
             f"BSDF, or set the viewport colour"
         )
-    for node in all_nodes(material.node_tree):
+    for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
             _check_readable(node.image, surface.name)
     flat = flatten(material)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
-    if flat.lost:
-        said += f", so what the nodes {' and '.join(flat.lost)} say of single leaves is lost"
-    return flat, said
+    # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
+    lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
+    if lost:
+        said += f", so what the nodes {' and '.join(lost)} say of single leaves is lost"
+    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it"
 
 
 def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:

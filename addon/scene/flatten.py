@@ -10,7 +10,7 @@ What differs from leaf to leaf has one value on the square; `tints` says how the
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .surface import all_nodes
+from . import SceneError
+from .node_links import output_of, shown_nodes
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""
@@ -31,12 +32,26 @@ SAMPLES = 4
 RANDOM = "leafcloud_random"
 """The attribute that stands for the Random of the Object Info node."""
 
-_LOST = {
-    "PARTICLE_INFO": "Particle Info",
-    "HAIR_INFO": "Curves Info",
-    "VERTEX_COLOR": "Color Attribute",
-    "ATTRIBUTE": "Attribute",
+WHITE = "leafcloud_white"
+"""The colour attribute that stands for the one that renders."""
+
+_KEPT = {
+    "OBJECT_INFO": {"Random"},
+    "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
+    "TEX_COORD": {"Generated", "Normal", "Object"},
 }
+"""Outputs that differ from leaf to leaf, and are known."""
+
+_LOST = {
+    "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
+    "NEW_GEOMETRY": {"Backfacing", "Tangent", "Parametric", "Incoming", "Pointiness"},
+    "TEX_COORD": {"Camera", "Window", "Reflection"},
+    "PARTICLE_INFO": None,
+    "HAIR_INFO": None,
+    "VERTEX_COLOR": None,
+    "ATTRIBUTE": None,
+}
+"""Outputs of which one value stands for all leaves; `None`: all of them."""
 
 
 @dataclass(frozen=True)
@@ -50,47 +65,62 @@ class Flattened:
     """The nodes that tell leaves apart by what is not known here."""
 
 
-def can_flatten(material: bpy.types.Material) -> bool:
-    """Whether its nodes show anything, and do not wait for an image."""
-    nodes = list(all_nodes(material.node_tree))
-    waiting = any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
-    output = _output(material.node_tree)
-    return not waiting and output is not None and output.inputs["Surface"].is_linked
-
-
 def flatten(material: bpy.types.Material) -> Flattened:
-    """Renders a material that can be. The scenes and materials of the file stay as they are."""
-    nodes = list(all_nodes(material.node_tree))
-    with flat_material(material) as flat, scratch_scene() as scene:
+    """Renders a material that can be (see `can_render`). The scenes and materials of the file stay as they are.
+
+    Raises `SceneError` when Cycles does not.
+    """
+    nodes = shown_nodes(material.node_tree)
+    with cycles_errors(material), flat_material(material) as flat, scratch_scene() as scene:
         mesh = _square(nodes)
         mesh.materials.append(flat)
         try:
-            pixels = _rendered(scene, mesh, _side(material.node_tree))
+            pixels = _rendered(scene, mesh, _side(nodes))
         finally:
             bpy.data.meshes.remove(mesh)
-    lost = sorted({_LOST[node.type] for node in nodes if node.type in _LOST})
-    return Flattened(pixels, any(map(_varies, nodes)), tuple(lost))
+    lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
+    return Flattened(pixels, any(_gives(node, _KEPT) or _is_generated(node) for node in nodes), tuple(lost))
 
 
-def _varies(node: bpy.types.Node) -> bool:
-    match node.type:
-        case "OBJECT_INFO" | "NEW_GEOMETRY":
-            return any(output.is_linked for output in node.outputs)
-        case "TEX_COORD":
-            return any(output.is_linked for output in node.outputs if output.name != "UV")
-    return False
+def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
+    """Whether one of these outputs of a node is linked."""
+    if node.type not in outputs:
+        return False
+    names = outputs[node.type]
+    return any(output.is_linked for output in node.outputs if names is None or output.name in names)
+
+
+def _is_generated(node: bpy.types.Node) -> bool:
+    """Whether a procedural texture lies in the object's box, as it does without coordinates."""
+    vector = node.inputs.get("Vector") if node.type.startswith("TEX_") else None
+    return vector is not None and not vector.is_linked and node.type not in {"TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_IES"}
 
 
 @contextmanager
-def flat_material(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
-    """A copy that shines with its premultiplied colour, and lets through what alpha leaves."""
+def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
+    """What Blender raises when it cannot render, as a `SceneError`."""
+    try:
+        yield
+    except (RuntimeError, TypeError) as error:
+        raise SceneError(
+            f"material {material.name!r} is no plain product and could not be rendered ({error}); enable the add-on "
+            f"Cycles Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
+        ) from error
+
+
+@contextmanager
+def flat_material(material: bpy.types.Material, *, opaque: bool = False) -> Iterator[bpy.types.Material]:
+    """A copy that shines with its premultiplied colour, and lets through what alpha leaves.
+
+    `opaque`: with its own colour, and lets through nothing.
+    """
     copy = material.copy()
     groups: list[bpy.types.NodeTree] = []
     try:
         _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
             _read_randoms(tree)
-        _replace_shaders(copy.node_tree)
+        _replace_shaders(copy.node_tree, opaque=opaque)
         yield copy
     finally:
         bpy.data.materials.remove(copy)
@@ -103,23 +133,20 @@ def scratch_scene() -> Iterator[bpy.types.Scene]:
     """A scene for Cycles that goes with its objects, and with what was rendered."""
     seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
     scene = bpy.data.scenes.new("leafcloud flatten")
-    scene.render.engine = "CYCLES"
-    scene.cycles.device = "CPU"
-    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     try:
+        scene.render.engine = "CYCLES"
+        scene.cycles.device = "CPU"
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         yield scene
     finally:
         for image in [i for i in bpy.data.images if i.type == "RENDER_RESULT" and i.name not in seen]:
             bpy.data.images.remove(image)
         for obj in list(scene.collection.objects):
+            data = obj.data
             bpy.data.objects.remove(obj)
+            if isinstance(data, bpy.types.Camera):
+                bpy.data.cameras.remove(data)
         bpy.data.scenes.remove(scene)
-
-
-def layer_names(nodes: Iterable[bpy.types.Node]) -> list[str]:
-    """The UV maps that nodes ask for by name; at least one."""
-    names = {node.uv_map for node in nodes if node.type in {"UVMAP", "NORMAL_MAP", "TANGENT"}}
-    return sorted(names - {""}) or ["UVMap"]
 
 
 def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
@@ -140,26 +167,33 @@ def _read_randoms(tree: bpy.types.NodeTree) -> None:
             tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
-def _side(tree: bpy.types.NodeTree) -> int:
-    sides = [max(n.image.size) for n in all_nodes(tree) if n.type == "TEX_IMAGE" and n.image is not None]
+def _side(nodes: list[bpy.types.Node]) -> int:
+    sides = [max(node.image.size) for node in nodes if node.type == "TEX_IMAGE"]
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
 def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
-    """[0, 1]² with texture coordinates and white colours under all names that the nodes ask for."""
+    """[0, 1]² under all names of texture coordinates that the nodes ask for."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
-    names = layer_names(nodes)
-    for name in names:
-        mesh.uv_layers.new(name=name).uv.foreach_set("vector", np.array(corners, np.float32).ravel())
-    colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
-    colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}
-    for name in sorted(colors - {*names}) or ["Color"]:
-        layer = mesh.color_attributes.new(name or "Color", "FLOAT_COLOR", "POINT")
-        layer.data.foreach_set("color", np.ones(16, np.float32))
+    add_layers(mesh, nodes, np.array(corners, np.float32))
     mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, 0.5, np.float32))
     return mesh
+
+
+def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
+    """Texture coordinates `places` (corners, 2), and white colours, under all names that nodes ask for."""
+    nodes = list(nodes)
+    names = sorted({node.uv_map for node in nodes if node.type == "UVMAP"} - {""}) or ["UVMap"]
+    for name in names:
+        mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
+    colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
+    colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}
+    for name in sorted({color or WHITE for color in colors} - {*names}) or [WHITE]:
+        layer = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        layer.data.foreach_set("color", np.ones(4 * len(mesh.vertices), np.float32))
+    mesh.color_attributes.render_color_index = 0
 
 
 def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArray[np.float32]:
@@ -174,11 +208,9 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = side
     scene.render.resolution_percentage = 100
-    scene.view_settings.view_transform = "Standard"
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
     scene.render.image_settings.exr_codec = "ZIP"  # The default loses a per cent.
-    data = camera.data
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flat.exr"
         scene.render.filepath = str(path)
@@ -188,20 +220,16 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
         values = np.empty(side * side * 4, np.float32)
         image.pixels.foreach_get(values)
         bpy.data.images.remove(image)
-    bpy.data.objects.remove(camera)
-    bpy.data.cameras.remove(data)
     return values.reshape(side, side, 4)[::-1]
 
 
-def _output(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)
-
-
-def _replace_shaders(tree: bpy.types.NodeTree) -> None:
-    output = _output(tree)
-    assert output is not None  # else it cannot be flattened
+def _replace_shaders(tree: bpy.types.NodeTree, *, opaque: bool) -> None:
+    output = output_of(tree)
+    assert output is not None  # else it cannot be rendered
     builder = _Builder(tree)
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
+    if opaque:
+        color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
     emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
     builder.connect(color, emission.inputs["Color"])
     builder.connect(builder.math("SUBTRACT", 1.0, alpha), clear.inputs["Color"])
@@ -219,8 +247,10 @@ _BLACK = (0.0, 0.0, 0.0, 1.0)
 class _Builder:
     """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
 
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
+    def __init__(self, tree: bpy.types.NodeTree, outside: tuple[_Builder, bpy.types.Node] | None = None) -> None:
         self.tree = tree
+        self.outside = outside
+        """Of a group's tree: who builds around it, and the group's node there."""
 
     def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Of what feeds a shader input."""
@@ -236,6 +266,8 @@ class _Builder:
                 return self.color_and_alpha(node.inputs[0])
             case "GROUP":
                 return self._of_group(node, source)
+            case "GROUP_INPUT":
+                return self._from_outside(node, source)
             case "MIX_SHADER":
                 return self._mixed(node)
             case "ADD_SHADER":
@@ -269,7 +301,7 @@ class _Builder:
         end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
         if end is None:
             return _BLACK, 0.0
-        inside = _Builder(tree)
+        inside = _Builder(tree, (self, node))
         inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
         values = inside.color_and_alpha(inner)
         handed = []
@@ -277,6 +309,19 @@ class _Builder:
             identifier = tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
             inside.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
             handed.append(next(socket for socket in node.outputs if socket.identifier == identifier))
+        return handed[0], handed[1]
+
+    def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """Of a shader that is handed into a group: handed in by two sockets more."""
+        if self.outside is None:
+            return _BLACK, 0.0
+        outer, group = self.outside
+        entry = next(socket for socket in group.inputs if socket.identifier == source.identifier)
+        handed = []
+        for value, kind in zip(outer.color_and_alpha(entry), ("NodeSocketColor", "NodeSocketFloat"), strict=True):
+            identifier = self.tree.interface.new_socket("leafcloud", in_out="INPUT", socket_type=kind).identifier
+            outer.connect(value, next(socket for socket in group.inputs if socket.identifier == identifier))
+            handed.append(next(socket for socket in start.outputs if socket.identifier == identifier))
         return handed[0], handed[1]
 
     def read(self, target: bpy.types.NodeSocket) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bpy
@@ -74,3 +75,42 @@ def _into_group(source: Output) -> Output | Input:
 
 def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket:
     return next(socket for socket in sockets if socket.identifier == identifier)
+
+
+def output_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
+    """The material output that Cycles takes."""
+    return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)
+
+
+def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """The nodes, those in groups too, on which colour and alpha of a material depend: not what nobody is linked to."""
+    output = output_of(tree)
+    return [] if output is None else list(_upstream([output.inputs["Surface"]], set()))
+
+
+def can_render(tree: bpy.types.NodeTree) -> bool:
+    """Whether the nodes show anything, and none of them waits for an image."""
+    nodes = shown_nodes(tree)
+    return bool(nodes) and not any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
+
+
+_OF_SHADERS = {"Base Color", "Color", "Alpha"}
+"""What colour and alpha depend on, of the inputs of a shader that mixes no others."""
+
+
+def _upstream(targets: list[bpy.types.NodeSocket], seen: set[object]) -> Iterator[bpy.types.Node]:
+    for link in [link for target in targets for link in target.links if not link.is_muted]:
+        node = link.from_node
+        if node in seen:
+            continue
+        seen.add(node)
+        yield node
+        inputs = list(node.inputs)
+        if node.type not in {"MIX_SHADER", "ADD_SHADER", "GROUP", "REROUTE", "GROUP_INPUT"} and any(
+            socket.type == "SHADER" for socket in node.outputs
+        ):
+            inputs = [socket for socket in inputs if socket.name in _OF_SHADERS]
+        if node.type == "GROUP" and node.node_tree is not None:
+            ends = [inner for inner in node.node_tree.nodes if inner.type == "GROUP_OUTPUT" and inner.is_active_output]
+            yield from _upstream([socket for end in ends for socket in end.inputs], seen)
+        yield from _upstream(inputs, seen)

@@ -9,7 +9,7 @@ _ALL_BITS = 0xFFFFFFFF
 
 def random_of(instance: bpy.types.DepsgraphObjectInstance) -> float:
     """In [0, 1]: an instance brings its own number, an object has a hash of its name."""
-    number = instance.random_id if instance.is_instance else _hash(_hash_of_text(instance.object.name_full))
+    number = instance.random_id if instance.is_instance else _hash(_hash_of_text(instance.object.name))
     return (number & _ALL_BITS) / _ALL_BITS
 
 

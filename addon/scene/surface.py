@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Output, follow
+from .node_links import Input, Output, can_render, follow, shown_nodes
 
 Rgb = tuple[float, float, float]
 ACTIVE = ""
@@ -64,11 +64,11 @@ class Surface:
     gaps: tuple[str, ...] = ()
     """What is not understood, in words that follow the material's name; the viewport colour stands for it here."""
     layout: Texture | None = None
-    """With gaps: how a rendering of the material would be laid on the mesh."""
+    """With gaps: how the material's rendering is laid on the mesh, `None` where it cannot be rendered."""
 
     @property
     def texture(self) -> Texture | None:
-        return self.layout if self.gaps else self.color_texture or self.alpha_texture
+        return self.layout or self.color_texture or self.alpha_texture
 
 
 @dataclass(frozen=True)
@@ -221,20 +221,30 @@ def laid_alike(first: Texture, second: Texture) -> bool:
 
 
 def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
-    layouts = [node.uv_map for node in all_nodes(tree) if node.type == "UVMAP"]
-    return replace(
-        surface,
-        gaps=(*surface.gaps, f"its {what} {reason}"),
-        layout=Texture(None, next((name for name in layouts if name), ACTIVE)),
-    )
+    layout = _layout(tree) if can_render(tree) else None
+    return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
 
 
-def all_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """The nodes of a tree and of the groups in it."""
-    for node in tree.nodes:
-        yield node
-        if node.type == "GROUP" and node.node_tree is not None:
-            yield from all_nodes(node.node_tree)
+def _layout(tree: bpy.types.NodeTree) -> Texture:
+    """How a rendering is laid: as its first image is, or as its only UV Map node says."""
+    nodes = shown_nodes(tree)
+    images = [node for node in nodes if node.type == "TEX_IMAGE"]
+    maps = [_map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]
+    plain = all(node.extension == "REPEAT" for node in images) and not any(node.type == "MAPPING" for node in nodes)
+    return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")
+
+
+def _map_behind(image: bpy.types.Node) -> str:
+    """The UV map that an image is looked up by, through what moves it."""
+    target = image.inputs["Vector"]
+    while target.is_linked:
+        node = target.links[0].from_node
+        if node.type == "UVMAP":
+            return str(node.uv_map)
+        if node.type not in {"MAPPING", "REROUTE"}:
+            break
+        target = node.inputs[0]
+    return ACTIVE
 
 
 def _color_product(target: Input) -> _Product:

@@ -3,6 +3,9 @@
 All leaves are looked at in one place of the UV map, where the rendering is opaque and has about its mean colour; what
 they show there over what the rendering shows is their tint. For what multiplies (brightness, a tint) that is exact, for
 a turn of the hue it is right about the mean colour. Cycles bakes it to the corners.
+
+Known limits: alpha that differs is not followed; islands have random numbers of the same distribution as in Blender,
+not the same ones, for they follow the order of vertices; Generated and Object coordinates are those of all leaves.
 """
 
 from __future__ import annotations
@@ -13,8 +16,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .flatten import RANDOM, Flattened, flat_material, layer_names, scratch_scene
-from .surface import all_nodes
+from .flatten import RANDOM, Flattened, add_layers, cycles_errors, flat_material, scratch_scene
+from .node_links import shown_nodes
 
 GREATEST = 8.0
 """Tints are cut there: where the rendering is nearly black, a ratio says nothing."""
@@ -22,7 +25,7 @@ GREATEST = 8.0
 
 @dataclass(frozen=True)
 class Islands:
-    """positions (v, 3), triangles (t, 3), and the random number (t,) of the object that each triangle is from."""
+    """positions (v, 3) in the world, triangles (t, 3), and the random number (t,) of each triangle's object."""
 
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
@@ -32,9 +35,9 @@ class Islands:
 def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDArray[np.float32]:
     """(t, 3, 3) factors of the rendering's linear colours, by corner."""
     place, expected = _typical(flat.pixels)
-    mesh = _mesh(leaves, layer_names(all_nodes(material.node_tree)), place)
+    mesh = _mesh(leaves, shown_nodes(material.node_tree), place)
     try:
-        with flat_material(material) as shown, scratch_scene() as scene:
+        with cycles_errors(material), flat_material(material, opaque=True) as shown, scratch_scene() as scene:
             mesh.materials.append(shown)
             seen = _baked(scene, mesh)
     finally:
@@ -44,16 +47,16 @@ def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDA
 
 
 def _typical(pixels: NDArray[np.float32]) -> tuple[tuple[float, float], NDArray[np.float32]]:
-    """Where in the UV map the rendering is most opaque and nearest to its mean colour; and what it shows there."""
+    """Where in the UV map the rendering is most opaque and nearest to its mean colour; and its own colour there."""
     height, width = pixels.shape[:2]
     mean = pixels[..., :3].sum((0, 1)) / max(float(pixels[..., 3].sum()), 1e-9)
     off = np.abs(pixels[..., :3] - mean).sum(axis=2) + 4.0 * (1.0 - pixels[..., 3])
     row, column = np.unravel_index(int(np.argmin(off)), off.shape)
     place = ((float(column) + 0.5) / width, 1.0 - (float(row) + 0.5) / height)
-    return place, pixels[row, column, :3]
+    return place, pixels[row, column, :3] / max(float(pixels[row, column, 3]), 1e-3)
 
 
-def _mesh(leaves: Islands, uv_maps: list[str], place: tuple[float, float]) -> bpy.types.Mesh:
+def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: tuple[float, float]) -> bpy.types.Mesh:
     count = len(leaves.triangles)
     mesh = bpy.data.meshes.new("leafcloud tints")
     mesh.vertices.add(len(leaves.positions))
@@ -62,8 +65,7 @@ def _mesh(leaves: Islands, uv_maps: list[str], place: tuple[float, float]) -> bp
     mesh.loops.foreach_set("vertex_index", leaves.triangles.ravel())
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
-    for name in uv_maps:
-        mesh.uv_layers.new(name=name).uv.foreach_set("vector", np.tile(np.array(place, np.float32), 3 * count))
+    add_layers(mesh, nodes, np.tile(np.array(place, np.float32), (3 * count, 1)))
     mesh.attributes.new(RANDOM, "FLOAT", "FACE").data.foreach_set("value", leaves.randoms)
     mesh.color_attributes.active_color = mesh.color_attributes.new("leafcloud tints", "FLOAT_COLOR", "CORNER")
     mesh.update(calc_edges=True)

@@ -1,0 +1,54 @@
+"""Occlusion and self-shadowing in the files: each where it is asked for, and nothing of it anywhere else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import run
+from glb import Primitive, read_glb
+
+
+def level_of(out: Path, shrub: Path, effects: str) -> tuple[Primitive, dict[str, Any]]:
+    """Level 1, and the effects of the report by name."""
+    shape = ("--levels", "1", "--no-cross", "--texture-size", "128")
+    baked = run("--input", shrub, "--out", out, "--effects", effects, *shape)
+    assert baked.returncode == 0, baked.stderr
+    [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
+    effects_of = json.loads((out / "report.json").read_text())["effects"]
+    return primitive, {effect["name"]: effect for effect in effects_of}
+
+
+def test_self_shadowing_has_a_texture_and_its_axes(
+    tmp_path: Path, shrub: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    primitive, effects = level_of(tmp_path, shrub, "self_shadowing")
+    assert "visibilityTexture" in primitive.material["extras"]["leafcloud"]
+    assert "metallicRoughnessTexture" in primitive.material["pbrMetallicRoughness"], "its red is the occlusion"
+    assert "TANGENT" in primitive.attributes
+    assert not {"normalTexture", "occlusionTexture"} & {*primitive.material}
+    assert effects["self_shadowing"]["bytes"] == 2 * 128 * 128 * 4
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+def test_occlusion_is_a_texture_of_gltf(tmp_path: Path, shrub: Path) -> None:
+    primitive, effects = level_of(tmp_path, shrub, "occlusion")
+    gloss = primitive.material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
+    assert primitive.material["occlusionTexture"]["index"] == gloss["index"]
+    assert "TANGENT" not in primitive.attributes
+    assert "extras" not in primitive.material
+    assert effects["occlusion"]["bytes"] == 128 * 128 * 4
+    assert effects["self_shadowing"]["bytes"] == 0
+
+
+@pytest.mark.parametrize("effects", ["none", "auto"])
+def test_nothing_of_them_is_there_unless_they_are_asked_for(tmp_path: Path, shrub: Path, effects: str) -> None:
+    primitive, told = level_of(tmp_path, shrub, effects)
+    assert "occlusionTexture" not in primitive.material
+    assert "metallicRoughnessTexture" not in primitive.material["pbrMetallicRoughness"]
+    assert "extras" not in primitive.material
+    for name in ("occlusion", "self_shadowing"):
+        assert (told[name]["on"], told[name]["bytes"], told[name]["seconds"]) == (False, 0, 0.0)
