@@ -25,6 +25,8 @@ pub struct Image {
     width: usize,
     height: usize,
     pixels: Arc<[[u8; 4]]>,
+    /// The least code of alpha that is drawn, and then whole.
+    whole_from: Option<u8>,
     pyramids: Arc<Pyramids>,
 }
 
@@ -55,7 +57,7 @@ impl Image {
                 pixels.len()
             )));
         }
-        Ok(Self { width, height, pixels, pyramids: Arc::default() })
+        Ok(Self { width, height, pixels, whole_from: None, pyramids: Arc::default() })
     }
 
     /// Pixels in a row.
@@ -81,6 +83,25 @@ impl Image {
     pub fn mapped(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
         let pixels = self.pixels.iter().map(|&pixel| change(pixel)).collect();
         Self { pixels, pyramids: Arc::default(), ..*self }
+    }
+
+    /// The same, of which a mask draws what has at least this alpha: from far, no more and no less than that colours it.
+    fn masked(self, cutoff: f32) -> Self {
+        let code = (cutoff * 255.0).ceil().clamp(0.0, 255.0) as u8;
+        if self.whole_from == Some(code) {
+            return self;
+        }
+        Self { whole_from: Some(code), pyramids: Arc::default(), ..self }
+    }
+
+    /// What a texel of this alpha counts in the colour of a place that is seen from far, in [0, 1].
+    pub(super) fn weight(&self, alpha: u8) -> f32 {
+        match self.whole_from {
+            Some(least) if alpha >= least => 1.0,
+            // So little that it colours only what has nothing else: between texels a mask may draw where none of them is drawn.
+            Some(_) => f32::from(alpha) / 255.0 / 64.0,
+            None => f32::from(alpha) / 255.0,
+        }
     }
 
     fn opaque(self) -> Self {
@@ -154,9 +175,11 @@ impl Material {
         for image in [&mut self.normal, &mut self.gloss, &mut self.translucency_image] {
             *image = image.take().map(Image::opaque);
         }
-        if self.alpha_mode == AlphaMode::Opaque {
-            self.image = self.image.map(Image::opaque);
-        }
+        self.image = match self.alpha_mode {
+            AlphaMode::Opaque => self.image.map(Image::opaque),
+            AlphaMode::Mask(cutoff) => self.image.map(|image| image.masked(cutoff / self.base_color.w)),
+            AlphaMode::Blend => self.image,
+        };
         self
     }
 

@@ -31,7 +31,7 @@ impl<T: Copy> Level<T> {
 #[derive(Debug)]
 pub struct Pyramid<T>(Vec<Level<T>>);
 
-/// Colour premultiplied by alpha, and alpha, in 1/65535: linear light in 8 bits would lose the dark.
+/// Colour times what it counts, and what it counts (alpha; of a mask, all or nothing), in 1/65535: linear light in 8 bits would lose the dark.
 pub type Texel = [u16; 4];
 
 const FULL: f32 = 65_535.0;
@@ -114,13 +114,14 @@ pub fn decoded(code: u8, encoding: Encoding) -> f32 {
     }
 }
 
-/// Of an image's colours.
+/// Of an image's colours, weighted by what each texel counts.
 pub fn of_colors(image: &Image, encoding: Encoding) -> Pyramid<Texel> {
     let table: [f32; 256] = std::array::from_fn(|code| decoded(code as u8, encoding));
+    let weights: [f32; 256] = std::array::from_fn(|alpha| image.weight(alpha as u8));
     let of = |[r, g, b, a]: [u8; 4]| {
-        let alpha = f32::from(a) / 255.0;
-        let part = |code: u8| (table[code as usize] * alpha * FULL + 0.5) as u16;
-        [part(r), part(g), part(b), u16::from(a) * 257]
+        let weight = weights[a as usize];
+        let part = |code: u8| (table[code as usize] * weight * FULL + 0.5) as u16;
+        [part(r), part(g), part(b), (weight * FULL + 0.5) as u16]
     };
     let mean =
         |t: [Texel; 4]| std::array::from_fn(|i| ((t.iter().map(|t| u32::from(t[i])).sum::<u32>() + 2) / 4) as u16);
@@ -167,6 +168,7 @@ fn spread(level: &Level<u8>, along_rows: bool) -> Level<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::foliage::Material;
 
     fn image(width: usize, height: usize, pixel: impl Fn(usize) -> [u8; 4]) -> Image {
         Image::new(width, height, (0..width * height).map(pixel).collect::<Vec<_>>()).unwrap()
@@ -188,6 +190,17 @@ mod tests {
         let top = &of_colors(&half, Encoding::Linear).0[0].texels[0];
         // 200/255 of 65535 is 51400; a quarter of it beside a quarter of alpha.
         assert_eq!(*top, [12_850, 0, 0, 16_384]);
+    }
+
+    #[test]
+    fn what_a_mask_draws_colours_it_alike_whatever_its_alpha() {
+        let texels = [[200, 0, 0, 255], [0, 100, 0, 130], [0, 0, 0, 0], [0, 0, 250, 120]];
+        let image = image(2, 2, |i| texels[i]);
+        let material = Material { image: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
+        let [r, g, b, whole] = of_colors(&material.settled().image.unwrap(), Encoding::Linear).0[0].texels[0];
+        let share = |part: u16| f32::from(part) / f32::from(whole) * 255.0;
+        assert!((share(r) - 100.0).abs() < 1.0 && (share(g) - 50.0).abs() < 1.0, "{} {}", share(r), share(g));
+        assert!(share(b) < 1.0, "what fails counts for nothing beside what passes: {}", share(b));
     }
 
     #[test]
