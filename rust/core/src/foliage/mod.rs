@@ -13,7 +13,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 pub use material::{AlphaMode, Image, Material};
 pub use opaque::{Opacity, Visible, place};
-pub(crate) use surface::{BLOCK, Surface};
+pub(crate) use surface::{BLOCK, Spot, Surface};
 
 use crate::error::{Error, Result};
 use crate::geometry::Frame;

@@ -16,10 +16,19 @@ pub struct Surface<'a> {
     normals: Option<[Vec3; 3]>,
     /// From point to point of a row, in texture space.
     across: Vec2,
-    /// How much of texture space a pixel covers.
-    pixel: f32,
+    /// How much of texture space a sample covers.
+    sample: f32,
     alpha: Alpha<'a>,
     near: Option<Near<'a>>,
+}
+
+/// Where a triangle is looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Barycentric.
+    pub weights: Vec3,
+    /// Of so many samples it is the middle: what they cover is looked at as one, and no more of the texture around it.
+    pub samples: f32,
 }
 
 /// Points along a side of a block, and in a run of one row, that are looked at together.
@@ -48,12 +57,12 @@ enum Alpha<'a> {
 impl<'a> Surface<'a> {
     /// For single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
-        Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1) }
+        Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2]) }
     }
 
-    /// For points on a grid, whose barycentric weights change by `steps` along its two axes, `samples` × `samples` to a pixel: alpha is asked for
-    /// at each point, what else is seen once for what a pixel shows of the triangle.
-    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2], samples: usize) -> Self {
+    /// For points on a grid, whose barycentric weights change by `steps` along its two axes: alpha is asked for at each point, what else is seen
+    /// once for what a pixel shows of the triangle.
+    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2]) -> Self {
         let attributes = foliage.attributes();
         let material = foliage.material(triangle);
         let uvs = attributes.uvs.get(triangle).copied().unwrap_or_default();
@@ -84,8 +93,8 @@ impl<'a> Surface<'a> {
             let greatest = |length: Vec2| image.greatest_alpha(length.max_element() + reach);
             Some(Near { least, of_block: greatest(across + down)?, of_run: greatest(across)? })
         });
-        let (pixel, normals) = (spread * (samples * samples) as f32, attributes.normals.get(triangle).copied());
-        Self { material, uvs, colors, normals, across, pixel, alpha, near }
+        let normals = attributes.normals.get(triangle).copied();
+        Self { material, uvs, colors, normals, across, sample: spread, alpha, near }
     }
 
     /// Whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, by the weights of their middle.
@@ -127,23 +136,24 @@ impl<'a> Surface<'a> {
     }
 
     /// The linear base colour there.
-    pub fn base_color(&self, weights: Vec3) -> Vec3 {
-        self.factor(weights).truncate() * self.texture(self.material.image.as_ref(), weights, Encoding::Srgb)
+    pub fn base_color(&self, spot: Spot) -> Vec3 {
+        self.factor(spot.weights).truncate() * self.texture(self.material.image.as_ref(), spot, Encoding::Srgb)
     }
 
     /// Occlusion, roughness and metallic there.
-    pub fn gloss(&self, weights: Vec3) -> Vec3 {
+    pub fn gloss(&self, spot: Spot) -> Vec3 {
         let factors = Vec3::new(1.0, self.material.roughness, self.material.metallic);
-        factors * self.texture(self.material.gloss.as_ref(), weights, Encoding::Linear)
+        factors * self.texture(self.material.gloss.as_ref(), spot, Encoding::Linear)
     }
 
     /// The linear colour of the light that shines through there.
-    pub fn translucency(&self, weights: Vec3) -> Vec3 {
-        self.material.translucency * self.texture(self.material.translucency_image.as_ref(), weights, Encoding::Srgb)
+    pub fn translucency(&self, spot: Spot) -> Vec3 {
+        self.material.translucency * self.texture(self.material.translucency_image.as_ref(), spot, Encoding::Srgb)
     }
 
     /// The unit normal on the side that winds counter-clockwise, in the foliage's axes; `corners` are the triangle's. `None` without an area.
-    pub fn normal(&self, weights: Vec3, corners: &[Vec3; 3]) -> Option<Vec3> {
+    pub fn normal(&self, spot: Spot, corners: &[Vec3; 3]) -> Option<Vec3> {
+        let weights = spot.weights;
         let [a, b, c] = *corners;
         let (u, v) = (b - a, c - a);
         let flat = u.cross(v).try_normalize()?;
@@ -157,7 +167,7 @@ impl<'a> Surface<'a> {
         let across = (u * t.y - v * s.y) * s.perp_dot(t).signum();
         let Some(tangent) = (across - smooth * smooth.dot(across)).try_normalize() else { return Some(smooth) };
         let bitangent = smooth.cross(tangent) * s.perp_dot(t).signum();
-        let mapped = self.texture(Some(image), weights, Encoding::Linear) * 2.0 - 1.0;
+        let mapped = self.texture(Some(image), spot, Encoding::Linear) * 2.0 - 1.0;
         (tangent * mapped.x + bitangent * mapped.y + smooth * mapped.z).try_normalize().or(Some(smooth))
     }
 
@@ -175,11 +185,11 @@ impl<'a> Surface<'a> {
     }
 
     /// What an image shows there; white without one.
-    fn texture(&self, image: Option<&Image>, weights: Vec3, encoding: Encoding) -> Vec3 {
+    fn texture(&self, image: Option<&Image>, spot: Spot, encoding: Encoding) -> Vec3 {
         let Some(image) = image else { return Vec3::ONE };
-        match image.pyramid(encoding, footprint(image, self.pixel)) {
-            None => Texels::at(image, self.uv(weights)).color(encoding),
-            Some(level) => between(level, self.uv(weights)),
+        match image.pyramid(encoding, footprint(image, self.sample * spot.samples)) {
+            None => Texels::at(image, self.uv(spot.weights)).color(encoding),
+            Some(level) => between(level, self.uv(spot.weights)),
         }
     }
 }
@@ -340,7 +350,7 @@ mod tests {
                 Vec3::new(-b - c, b, c)
             };
             let steps = [step(&mut random), step(&mut random)];
-            let surface = Surface::spread(&foliage, 0, steps, 4);
+            let surface = Surface::spread(&foliage, 0, steps);
             let middle = Vec3::new(0.4, 0.3, 0.3);
             let at = |x: usize, y: usize| middle + steps[0] * (x as f32 - 3.5) + steps[1] * (y as f32 - 3.5);
             let any = (0..64).any(|i| surface.passes(at(i % 8, i / 8), 1.0 / 512.0));

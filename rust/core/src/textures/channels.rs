@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::raster::{Canvas, ScreenTriangle};
 use super::sky::Sky;
 use crate::color::{decode_table, encode, quantise};
-use crate::foliage::{Image, Surface};
+use crate::foliage::{Image, Spot, Surface};
 
 /// A channel of a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,8 +33,8 @@ pub struct Seen<'a> {
     pub surface: &'a Surface<'a>,
     /// As it is drawn.
     pub triangle: &'a ScreenTriangle<'a>,
-    /// Barycentric.
-    pub weights: Vec3,
+    /// Where, and how much of it.
+    pub spot: Spot,
     /// Whether the side is seen from which the triangle winds counter-clockwise.
     pub front: bool,
 }
@@ -46,15 +46,15 @@ impl Channel<'_> {
     /// What it shows of a point.
     pub(super) fn look(self, seen: &Seen) -> Vec3 {
         match self {
-            Self::BaseColor => seen.surface.base_color(seen.weights),
+            Self::BaseColor => seen.surface.base_color(seen.spot),
             Self::Normal(bend) => normal(seen, bend),
             Self::Gloss(sky) => {
-                let gloss = seen.surface.gloss(seen.weights);
+                let gloss = seen.surface.gloss(seen.spot);
                 sky.map_or(gloss, |sky| gloss.with_x(gloss.x * sky.from(seen.place()).share))
             }
-            Self::Translucency => seen.surface.translucency(seen.weights),
+            Self::Translucency => seen.surface.translucency(seen.spot),
             Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
-            Self::Depth => Vec3::splat(seen.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
+            Self::Depth => Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
         }
     }
 
@@ -89,7 +89,7 @@ impl Seen<'_> {
     fn place(&self) -> DVec3 {
         let ScreenTriangle { foliage, triangle, .. } = self.triangle;
         let [a, b, c] = foliage.corners(*triangle as usize);
-        let [u, v, w] = self.weights.as_dvec3().to_array();
+        let [u, v, w] = self.spot.weights.as_dvec3().to_array();
         foliage.frame().to_caller(a * u + b * v + c * w)
     }
 }
@@ -109,10 +109,11 @@ impl Canvas {
 fn normal(seen: &Seen, bend: f32) -> Vec3 {
     let triangle = seen.triangle;
     let corners = triangle.foliage.corners(triangle.triangle as usize).map(glam::DVec3::as_vec3);
-    let Some(own) = seen.surface.normal(seen.weights, &corners) else { return Vec3::Z };
+    let Some(own) = seen.surface.normal(seen.spot, &corners) else { return Vec3::Z };
     let facing = if seen.front { own } else { -own };
     let bent = if bend > 0.0 {
-        let place = corners[0] * seen.weights.x + corners[1] * seen.weights.y + corners[2] * seen.weights.z;
+        let place =
+            corners[0] * seen.spot.weights.x + corners[1] * seen.spot.weights.y + corners[2] * seen.spot.weights.z;
         // A side that faces into the crown is bent the other way: else its normal would be turned through the leaf.
         let outward = place.normalize_or(facing);
         facing.lerp(if facing.dot(outward) < 0.0 { -outward } else { outward }, bend)

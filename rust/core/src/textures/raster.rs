@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::Samples;
 use super::channels::{Channel, Seen};
-use crate::foliage::{BLOCK, Foliage, Surface};
+use crate::foliage::{BLOCK, Foliage, Spot, Surface};
 
 const TILE: usize = 32;
 
@@ -230,7 +230,7 @@ impl<'a> Tile<'a> {
         let scale = self.samples as f32;
         let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
         let Some(edges) = Edges::new(corners) else { return };
-        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps(), self.samples);
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps());
         if !edges.front && !surface.double_sided() {
             return;
         }
@@ -308,7 +308,8 @@ impl<'a> Tile<'a> {
             let triangle = &triangles[fragment.index as usize];
             // The middle of some samples within a triangle lies within it.
             let weights = fragment.edges.weights(piece.places / piece.count as f32);
-            let seen = Seen { surface: &fragment.surface, triangle, weights, front: fragment.edges.front };
+            let spot = Spot { weights, samples: piece.count as f32 };
+            let seen = Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front };
             *pixel += channel.look(&seen).extend(1.0) * piece.count as f32;
         }
         // Divided at the end, whole numbers give exact shares: full coverage is 1.
