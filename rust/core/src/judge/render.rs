@@ -62,7 +62,7 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }
     let channel = Channel::BaseColor;
-    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples, &[channel])[0]))
+    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
 }
 
 /// How many radii of the picture its parts may reach from its centre.

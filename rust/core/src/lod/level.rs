@@ -119,8 +119,9 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
-    let before = Judge::new(&[&collapsed], finer.frame(), tune::views(settings.up)?)?;
+    let before = Judge::new(&[&collapsed], finer.frame(), tune::views_of_places(settings.up)?)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
+    let alpha_cutoff = tune::matched(alpha_cutoff, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?;
     let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let judgement = step.judges.report.judge(&shown)?;

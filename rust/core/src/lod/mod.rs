@@ -201,7 +201,7 @@ struct Judges {
 impl Judges {
     fn new(base: &[&Foliage], frame: &Frame, up: DVec3) -> Result<Self> {
         Ok(Self {
-            tuning: Judge::new(base, frame, tune::views(up)?)?,
+            tuning: Judge::new(base, frame, tune::views_of_amounts(up)?)?,
             report: Judge::new(base, frame, report_views(up))?,
         })
     }

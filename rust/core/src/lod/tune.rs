@@ -3,7 +3,8 @@
 //! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels; all differ from plant to
 //! plant, so there is no right value in theory. Each setting has one thing to keep, judged by a few small views (other ones than those
 //! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps what is covered
-//! where, at the moment when the billboards take over from the collapsed leaves. Both figures are exact on any machine.
+//! where, at the moment when the billboards take over from the collapsed leaves, and then is moved until as much is covered as by the
+//! leaves. All figures are exact on any machine.
 
 use glam::{DVec3, Vec3};
 
@@ -24,15 +25,24 @@ const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
 const FIRST: f32 = 0.5;
 
+/// Within these a cutoff is moved to keep coverage: below, what filters leave of a leaf counts as leaf; above, only its middle does.
+const LEAST_CUTOFF: f64 = 0.03;
+const GREATEST_CUTOFF: f64 = 0.9;
+
 /// From less coverage than this on, what is left of the leaves is looked for below.
 const MOSTLY_LOST: f64 = 0.5;
 
 /// What a difference in coverage weighs beside the loss of overlap, when a cutoff is chosen: getting denser by 5 % is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
 
-/// What a choice is judged by.
-pub fn views(up: DVec3) -> Result<Views> {
+/// By what it is judged where leaves are: few views, and large ones.
+pub fn views_of_places(up: DVec3) -> Result<Views> {
     Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
+}
+
+/// By what it is judged how much there is of them: closer looks (half as close, a pine's leaves cover 1 % more), from more sides.
+pub fn views_of_amounts(up: DVec3) -> Result<Views> {
+    Ok(Views { count: 8, size: 64, samples: Samples::new(4)?, up, turn: 0.0 })
 }
 
 /// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.
@@ -84,6 +94,56 @@ pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, bef
         }
     }
     Ok(CUTOFFS[best])
+}
+
+/// How far from the leaves' coverage a level may be.
+const COVERAGE_ERROR: f64 = 0.005;
+
+/// How coverage changes with the cutoff, about (of the measured trees −0.2 to −0.6), and how often the cutoff is moved.
+const SLOPE: f64 = -0.4;
+const MOVES: usize = 6;
+
+/// The cutoff near `cutoff` with which the billboards cover what the leaves cover; as near to that as a cutoff comes. Secants within a range
+/// that halves where they leave it.
+///
+/// # Errors
+/// All billboards are without area.
+pub fn matched(
+    cutoff: f32,
+    sheet: &Sheet,
+    page: &Page,
+    frame: &Frame,
+    double_sided: bool,
+    leaves: &Judge,
+) -> Result<f32> {
+    let excess = |cutoff: f64| {
+        let shown = billboards(sheet, frame, page.material(cutoff as f32, double_sided))?;
+        leaves.glance(&shown).map(|glance| glance.coverage - 1.0)
+    };
+    let mut here = (f64::from(cutoff), excess(f64::from(cutoff))?);
+    let mut best = here;
+    // Coverage falls as the cutoff rises.
+    let (mut dense, mut sparse) = (LEAST_CUTOFF.min(here.0), GREATEST_CUTOFF.max(here.0));
+    let mut slope = SLOPE;
+    for _ in 0..MOVES {
+        if best.1.abs() <= COVERAGE_ERROR {
+            break;
+        }
+        if here.1 > 0.0 {
+            dense = here.0
+        } else {
+            sparse = here.0
+        }
+        let aim = here.0 - here.1 / slope;
+        let next = if dense < aim && aim < sparse { aim } else { 0.5 * (dense + sparse) };
+        let there = (next, excess(next)?);
+        slope = ((there.1 - here.1) / (there.0 - here.0)).clamp(10.0 * SLOPE, 0.1 * SLOPE);
+        here = there;
+        if here.1.abs() < best.1.abs() {
+            best = here;
+        }
+    }
+    Ok(best.0 as f32)
 }
 
 /// The range of factors by which colours may be moved.

@@ -118,9 +118,9 @@ fn alpha_of_what_ignores_it_counts_nowhere() {
 
 #[test]
 fn shares_seen_from_far_are_kept_in_the_mean() {
-    // Sixteenths of a mask, on many small cards beside one another.
+    // Sixteenths of a mask, in stripes, on many small cards beside one another.
     for (share, samples) in [(1, 1), (1, 2), (3, 2), (5, 4), (1, 4)] {
-        let sparse = |i: usize| [255, 255, 255, if i % 4 + i / 64 % 4 * 4 < share { 255 } else { 0 }];
+        let sparse = |i: usize| [255, 255, 255, if i % 16 < share { 255 } else { 0 }];
         let image = Image::new(64, 64, (0..64 * 64).map(sparse).collect::<Vec<_>>()).unwrap();
         let material = Material { image: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
         let leaf = square(DMat3::IDENTITY, material);

@@ -23,23 +23,33 @@ use crate::sheet::{Billboard, Sheet};
 
 /// Sub-samples along each side of a texel, in [1, 16].
 #[derive(Clone, Copy, Debug)]
-pub struct Samples(usize);
+pub struct Samples {
+    side: usize,
+    /// Parts along each side of a texel that are looked at by themselves.
+    looks: usize,
+}
 
 impl Samples {
     /// # Errors
     /// A number outside [1, 16].
     pub fn new(samples: usize) -> Result<Self> {
         if (1..=16).contains(&samples) {
-            return Ok(Self(samples));
+            return Ok(Self { side: samples, looks: 1 });
         }
         Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
+    }
+
+    /// Each sample is looked at by itself, as a renderer does: what is seen between leaves counts no more than what is seen of their middle.
+    #[must_use]
+    pub fn each(self) -> Self {
+        Self { looks: self.side, ..self }
     }
 }
 
 impl Default for Samples {
     /// 4 × 4.
     fn default() -> Self {
-        Self(4)
+        Self { side: 4, looks: 1 }
     }
 }
 

@@ -3,7 +3,7 @@
 //! The canvas is cut into tiles that fit a core's cache; each tile is drawn by one thread from the list of triangles that
 //! touch it, in their order, so the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest
 //! to the viewer that passes its alpha test (of equally near ones, the first triangle's). Then each channel looks only at what is
-//! seen, once for what a pixel shows of a triangle, in the middle of its samples there. O(fragments · samples²), one alpha test for a sample
+//! seen, once for what a pixel (or, where it is asked for, each part of one) shows of a triangle, in the middle of its samples there. O(fragments · samples²), one alpha test for a sample
 //! that passes the depth test.
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
@@ -91,7 +91,7 @@ pub fn rasterise<'a>(
             }
         }
     };
-    bands.into_par_iter().enumerate().for_each_init(|| Tile::new(samples.0), draw);
+    bands.into_par_iter().enumerate().for_each_init(|| Tile::new(samples), draw);
     canvases
 }
 
@@ -151,6 +151,8 @@ const NOTHING: u32 = u32::MAX;
 /// The samples of one tile, row by row: what is seen there, and how near.
 struct Tile<'a> {
     samples: usize,
+    /// Parts of a pixel along either side that are looked at by themselves.
+    looks: usize,
     /// Samples in a row.
     side: usize,
     depths: Vec<f32>,
@@ -160,10 +162,12 @@ struct Tile<'a> {
     pieces: Vec<Piece>,
 }
 
-/// What a pixel shows of a triangle.
+/// What a part of a pixel shows of a triangle.
 struct Piece {
     /// In the tile, row by row; pieces are in the order of their pixels.
     pixel: usize,
+    /// Which part.
+    part: usize,
     /// Into `drawn`.
     fragment: u32,
     /// How many samples.
@@ -180,10 +184,11 @@ struct Fragment<'a> {
 }
 
 impl<'a> Tile<'a> {
-    fn new(samples: usize) -> Self {
+    fn new(Samples { side: samples, looks }: Samples) -> Self {
         let side = TILE * samples;
         Self {
             samples,
+            looks,
             side,
             depths: vec![f32::NEG_INFINITY; side * side],
             seen: vec![NOTHING; side * side],
@@ -218,9 +223,11 @@ impl<'a> Tile<'a> {
                     continue;
                 }
                 let place = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                match self.pieces[first..].iter_mut().find(|piece| piece.fragment == fragment) {
+                let part = (y - top) * self.looks / self.samples * self.looks + (x - left) * self.looks / self.samples;
+                let known = |piece: &&mut Piece| (piece.fragment, piece.part) == (fragment, part);
+                match self.pieces[first..].iter_mut().rev().find(known) {
                     Some(piece) => (piece.count, piece.places) = (piece.count + 1, piece.places + place),
-                    None => self.pieces.push(Piece { pixel, fragment, count: 1, places: place }),
+                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place }),
                 }
             }
         }
