@@ -14,6 +14,7 @@ from .plan.effects import Effect
 from .plan.reach import View
 from .scene.extract import Tree
 from .scene.shading import Gloss
+from .scene.translucency import Translucent
 from .settings import BakeSettings
 
 
@@ -27,6 +28,7 @@ class Prepared:
     foliage: leafcloud.Foliage
     wood: leafcloud.Foliage | None
     gloss: Gloss
+    translucent: Translucent
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
 

@@ -36,6 +36,7 @@ from .plan.reach import View, reaches, rising
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.shading import gloss_of
+from .scene.translucency import translucent_of
 from .settings import BakeSettings, fit_options
 
 
@@ -46,11 +47,12 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
     """
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
-    gloss = gloss_of(tree.leaves.materials)
-    facts = Facts(engine=settings.engine, glossy=gloss.varies)
+    gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
+    facts = Facts(engine=settings.engine, glossy=gloss.varies, translucent=translucent.material)
     channels = plan_channels(settings, facts)
-    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels)
-    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels)
+    share = translucent.share if "translucency" in channels else 0.0
+    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels, share)
+    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels, share)
     effects = plan_effects(settings, replace(facts, leaves=foliage.leaf_count))
     blended = [
         f"material {material.name!r} is blended: the glTF files cut it out at an alpha of 0.5"
@@ -58,9 +60,9 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
         if material is not None and gltf.is_blended(material)
     ]
     pages = ktx2.warning(settings.engine, settings.texture_size, settings.levels + settings.cross)
-    said = [*tree.warnings, *leaf_warnings, *wood_warnings, *gloss.warnings, *blended, *([pages] if pages else [])]
-    warnings = tuple(dict.fromkeys(said))
-    return Prepared(tree, settings, placement, foliage, wood, gloss, effects, warnings)
+    read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
+    warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
+    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings)
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
@@ -75,6 +77,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),
+        translucency=bool(is_on(prepared.effects, "translucency")),
         occlusion=bool(is_on(prepared.effects, "occlusion")),
         visibility=bool(is_on(prepared.effects, "self_shadowing")),
         **fit_options(settings),
@@ -105,6 +108,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
         roughness=prepared.gloss.roughness,
         metallic=prepared.gloss.metallic,
+        share=prepared.translucent.share,
         occlusion=bool(is_on(prepared.effects, "occlusion")),
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
@@ -189,9 +193,11 @@ def view_of(scene: bpy.types.Scene) -> View:
     return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
 
 
-def _foliage(geometry: Geometry, placement: Placement, channels: Sequence[str]) -> tuple[leafcloud.Foliage, list[str]]:
+def _foliage(
+    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float
+) -> tuple[leafcloud.Foliage, list[str]]:
     """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
-    described = describe_materials(geometry, channels, placement.matrix)
+    described = describe_materials(geometry, channels, placement.matrix, share)
     foliage = leafcloud.Foliage(
         world_positions(geometry, placement.matrix),
         placement.wind(geometry.triangles),

@@ -13,8 +13,17 @@ METHODS = get_args(Method)
 EFFORTS = get_args(Effort)
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = ("billboards",)
-EFFECTS = ("transitions", "pruning", "back_sides", "normals", "gloss", "occlusion", "self_shadowing")
-CHANNELS = ("normals", "gloss")
+EFFECTS = (
+    "transitions",
+    "pruning",
+    "back_sides",
+    "normals",
+    "gloss",
+    "translucency",
+    "occlusion",
+    "self_shadowing",
+)
+CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")
 """What may stand in place of a list of effects."""

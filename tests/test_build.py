@@ -40,6 +40,7 @@ class FakeLevel:
     max_deviation_leaves: float = 0.05
     normal: NDArray[np.uint8] | None = None
     gloss: NDArray[np.uint8] | None = None
+    translucency: NDArray[np.uint8] | None = None
     visibility: NDArray[np.uint8] | None = None
     uvs: NDArray[np.float32] = field(init=False)
     base_color: NDArray[np.uint8] = field(init=False)

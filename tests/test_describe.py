@@ -32,6 +32,8 @@ def test_no_material_is_blenders_grey() -> None:
             "roughness": 1.0,
             "metallic": 0.0,
             "gloss": None,
+            "translucency": (0.0, 0.0, 0.0),
+            "translucency_image": None,
         },
         [],
     )

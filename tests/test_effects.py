@@ -26,6 +26,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "back_sides": None,
         "normals": True,
         "gloss": False,
+        "translucency": False,
         "occlusion": False,
         "self_shadowing": False,
     }
@@ -40,6 +41,16 @@ def test_glossy_leaves_call_for_gloss() -> None:
     assert plan_channels(BakeSettings(), facts) == ("normals", "gloss")
     assert plan_channels(BakeSettings(effects="gloss,pruning"), FACTS) == ("gloss",)
     assert plan_channels(BakeSettings(effects="none"), facts) == ()
+
+
+def test_leaves_that_let_light_through_call_for_translucency() -> None:
+    facts = replace(FACTS, engine="babylon", translucent="lime")
+    effects = plan_effects(BakeSettings(engine="babylon"), facts)
+    assert is_on(effects, "translucency") is True
+    [reason] = [effect.reason for effect in effects if effect.name == "translucency"]
+    assert reason == "light may come from anywhere in babylon, and it shines through the material 'lime'"
+    assert plan_channels(BakeSettings(), facts) == ("normals", "translucency")
+    assert plan_channels(BakeSettings(effects="normals"), facts) == ("normals",)
 
 
 @pytest.mark.parametrize("effect", ["occlusion", "self_shadowing"])

@@ -53,7 +53,7 @@ class Plan:
 
     centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
     for each level with the leaves first, are in world units. roughness and metallic are the leaves' where no texture
-    says how glossy they are.
+    says how glossy they are; share is what of the light shines through them, where there is a texture of it.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Plan:
     roughness: float = 1.0
     metallic: float = 0.0
     occlusion: bool = False
+    share: float = 0.0
     gloss_for: str = "gloss"
     """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
 
@@ -227,10 +228,21 @@ def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
         with costs.spent_on(plan.gloss_for, gloss.nbytes):
             image = atlas_image(f"{name}_gloss", gloss, data=True)
             page = replace(page, gloss=image, occluded=plan.occlusion)
+    if (translucency := level.translucency) is not None:
+        with costs.spent_on("translucency", translucency.nbytes):
+            pixels = _with_opaque_parts(translucency, level.base_color)
+            image = atlas_image(f"{name}_translucency", pixels)
+            page = replace(page, translucency=image, share=plan.share, opaque_parts=bool((pixels[..., 3] == 0).any()))
     if (visibility := level.visibility) is not None:
         with costs.spent_on("self_shadowing", visibility.nbytes):
             page = replace(page, visibility=atlas_image(f"{name}_visibility", visibility, data=True))
     return page
+
+
+def _with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The page with alpha 0 where something is seen and no light shines through it: the wood of the cross, say."""
+    opaque = (base_color[..., 3] > 0) & ~translucency[..., :3].any(axis=2)
+    return np.dstack([translucency[..., :3], np.where(opaque, 0, 255).astype(np.uint8)])
 
 
 def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:

@@ -17,6 +17,8 @@ from ..scene.surface import read_surface
 from .cloud_mesh import COLOR_NAME, UV_NAME, LayerNames
 
 VISIBILITY_NODE = "Visibility"
+TRANSLUCENCY_NODE = "Leafcloud Translucency"
+SHARE_NODE = "Leafcloud Translucent Share"
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,11 @@ class Page:
     occluded: bool = False
     """Whether the red of `gloss` says anything."""
     visibility: bpy.types.Image | None = None
+    translucency: bpy.types.Image | None = None
+    """The colour of the light that shines through; alpha says where any does, if there are `opaque_parts`."""
+    share: float = 0.0
+    """Of the light that shines through rather than being reflected."""
+    opaque_parts: bool = False
     roughness: float = 1.0
     metallic: float = 0.0
     """Both where there is no image of them."""
@@ -61,6 +68,9 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
 
     Blender's glTF exporter writes the threshold as
     `alphaMode` MASK with that `alphaCutoff`, normals as `normalTexture` and gloss as `metallicRoughnessTexture`.
+
+    With translucency a Mix Shader adds it: (1 − share) · Principled BSDF + share · Translucent BSDF, as the leaves'
+    materials are read (`scene.translucency`). Highlights become weaker by the same share.
     """
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
@@ -89,10 +99,50 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
         normal = _node(tree, "ShaderNodeNormalMap", (-280.0, -300.0))
         tree.links.new(_image_node(tree, page.normal, -300.0).outputs["Color"], normal.inputs["Color"])
         tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
+    if page.translucency is not None:
+        _shine_through(tree, surface, threshold, page)
     if page.visibility is not None:
         # No renderer of Blender's asks for it: it waits for a shader that does, and for the export.
         _image_node(tree, page.visibility, -600.0).name = VISIBILITY_NODE
     return material
+
+
+def _shine_through(tree: bpy.types.NodeTree, surface: bpy.types.Node, threshold: bpy.types.Node, page: Page) -> None:
+    """Mixes a Translucent BSDF to the surface, by the share, but only where the threshold lets the surface be.
+
+    So the Principled BSDF keeps its alpha, by which exporters know what is cut out.
+    """
+    texture = _image_node(tree, page.translucency, -900.0)
+    texture.name = TRANSLUCENCY_NODE
+    translucent, mix = (
+        _node(tree, f"Shader{kind}", (40.0, height))
+        for kind, height in (("NodeBsdfTranslucent", -600.0), ("NodeMixShader", 500.0))
+    )
+    tree.links.new(texture.outputs["Color"], translucent.inputs["Color"])
+    for link in list(surface.inputs["Normal"].links):
+        tree.links.new(link.from_socket, translucent.inputs["Normal"])
+    share = _times(tree, threshold.outputs[0], page.share, 300.0)
+    share.node.name = SHARE_NODE
+    if page.opaque_parts:
+        share = _times(tree, share, texture.outputs["Alpha"], 500.0)
+    [output] = [link.to_socket for link in surface.outputs[0].links]
+    for source, target in zip((share, surface.outputs[0], translucent.outputs[0]), mix.inputs, strict=True):
+        tree.links.new(source, target)
+    tree.links.new(mix.outputs[0], output)
+
+
+def _times(
+    tree: bpy.types.NodeTree, first: bpy.types.NodeSocket, second: bpy.types.NodeSocket | float, height: float
+) -> bpy.types.NodeSocket:
+    """The product of a socket's value and another, or a number."""
+    node = _node(tree, "ShaderNodeMath", (-280.0, height))
+    node.operation = "MULTIPLY"
+    tree.links.new(first, node.inputs[0])
+    if isinstance(second, float):
+        node.inputs[1].default_value = second
+    else:
+        tree.links.new(second, node.inputs[1])
+    return node.outputs[0]
 
 
 def _gltf_output(tree: bpy.types.NodeTree) -> bpy.types.Node:

@@ -33,3 +33,14 @@ def append_view(document: dict[str, Any], binary: bytes, data: bytes, **more: in
     binary += b"\0" * (-len(binary) % 4)
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), **more})
     return len(document["bufferViews"]) - 1, binary + data
+
+
+def append_texture(
+    document: dict[str, Any], binary: bytes, material: dict[str, Any], name: str, png: bytes
+) -> tuple[int, bytes]:
+    """The number of a new texture, looked up as the base colour of `material` is, and the chunk with its image."""
+    view, binary = append_view(document, binary, png)
+    document["images"].append({"bufferView": view, "mimeType": "image/png", "name": name})
+    colors = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+    document["textures"].append({**colors, "source": len(document["images"]) - 1})
+    return len(document["textures"]) - 1, binary

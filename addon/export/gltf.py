@@ -17,6 +17,7 @@ from ..build.morphs import add_point_attribute
 from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
+from .translucency import add_translucency
 from .visibility import add_visibility
 
 FALLBACK_SETS = (2, 3)
@@ -102,6 +103,7 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
     add_visibility(path, collection)
+    add_translucency(path, collection)
     add_tangents(path)
 
 

@@ -15,6 +15,7 @@ import leafcloud
 
 from ..settings import SMALLEST_TEXTURE
 from .glb_file import append_view, read_glb, write_glb
+from .translucency import DIFFUSE_TRANSMISSION
 
 ENGINES = ("three", "babylon")
 """The engines that are known to take it."""
@@ -86,6 +87,9 @@ _TEXTURES: dict[str, Callable[[dict[str, Any]], int | None]] = {
     "base_color": _in_surface("baseColorTexture"),
     "gloss": _in_surface("metallicRoughnessTexture"),
     "normal": lambda material: _index(material.get("normalTexture")),
+    "translucency": lambda material: _index(
+        material.get("extensions", {}).get(DIFFUSE_TRANSMISSION, {}).get("diffuseTransmissionColorTexture"),
+    ),
     "visibility": lambda material: _index(
         material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture"),
     ),

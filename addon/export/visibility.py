@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 from ..build.materials import VISIBILITY_NODE
-from .glb_file import append_view, read_glb, write_glb
+from .glb_file import append_texture, read_glb, write_glb
 
 
 def add_visibility(path: Path, collection: bpy.types.Collection) -> None:
@@ -31,10 +31,7 @@ def add_visibility(path: Path, collection: bpy.types.Collection) -> None:
         image = images.get(material["name"])
         if image is None or image.packed_file is None:
             continue
-        view, binary = append_view(document, binary, image.packed_file.data)
-        document["images"].append({"bufferView": view, "mimeType": "image/png", "name": image.name})
-        colors = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
-        document["textures"].append({**colors, "source": len(document["images"]) - 1})
+        number, binary = append_texture(document, binary, material, image.name, image.packed_file.data)
         extras = material.setdefault("extras", {}).setdefault("leafcloud", {})
-        extras["visibilityTexture"] = {"index": len(document["textures"]) - 1}
+        extras["visibilityTexture"] = {"index": number}
     write_glb(path, document, binary)

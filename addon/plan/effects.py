@@ -25,12 +25,15 @@ class Facts:
     leaves: int = 0
     glossy: str | None = None
     """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
+    translucent: str | None = None
+    """A leaf material through which light shines."""
 
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
-        return (_transitions(facts), _pruning(facts), _back_sides(), _normals(facts), _gloss(facts), *_SKY)
+        read = (_normals(facts), _gloss(facts), _translucency(facts))
+        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY)
     forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
     return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
 
@@ -86,6 +89,13 @@ def _gloss(facts: Facts) -> Effect:
     if facts.glossy is None:
         return Effect("gloss", False, "all leaves are equally glossy, which takes a number and no texture")
     return Effect("gloss", True, f"lights are mirrored in the material {facts.glossy!r} otherwise than elsewhere")
+
+
+def _translucency(facts: Facts) -> Effect:
+    if facts.translucent is None:
+        return Effect("translucency", False, "no light shines through the leaves' materials")
+    reason = f"{_free_light(facts.engine)}, and it shines through the material {facts.translucent!r}"
+    return Effect("translucency", True, reason)
 
 
 _SKY = (

@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 
 from . import SceneError
 from .extract import Geometry, world_positions
-from .flatten import Flattened, flatten
+from .flatten import Flattened, Light, flatten
 from .node_links import shown_nodes
 from .shading import read_shading
-from .surface import Surface, Texture, read_surface
+from .surface import Rgb, Surface, Texture, read_surface
 from .tints import Islands, tints
+from .translucency import Translucency, read_translucency
 
 Pixels = NDArray[np.uint8]
 
 _SEEN = 1.0 / 512.0
 """Tints that differ less from white tell no leaves apart."""
+
+_FEW = 0.01
+"""Of a material's texels: so many may be cut without a word."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Of linear Rec. 709 colours, which is what Blender turns a colour into where a value is wanted."""
@@ -40,6 +44,8 @@ class MaterialDescription(TypedDict):
     roughness: float
     metallic: float
     gloss: Pixels | None
+    translucency: Rgb
+    translucency_image: Pixels | None
 
 
 @dataclass(frozen=True)
@@ -52,28 +58,32 @@ class Described:
 
 
 def describe_material(
-    material: bpy.types.Material | None, channels: Collection[str] = ()
+    material: bpy.types.Material | None, channels: Collection[str] = (), share: float = 0.0
 ) -> tuple[MaterialDescription, list[str]]:
     """A material in the words of the core, and a sentence for each thing that could not be read.
 
-    `channels` out of "normals" and "gloss" are described, too; without them a leaf is smooth and rough.
+    `channels` out of "normals" and "gloss" are described, too; without them a leaf is smooth and rough. `share`: of the
+    light that shines through the tree's leaves (see `translucency`); where it is 0 they are opaque.
 
     `base_color` is linear; `image` is (h, w, 4) sRGB with straight alpha, row 0 on top, `None` where no image counts.
     A colour attribute that multiplies them is not here but in `Geometry.colors`.
     Raises `SceneError` when an image has no pixels, because its file is missing or cannot be read.
     """
-    description, messages, _ = _described(material, channels)
+    description, messages, _ = _described(material, channels, share)
     return description, messages
 
 
 def describe_materials(
-    geometry: Geometry, channels: Collection[str] = (), matrix: NDArray[np.float64] | None = None
+    geometry: Geometry,
+    channels: Collection[str] = (),
+    matrix: NDArray[np.float64] | None = None,
+    share: float = 0.0,
 ) -> Described:
     """All materials of a geometry, and what tells its leaves apart, which `matrix` carries to the world.
 
-    Raises `SceneError` as `describe_material`.
+    `channels` and `share` as in `describe_material`. Raises `SceneError` as `describe_material`.
     """
-    described = [_described(material, channels) for material in geometry.materials]
+    described = [_described(material, channels, share) for material in geometry.materials]
     colors = geometry.colors
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
         chosen = geometry.material_ids == number
@@ -91,10 +101,11 @@ def describe_materials(
 
 
 def _described(
-    material: bpy.types.Material | None, channels: Collection[str]
+    material: bpy.types.Material | None, channels: Collection[str], share: float
 ) -> tuple[MaterialDescription, list[str], Flattened | None]:
     """What it is, what there is to say of it, and its rendering where there is one."""
     surface = read_surface(material)
+    through = read_translucency(material, surface) if share > 0.0 else Translucency()
     description = MaterialDescription(
         name=surface.name,
         base_color=(*surface.color, surface.alpha),
@@ -106,14 +117,20 @@ def _described(
         roughness=1.0,
         metallic=0.0,
         gloss=None,
+        translucency=(0.0, 0.0, 0.0),
+        translucency_image=None,
     )
-    messages = list(surface.warnings)
+    # A mix whose translucency is read is read whole.
+    messages = [] if through.share > 0.0 else list(surface.warnings)
     flat = None
     if surface.gaps and material is not None:
-        flat, said = _flat(material, surface)
+        flat, said = _flat(material, surface, "reflected" if through.share > 0.0 else "all")
         messages.append(said)
         if flat is not None:
             description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
+    if through.share > 0.0:
+        assert material is not None  # which is opaque
+        messages += _part_light(description, material, through, share)
     if channels:
         shading = read_shading(material, surface.texture)
         if "gloss" in channels:
@@ -133,7 +150,7 @@ class _Flat(TypedDict, total=False):
     alpha_cutoff: float
 
 
-def _flat(material: bpy.types.Material, surface: Surface) -> tuple[Flattened | None, str]:
+def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple[Flattened | None, str]:
     """The material as Cycles renders it, if it can, and what there is to say of it."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
     if surface.layout is None:
@@ -145,7 +162,7 @@ def _flat(material: bpy.types.Material, surface: Surface) -> tuple[Flattened | N
     for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
             _check_readable(node.image, surface.name)
-    flat = flatten(material)
+    flat = flatten(material, light)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
     # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
     lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
@@ -155,10 +172,15 @@ def _flat(material: bpy.types.Material, surface: Surface) -> tuple[Flattened | N
 
 
 def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
+    mode = _alpha_mode(pixels[..., 3:])
+    return {"base_color": (1.0, 1.0, 1.0, 1.0), "image": _straight(pixels), "alpha_mode": mode, "alpha_cutoff": 0.5}
+
+
+def _straight(pixels: NDArray[np.float32]) -> Pixels:
+    """A rendering in sRGB with straight alpha."""
     alpha = pixels[..., 3:]
     color = np.divide(pixels[..., :3], alpha, out=np.zeros_like(pixels[..., :3]), where=alpha > 1e-4)
-    image = _bytes(np.concatenate([_encoded(color), alpha], axis=2))
-    return {"base_color": (1.0, 1.0, 1.0, 1.0), "image": image, "alpha_mode": _alpha_mode(alpha), "alpha_cutoff": 0.5}
+    return _bytes(np.concatenate([_encoded(color), alpha], axis=2))
 
 
 def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"]:
@@ -168,6 +190,56 @@ def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"
     between = np.mean((alpha > 0.1) & (alpha < 0.9))
     covered = np.mean(alpha >= 0.9)
     return "MASK" if between <= covered else "BLEND"
+
+
+def _part_light(
+    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float
+) -> list[str]:
+    """Parts the light of a translucent material by the `share` of the tree's leaves, and says what has no room.
+
+    See `translucency` for the form.
+    """
+    red, green, blue, alpha = description["base_color"]
+    reflected = _brightened((red, green, blue), description["image"], through.reflected / (1.0 - share))
+    shining = _brightened(through.color, _translucency_image(material, through.texture), 1.0 / share)
+    description["base_color"], description["image"] = (*reflected.factor, alpha), reflected.image
+    description["translucency"], description["translucency_image"] = shining.factor, shining.image
+    limits = [(reflected.cut, "reflects", 1.0 - share), (shining.cut, "lets through", share)]
+    return [
+        f"material {material.name!r} {does} more than {limit:.0%} of the light, which is all that fits the most "
+        f"translucent leaves of the tree: its brightest colours are cut there; give it darker ones"
+        for cut, does, limit in limits
+        if cut
+    ]
+
+
+def _translucency_image(material: bpy.types.Material, texture: Texture | None) -> Pixels | None:
+    if texture is None:
+        return None
+    if texture.image is None:
+        return _straight(flatten(material, "transmitted").pixels)
+    return _pixels(texture.image, material.name)
+
+
+@dataclass(frozen=True)
+class _Brightened:
+    factor: Rgb
+    image: Pixels | None
+    cut: bool
+    """Whether more than a few of its colours would be brighter than 1."""
+
+
+def _brightened(factor: Rgb, image: Pixels | None, by: float) -> _Brightened:
+    """factor · image, brighter: neither may be greater than 1, so what is too much for the one goes into the other."""
+    red, green, blue = (by * part for part in factor)
+    most = max(red, green, blue)
+    if most <= 1.0 + 1e-6 or image is None:
+        return _Brightened((min(red, 1.0), min(green, 1.0), min(blue, 1.0)), image, most > 1.0 + 1e-6)
+    rest = (red / most, green / most, blue / most)
+    color, alpha = most * _decoded(image[..., :3].astype(np.float32) / 255.0), image[..., 3:]
+    drawn = alpha[..., 0] > 0
+    cut = bool((color[drawn] * rest > 1.0).any(axis=1).mean() > _FEW) if drawn.any() else False
+    return _Brightened(rest, np.concatenate([_bytes(_encoded(color)), alpha], axis=2), cut)
 
 
 def _data(texture: Texture | None, material_name: str) -> Pixels | None:

@@ -1,8 +1,9 @@
 """What Cycles makes of a material whose nodes are no plain product: base colour and alpha as an image over its UV map.
 
 The shaders are replaced by what they say of colour and alpha, on a copy of the material: a Mix Shader mixes both, a
-Transparent BSDF has no alpha, all others have their colour. A square that lies on the whole of the UV map is rendered
-with it, flat, from above. So image textures, ramps, mixes, curves and node groups count as they are, whatever they are.
+Transparent BSDF has no alpha, all others have their colour, or the part of it that is reflected or shines through. A
+square that lies on the whole of the UV map is rendered with it, flat, from above. So image textures, ramps, mixes,
+curves and node groups count as they are, whatever they are.
 
 What differs from leaf to leaf has one value on the square; `tints` says how the leaves differ from it.
 """
@@ -14,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 import numpy as np
@@ -34,6 +35,9 @@ RANDOM = "leafcloud_random"
 
 WHITE = "leafcloud_white"
 """The colour attribute that stands for the one that renders."""
+
+Light = Literal["all", "reflected", "transmitted"]
+"""Whose colour is shown. What is transmitted has the alpha of all: that says where the leaf is."""
 
 _KEPT = {
     "OBJECT_INFO": {"Random"},
@@ -63,15 +67,16 @@ class Flattened:
     """Whether leaves differ by where they are, or by the random number of their island or object."""
     lost: tuple[str, ...]
     """The nodes that tell leaves apart by what is not known here."""
+    light: Light = "all"
 
 
-def flatten(material: bpy.types.Material) -> Flattened:
+def flatten(material: bpy.types.Material, light: Light = "all") -> Flattened:
     """Renders a material that can be (see `can_render`). The scenes and materials of the file stay as they are.
 
     Raises `SceneError` when Cycles does not.
     """
     nodes = shown_nodes(material.node_tree)
-    with cycles_errors(material), flat_material(material) as flat, scratch_scene() as scene:
+    with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
         mesh = _square(nodes)
         mesh.materials.append(flat)
         try:
@@ -79,7 +84,8 @@ def flatten(material: bpy.types.Material) -> Flattened:
         finally:
             bpy.data.meshes.remove(mesh)
     lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
-    return Flattened(pixels, any(_gives(node, _KEPT) or _is_generated(node) for node in nodes), tuple(lost))
+    varies = any(_gives(node, _KEPT) or _is_generated(node) for node in nodes)
+    return Flattened(pixels, varies, tuple(lost), light)
 
 
 def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
@@ -109,7 +115,9 @@ def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
 
 
 @contextmanager
-def flat_material(material: bpy.types.Material, *, opaque: bool = False) -> Iterator[bpy.types.Material]:
+def flat_material(
+    material: bpy.types.Material, light: Light = "all", *, opaque: bool = False
+) -> Iterator[bpy.types.Material]:
     """A copy that shines with its premultiplied colour, and lets through what alpha leaves.
 
     `opaque`: with its own colour, and lets through nothing.
@@ -120,7 +128,7 @@ def flat_material(material: bpy.types.Material, *, opaque: bool = False) -> Iter
         _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
             _read_randoms(tree)
-        _replace_shaders(copy.node_tree, opaque=opaque)
+        _replace_shaders(copy.node_tree, light, opaque=opaque)
         yield copy
     finally:
         bpy.data.materials.remove(copy)
@@ -223,10 +231,10 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
     return values.reshape(side, side, 4)[::-1]
 
 
-def _replace_shaders(tree: bpy.types.NodeTree, *, opaque: bool) -> None:
+def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) -> None:
     output = output_of(tree)
     assert output is not None  # else it cannot be rendered
-    builder = _Builder(tree)
+    builder = _Builder(tree, light)
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
     if opaque:
         color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
@@ -247,8 +255,11 @@ _BLACK = (0.0, 0.0, 0.0, 1.0)
 class _Builder:
     """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
 
-    def __init__(self, tree: bpy.types.NodeTree, outside: tuple[_Builder, bpy.types.Node] | None = None) -> None:
+    def __init__(
+        self, tree: bpy.types.NodeTree, light: Light, outside: tuple[_Builder, bpy.types.Node] | None = None
+    ) -> None:
         self.tree = tree
+        self.light = light
         self.outside = outside
         """Of a group's tree: who builds around it, and the group's node there."""
 
@@ -288,10 +299,26 @@ class _Builder:
         color = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
         if color is None:
             return _BLACK, 1.0
+        shown = self._part(node, self.read(color))
         if node.type != "BSDF_PRINCIPLED":
-            return self.read(color), 1.0
+            return shown, 1.0
         alpha = self.read(node.inputs["Alpha"])
-        return self.scaled(self.read(color), alpha), alpha
+        return self.scaled(shown, alpha), alpha
+
+    def _part(self, node: bpy.types.Node, color: Any) -> Any:
+        """Of a shader's colour what belongs to the light that is looked at."""
+        if self.light == "all":
+            return color
+        through = self._through(node)
+        return self.scaled(color, through if self.light == "transmitted" else self.math("SUBTRACT", 1.0, through))
+
+    def _through(self, node: bpy.types.Node) -> Any:
+        """The share of a shader's light that shines through, as `translucency` reads it."""
+        if node.type == "BSDF_PRINCIPLED":
+            clear, inside = (self.read(node.inputs[f"{name} Weight"]) for name in ("Transmission", "Subsurface"))
+            back = self.math("SUBTRACT", 1.0, self.math("MULTIPLY", 0.5, inside))
+            return self.math("SUBTRACT", 1.0, self.math("MULTIPLY", self.math("SUBTRACT", 1.0, clear), back))
+        return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(node.type, 0.0)
 
     def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """The same inside the group, handed out by two sockets more."""
@@ -301,7 +328,7 @@ class _Builder:
         end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
         if end is None:
             return _BLACK, 0.0
-        inside = _Builder(tree, (self, node))
+        inside = _Builder(tree, self.light, (self, node))
         inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
         values = inside.color_and_alpha(inner)
         handed = []

@@ -84,7 +84,7 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
     images = {texture for texture in found if texture is not None}
     # The image multiplies both: a part that is not linked to it may only be 0.
     scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
-    if len(images) != 1 or None in found or scaled or not _laid_like(colors, *images):
+    if len(images) != 1 or None in found or scaled or not laid_like(colors, *images):
         raise NotUnderstoodError(
             "roughness or metallic is no constant and no image laid like the colours; rough stands for it"
         )
@@ -118,13 +118,13 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
         image = follow(source.input("Color"))
         if _is_color_of_image(image):
             texture = texture_of(image)
-            if _laid_like(colors, texture):
+            if laid_like(colors, texture):
                 return replace(shading, normal=texture)
     raise NotUnderstoodError(
         f"normals come from the node {node.name!r}, not from a tangent-space map of strength 1; smooth stands for it"
     )
 
 
-def _laid_like(colors: Texture | None, texture: Texture) -> bool:
+def laid_like(colors: Texture | None, texture: Texture) -> bool:
     """Whether the mesh has the texture where it has its colours; without colours, as plainly as can be."""
     return laid_alike(texture, colors or Texture(texture.image))

@@ -72,7 +72,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class _Product:
+class Product:
     """A product of a factor (three equal numbers for alpha), an image's channel and a colour attribute."""
 
     factor: Rgb = (1.0, 1.0, 1.0)
@@ -84,13 +84,13 @@ class _Product:
     def constant(self) -> bool:
         return self.texture is None and self.attribute is None
 
-    def times(self, other: _Product) -> _Product:
+    def times(self, other: Product) -> Product:
         if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
             raise NotUnderstoodError("multiplies two images or two colour attributes")
         textured = self if self.texture else other
         red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
         attribute = other.attribute if self.attribute is None else self.attribute
-        return _Product((red, green, blue), textured.texture, textured.channel, attribute)
+        return Product((red, green, blue), textured.texture, textured.channel, attribute)
 
 
 class NotUnderstoodError(Exception):
@@ -145,8 +145,27 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
+def shader_of(material: bpy.types.Material) -> Output | None:
+    """What makes the material's surface where it is not cut out, if anything does."""
+    if not _has_nodes(material):
+        return None
+    try:
+        return _behind_cut_outs(material.node_tree)[0]
+    except NotUnderstoodError:
+        return None
+
+
 def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], bool]:
     """The Principled BSDF upstream of the active output, inputs that multiply its alpha, whether others mix in."""
+    shader, opacity = _behind_cut_outs(tree)
+    for found in _shaders(shader):
+        if found.node.type == "BSDF_PRINCIPLED":
+            return found, opacity, found.node != shader.node
+    raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
+
+
+def _behind_cut_outs(tree: bpy.types.NodeTree) -> tuple[Output, list[Input]]:
+    """The shader upstream of the active output, and the inputs that cut it out."""
     output = next(filter(None, map(tree.get_output_node, ("ALL", "EEVEE", "CYCLES"))), None)
     shader = follow(Input(output.inputs["Surface"])) if output is not None else None
     if not isinstance(shader, Output):
@@ -159,10 +178,7 @@ def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], boo
         if not isinstance(behind, Output):
             raise NotUnderstoodError("has no shader")
         shader = behind
-    for found in _shaders(shader):
-        if found.node.type == "BSDF_PRINCIPLED":
-            return found, opacity, found.node != shader.node
-    raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
+    return shader, opacity
 
 
 def _is_cut_out(shader: Output) -> bool:
@@ -186,7 +202,7 @@ def _shaders(shader: Output) -> Iterator[Output]:
 
 def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
     try:
-        product = _color_product(principled.input("Base Color"))
+        product = color_product(principled.input("Base Color"))
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "base colour", reason, tree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
@@ -247,31 +263,31 @@ def _map_behind(image: bpy.types.Node) -> str:
     return ACTIVE
 
 
-def _color_product(target: Input) -> _Product:
-    """The product behind a colour input."""
+def color_product(target: Input) -> Product:
+    """The product behind a colour input. Raises `NotUnderstoodError`."""
     grey = number_at(target)
     if grey is not None:
-        return _Product((grey, grey, grey))
+        return Product((grey, grey, grey))
     source = follow(target)
     node = source.socket.node
     if isinstance(source, Input) or node.type == "RGB":
         red, green, blue, _ = source.socket.default_value
-        return _Product((red, green, blue))
+        return Product((red, green, blue))
     if node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY":
         if number_at(source.input("Factor_Float")) == 1.0:
-            return _color_product(source.input("A_Color")).times(_color_product(source.input("B_Color")))
+            return color_product(source.input("A_Color")).times(color_product(source.input("B_Color")))
         raise NotUnderstoodError(f"is multiplied in part by the node {node.name!r}")
     if source.socket.name == "Color":
         return _leaf_product(source)
     raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
 
 
-def _alpha_product(targets: list[Input]) -> tuple[_Product, float | None]:
+def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
     """The product behind the alpha inputs and its cut-off, `None` where it is not cut."""
     constants = [number_at(target) for target in targets]
     varying = [target for target, constant in zip(targets, constants, strict=True) if constant is None]
     scale = math.prod(constant for constant in constants if constant is not None)
-    product = _Product((scale, scale, scale))
+    product = Product((scale, scale, scale))
     if not varying:
         return product, None
     if len(varying) > 1:
@@ -282,11 +298,11 @@ def _alpha_product(targets: list[Input]) -> tuple[_Product, float | None]:
     return product.times(_value_product(behind)), cutoff
 
 
-def _value_product(target: Input) -> _Product:
+def _value_product(target: Input) -> Product:
     """The product behind a value input."""
     constant = number_at(target)
     if constant is not None:
-        return _Product((constant, constant, constant))
+        return Product((constant, constant, constant))
     source = follow(target)
     if isinstance(source, Input):
         raise NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
@@ -299,15 +315,15 @@ def _value_product(target: Input) -> _Product:
     raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
 
 
-def _leaf_product(source: Output) -> _Product:
+def _leaf_product(source: Output) -> Product:
     """An image or a colour attribute, at the output Color or Alpha."""
     node = source.node
     if node.type == "TEX_IMAGE":
-        return _Product(texture=texture_of(source), channel=source.socket.name)
+        return Product(texture=texture_of(source), channel=source.socket.name)
     if node.type == "VERTEX_COLOR":
-        return _Product(attribute=node.layer_name)
+        return Product(attribute=node.layer_name)
     if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
-        return _Product(attribute=node.attribute_name)
+        return Product(attribute=node.attribute_name)
     raise NotUnderstoodError(f"comes from the node {node.name!r}")
 
 

@@ -37,7 +37,8 @@ def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDA
     place, expected = _typical(flat.pixels)
     mesh = _mesh(leaves, shown_nodes(material.node_tree), place)
     try:
-        with cycles_errors(material), flat_material(material, opaque=True) as shown, scratch_scene() as scene:
+        shines = flat_material(material, flat.light, opaque=True)
+        with cycles_errors(material), shines as shown, scratch_scene() as scene:
             mesh.materials.append(shown)
             seen = _baked(scene, mesh)
     finally:

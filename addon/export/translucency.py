@@ -1,0 +1,46 @@
+"""The light that shines through the clouds, in a GLB file: `KHR_materials_diffuse_transmission`.
+
+The extension mixes as the clouds' materials in Blender do: (1 − factor) · base colour is reflected, factor · colour
+shines through. Where a page has opaque parts, the alpha of the same image multiplies the factor. Blender's exporter
+does not know the extension; engines that do not either reflect the whole base colour.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..build.materials import SHARE_NODE, TRANSLUCENCY_NODE
+from .glb_file import append_texture, read_glb, write_glb
+
+DIFFUSE_TRANSMISSION = "KHR_materials_diffuse_transmission"
+
+
+def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
+    """Adds what the materials in `collection` let through to the GLB file that it was written to."""
+    trees = {
+        material.name: material.node_tree
+        for obj in collection.objects
+        for material in obj.data.materials
+        if material is not None and material.node_tree is not None and TRANSLUCENCY_NODE in material.node_tree.nodes
+    }
+    if not trees:
+        return
+    document, binary = read_glb(path)
+    for material in document.get("materials", []):
+        tree = trees.get(material["name"])
+        image = None if tree is None else tree.nodes[TRANSLUCENCY_NODE].image
+        if tree is None or image is None or image.packed_file is None:
+            continue
+        number, binary = append_texture(document, binary, material, image.name, image.packed_file.data)
+        extension = material.setdefault("extensions", {})[DIFFUSE_TRANSMISSION] = {
+            "diffuseTransmissionFactor": tree.nodes[SHARE_NODE].inputs[1].default_value,
+            "diffuseTransmissionColorTexture": {"index": number},
+        }
+        if tree.nodes[TRANSLUCENCY_NODE].outputs["Alpha"].is_linked:
+            # A texture of its own: KTX2, which may take the place of the first, has no alpha here.
+            document["textures"].append(dict(document["textures"][number]))
+            extension["diffuseTransmissionTexture"] = {"index": number + 1}
+        document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), DIFFUSE_TRANSMISSION})
+    write_glb(path, document, binary)

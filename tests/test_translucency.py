@@ -1,0 +1,364 @@
+"""Light that shines through leaves: read from their materials, and seen through the clouds as through the leaves."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import new_image, new_material, texture_node
+from scenes import add_mesh, read
+
+from addon.baked import Baked
+from addon.export.gltf import export_level
+from addon.export.ktx2 import Ktx2Textures
+from addon.pipeline import bake
+from addon.scene.describe import describe_material
+from addon.scene.flatten import flatten
+from addon.scene.surface import read_surface
+from addon.scene.translucency import Translucent, read_translucency, translucent_of
+from addon.settings import BakeSettings
+
+GREEN, YELLOW = (0.1, 0.3, 0.05), (0.3, 0.5, 0.1)
+"""What the leaves reflect, and what shines through them."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def shader(tree: Any, kind: str, color: tuple[float, float, float]) -> bpy.types.Node:
+    node = tree.nodes.new(f"ShaderNodeBsdf{kind}")
+    node.inputs["Color"].default_value = (*color, 1.0)
+    return node
+
+
+def mixed(tree: Any, first: bpy.types.Node, second: bpy.types.Node, share: float | None) -> bpy.types.Node:
+    """A Mix Shader, or an Add Shader without a share."""
+    node = tree.nodes.new("ShaderNodeAddShader" if share is None else "ShaderNodeMixShader")
+    if share is not None:
+        node.inputs[0].default_value = share
+    for source, target in zip((first, second), list(node.inputs)[-2:], strict=True):
+        tree.links.new(source.outputs[0], target)
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return node
+
+
+def leaf(share: float | None = 0.4, kind: str = "Principled") -> bpy.types.Material:
+    """A rough leaf without highlights, mixed with a Translucent BSDF."""
+    material, principled, tree = new_material()
+    principled.inputs["Base Color"].default_value = (*GREEN, 1.0)
+    principled.inputs["Roughness"].default_value, principled.inputs["Specular IOR Level"].default_value = 1.0, 0.0
+    front = principled if kind == "Principled" else shader(tree, kind, GREEN)
+    mixed(tree, front, shader(tree, "Translucent", YELLOW), share)
+    return material
+
+
+def field(material: bpy.types.Material) -> bpy.types.Object:
+    """Leaves that lie about flat side by side, so that none stands in another's light."""
+    heights = np.random.default_rng(2).uniform(-0.02, 0.02, 16)
+    corners = [
+        (x + dx, y + dy, float(heights[4 * x + y]))
+        for x in range(4)
+        for y in range(4)
+        for dx, dy in ((0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9))
+    ]
+    faces = [(i, i + 1, i + 2, i + 3) for i in range(0, 64, 4)]
+    return add_mesh("leaves", corners, faces, materials=[material])
+
+
+def baked(material: bpy.types.Material, effects: str, *others: bpy.types.Object, **shape: Any) -> Baked:
+    """A field of leaves, and others that are none."""
+    obj = field(material)
+    tree = read([obj, *others], ["leaves"])
+    settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 128, **shape})
+    result = bake(tree, settings, bpy.context.scene, "tree", lambda stage, fraction: True)
+    for source in (obj, *others):
+        source.hide_render = True
+    return result
+
+
+def seen(result: Baked, shown: int, folder: Path, *, behind: bool) -> float:
+    """Mean luminance of one level, seen from above under a sun that stands there, too, or behind it."""
+    scene = bpy.context.scene
+    for level in result.levels:
+        level.object.hide_render = level.number != shown
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.location, camera.data.type, camera.data.ortho_scale = (2.0, 2.0, 5.0), "ORTHO", 4.0
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = math.pi, (math.pi if behind else 0.0, 0.0, 0.0)
+    for added in (camera, sun):
+        scene.collection.objects.link(added)
+    scene.camera, scene.render.engine, scene.cycles.device = camera, "CYCLES", "CPU"
+    scene.cycles.samples, scene.cycles.use_denoising = 64, False
+    scene.render.resolution_x = scene.render.resolution_y = 32
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(folder / f"{shown}{behind}.exr")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = np.empty(32 * 32 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    for added in (camera, sun):
+        bpy.data.objects.remove(added)
+    return float((pixels.reshape(-1, 4)[:, :3] @ LUMINANCE).mean())
+
+
+def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:
+    return read_translucency(material, read_surface(material)).warnings
+
+
+# Reading
+
+
+def test_a_mix_keeps_its_colours() -> None:
+    """With the share of all leaves as its own: base colour and translucency are what the nodes say."""
+    description, messages = describe_material(leaf(0.4), share=0.4)
+    assert description["base_color"] == pytest.approx((*GREEN, 1.0))
+    assert description["translucency"] == pytest.approx(YELLOW)
+    assert (description["translucency_image"], messages) == (None, [])
+    assert translucent_of([None, leaf(0.4), leaf(0.6)]) == Translucent(pytest.approx(0.6), "m.001")
+
+
+def test_the_translucent_shader_may_come_first() -> None:
+    material, principled, tree = new_material()
+    mixed(tree, shader(tree, "Translucent", YELLOW), principled, 0.75)
+    assert translucent_of([material]).share == 0.25
+
+
+def test_leaves_that_are_less_translucent_than_others_reflect_more() -> None:
+    """One quarter beside one half: R = ¾ green = ½ · 1½ green, T = ¼ yellow = ½ · ½ yellow."""
+    description, messages = describe_material(leaf(0.25), share=0.5)
+    assert description["base_color"][:3] == pytest.approx([1.5 * part for part in GREEN])
+    assert description["translucency"] == pytest.approx([0.5 * part for part in YELLOW])
+    assert messages == []
+    opaque, _, _ = new_material()
+    assert describe_material(opaque, share=0.5) == describe_material(opaque)
+
+
+def test_added_shaders_have_half_the_light_each() -> None:
+    material = leaf(None)
+    assert translucent_of([material]).share == 0.5
+    description, messages = describe_material(material, share=0.5)
+    assert description["base_color"][:3] == pytest.approx([2.0 * part for part in GREEN])
+    assert description["translucency"] == pytest.approx([2.0 * part for part in YELLOW])
+    assert messages == []
+
+
+@pytest.mark.parametrize(
+    ("transmission", "subsurface", "share"), [(0.5, 0.0, 0.5), (0.0, 0.5, 0.25), (0.5, 0.5, 0.625), (1.0, 0.0, 0.9)]
+)
+def test_the_weights_of_a_principled_bsdf(transmission: float, subsurface: float, share: float) -> None:
+    """What is transmitted, and half of what is scattered; a tenth is left for what others reflect."""
+    material, principled, _ = new_material()
+    principled.inputs["Base Color"].default_value = (*GREEN, 1.0)
+    principled.inputs["Transmission Weight"].default_value = transmission
+    principled.inputs["Subsurface Weight"].default_value = subsurface
+    assert translucent_of([material]).share == pytest.approx(share)
+    description, _ = describe_material(material, share=0.9)
+    through = min(1.0 - (1.0 - transmission) * (1.0 - 0.5 * subsurface), 1.0)
+    assert description["translucency"] == pytest.approx([min(through * part / 0.9, 1.0) for part in GREEN])
+    reflected = [(1.0 - through) * part / 0.1 for part in GREEN]
+    assert description["base_color"][:3] == pytest.approx([min(part, 1.0) for part in reflected])
+
+
+def test_images_are_read_and_brightened() -> None:
+    """Codes 188 and 137 are 0.503 and 0.251: twice as bright is 1 (cut) and 188."""
+    material = leaf(0.25)
+    tree = material.node_tree
+    translucent = next(node for node in tree.nodes if node.type == "BSDF_TRANSLUCENT")
+    principled = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    through = texture_node(tree, new_image("through", [[(10 / 255, 200 / 255, 0.0, 1.0)]]))
+    front = texture_node(tree, new_image("front", [[(188 / 255, 137 / 255, 0.0, 1.0)]]))
+    tree.links.new(through.outputs["Color"], translucent.inputs["Color"])
+    tree.links.new(front.outputs["Color"], principled.inputs["Base Color"])
+    description, messages = describe_material(material, share=0.25)
+    assert (description["base_color"], description["translucency"], messages) == ((1.0,) * 4, (1.0,) * 3, [])
+    assert description["translucency_image"].tolist() == [[[10, 200, 0, 255]]]
+    assert description["image"].tolist() == [[[188, 137, 0, 255]]]
+    brighter, [message] = describe_material(material, share=0.625)
+    assert np.abs(brighter["image"].astype(int) - [[[255, 188, 0, 255]]]).max() <= 1
+    assert brighter["translucency"] == pytest.approx((0.4,) * 3)
+    assert message.startswith("material 'm' reflects more than 38% of the light, ")
+
+
+def test_nothing_shines_through_black() -> None:
+    material = leaf()
+    translucent = next(node for node in material.node_tree.nodes if node.type == "BSDF_TRANSLUCENT")
+    translucent.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    assert translucent_of([material, leaf(0.0), None]) == Translucent(0.0, None)
+
+
+def test_a_mix_is_not_warned_of_where_it_is_read_whole() -> None:
+    material = leaf()
+    assert describe_material(material, share=0.4)[1] == []
+    assert describe_material(material)[1] == ["material 'm' mixes several shaders: only its Principled BSDF "
+                                              "'Principled BSDF' is read"]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ["factor", "weight", "gloss", "both", "layout", "attribute", "nothing"])
+def test_what_is_not_understood_is_said(case: str) -> None:
+    material = leaf()
+    tree = material.node_tree
+    principled, translucent, mix = (
+        next(node for node in tree.nodes if node.type == kind)
+        for kind in ("BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "MIX_SHADER")
+    )
+    image = texture_node(tree, new_image("i", [[(0.5, 0.5, 0.5, 1.0)]]))
+    if case == "factor":
+        tree.links.new(image.outputs["Color"], mix.inputs[0])
+    elif case == "weight":
+        tree.links.new(principled.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        tree.links.new(image.outputs["Color"], principled.inputs["Subsurface Weight"])
+    elif case == "gloss":
+        mixed(tree, mix, tree.nodes.new("ShaderNodeBsdfGlossy"), 0.5)
+    elif case == "both":
+        principled.inputs["Transmission Weight"].default_value = 0.5
+    elif case == "layout":
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], image.inputs["Vector"])
+        image.extension = "CLIP"
+        tree.links.new(image.outputs["Color"], translucent.inputs["Color"])
+    elif case == "attribute":
+        tree.links.new(tree.nodes.new("ShaderNodeVertexColor").outputs["Color"], translucent.inputs["Color"])
+    else:
+        tree.links.remove(mix.inputs[1].links[0])
+        mixed(tree, mix, principled, 0.5)
+    [warning] = warnings_of(material)
+    assert warning.startswith("material 'm': its translucency ")
+    assert warning.endswith("; its leaves count as opaque")
+    described = describe_material(material, share=0.4)[0]
+    assert described["translucency"] == (0.0, 0.0, 0.0)
+    assert translucent_of([material]).material is None
+
+
+def test_translucency_is_rendered_where_the_colours_are() -> None:
+    """Half diffuse, half translucent, cut out by a quarter: what is reflected, and what shines through."""
+    material = leaf(0.5, "Diffuse")
+    tree = material.node_tree
+    mixed(tree, tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes["Mix Shader"], 0.75)
+    for light, color in (("reflected", GREEN), ("transmitted", YELLOW)):
+        expected = (*(0.375 * part for part in color), 0.75)
+        np.testing.assert_allclose(flatten(material, light).pixels[3, 5], expected, atol=1e-3)
+    description, [message] = describe_material(material, share=0.5)
+    assert "it is rendered" in message
+    # Linear 0.1, 0.3, 0.05 and 0.3, 0.5, 0.1 by the standard's formula: half the light is the share of each.
+    assert np.abs(description["image"][3, 5].astype(int) - (89, 149, 63, 191)).max() <= 2
+    assert np.abs(description["translucency_image"][3, 5, :3].astype(int) - (149, 188, 89)).max() <= 2
+    assert description["translucency"] == (1.0, 1.0, 1.0)
+
+
+# Planning
+
+
+def test_the_plan_names_the_material() -> None:
+    result = baked(leaf(), "auto")
+    [effect] = [effect for effect in result.effects if effect.name == "translucency"]
+    assert effect.on
+    assert effect.reason == "light may come from anywhere, and it shines through the material 'm'"
+    assert result.prepared.warnings == ()
+    assert result.costs.bytes["translucency"] == 128 * 128 * 4
+
+
+# Building
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.4, "Principled"), (None, "Principled"), (0.4, "Diffuse")])
+def test_level_1_is_lit_as_its_leaves_are(share: float | None, kind: str, tmp_path: Path) -> None:
+    """Within 5 %, from either side; and as bright as the nodes say, where leaves cover 64 % of the view."""
+    result = baked(leaf(share, kind), "normals,translucency")
+    through, reflected = (1.0, 1.0) if share is None else (share, 1.0 - share)
+    for behind, color, part in ((True, YELLOW, through), (False, GREEN, reflected)):
+        leaves, cloud = (seen(result, number, tmp_path, behind=behind) for number in (0, 1))
+        assert leaves == pytest.approx(0.64 * part * float(LUMINANCE @ color), rel=0.03)
+        assert cloud == pytest.approx(leaves, rel=0.05)
+
+
+def test_without_the_effect_level_1_is_dark_from_behind(tmp_path: Path) -> None:
+    result = baked(leaf(), "normals")
+    leaves, cloud = (seen(result, number, tmp_path, behind=True) for number in (0, 1))
+    assert cloud < 0.1 * leaves
+
+
+# glTF
+
+
+EXTENSION = "KHR_materials_diffuse_transmission"
+
+
+def document_of(path: Path) -> dict[str, Any]:
+    content = path.read_bytes()
+    return json.loads(content[20 : 20 + struct.unpack_from("<I", content, 12)[0]])
+
+
+def trunk() -> bpy.types.Object:
+    """Opaque, and alone in its part of the view."""
+    material, principled, _ = new_material()
+    material.name = "bark"
+    principled.inputs["Base Color"].default_value = (0.7, 0.6, 0.5, 1.0)
+    return add_mesh("trunk", [(5, 0, -1), (6, 0, -1), (6, 0, 1), (5, 0, 1)], [(0, 1, 2, 3)], materials=[material])
+
+
+def test_gltf_tells_what_shines_through(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    result = baked(leaf(), "translucency")
+    file = tmp_path / "tree_LOD1.glb"
+    export_level(result.levels[1], file)
+    document = document_of(file)
+    assert EXTENSION in document["extensionsUsed"]
+    assert EXTENSION not in document.get("extensionsRequired", [])
+    [material] = document["materials"]
+    said = material["extensions"][EXTENSION]
+    assert set(said) == {"diffuseTransmissionFactor", "diffuseTransmissionColorTexture"}, "no part of it is opaque"
+    assert said["diffuseTransmissionFactor"] == pytest.approx(0.4)
+    image = document["images"][document["textures"][said["diffuseTransmissionColorTexture"]["index"]]["source"]]
+    assert (image["name"], image["mimeType"]) == ("tree_LOD1_translucency", "image/png")
+    assert (material["alphaMode"], "baseColorTexture" in material["pbrMetallicRoughness"]) == ("MASK", True)
+    assert gltf_issues(file) == []
+    export_level(result.levels[0], tmp_path / "tree_LOD0.glb")
+    [own] = document_of(tmp_path / "tree_LOD0.glb")["materials"]
+    assert own["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([*GREEN, 1.0])
+
+
+def test_wood_in_the_cross_is_opaque(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    result = baked(leaf(), "translucency", trunk(), cross=True)
+    cross = result.levels[2]
+    color, through = (
+        np.array(cross.object.active_material.node_tree.nodes[name].image.pixels).reshape(64, 64, 4)
+        for name in ("Image Texture", "Leafcloud Translucency")
+    )
+    # Bark is the only thing that is as blue.
+    bark = (color[..., 3] > 0.9) & (color[..., 2] > 0.6)
+    leaves = (color[..., 3] > 0.9) & (color[..., 2] < 0.3)
+    assert bark.sum() > 50 < leaves.sum()
+    assert through[bark][:, 3].max() == 0.0
+    assert through[leaves][:, 3].min() == 1.0
+    file = tmp_path / "cross.glb"
+    export_level(cross, file)
+    said = document_of(file)["materials"][0]["extensions"][EXTENSION]
+    assert "diffuseTransmissionTexture" in said
+    assert gltf_issues(file) == []
+
+
+def test_ktx2_has_the_colours_alone(tmp_path: Path) -> None:
+    """Its alpha says nothing, so the texture of the opaque parts stays PNG."""
+    result = baked(leaf(), "translucency", trunk(), cross=True)
+    file = tmp_path / "cross.glb"
+    export_level(result.levels[2], file)
+    Ktx2Textures({"tree_LOD2": result.chain.levels[1]}).add_to(file)
+    document = document_of(file)
+    said = document["materials"][0]["extensions"][EXTENSION]
+    colors, opaque = (
+        document["textures"][said[f"diffuseTransmission{name}Texture"]["index"]] for name in ("Color", "")
+    )
+    assert "KHR_texture_basisu" in colors["extensions"]
+    assert "extensions" not in opaque
+    assert colors["source"] == opaque["source"]
+    assert len(result.chain.levels[1].ktx2("translucency")) == document["bufferViews"][-1]["byteLength"]
+
+
+def test_without_the_effect_nothing_is_said(tmp_path: Path) -> None:
+    result = baked(leaf(), "none")
+    export_level(result.levels[1], tmp_path / "a.glb")
+    assert EXTENSION not in document_of(tmp_path / "a.glb").get("extensionsUsed", [])
+    assert not any(effect.on for effect in result.effects)
