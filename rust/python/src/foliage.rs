@@ -71,7 +71,7 @@ pub struct PyFoliage(pub Arc<Foliage>);
 #[pymethods]
 impl PyFoliage {
     #[new]
-    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, material_ids = None, materials = None, leaf_ids = None))]
+    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, back_colors = None, material_ids = None, materials = None, leaf_ids = None))]
     #[allow(clippy::too_many_arguments)] // the Python signature
     fn new(
         py: Python<'_>,
@@ -80,6 +80,7 @@ impl PyFoliage {
         uvs: Option<&Bound<'_, PyAny>>,
         normals: Option<&Bound<'_, PyAny>>,
         colors: Option<&Bound<'_, PyAny>>,
+        back_colors: Option<&Bound<'_, PyAny>>,
         material_ids: Option<&Bound<'_, PyAny>>,
         materials: Option<&Bound<'_, PyAny>>,
         leaf_ids: Option<&Bound<'_, PyAny>>,
@@ -92,6 +93,8 @@ impl PyFoliage {
                 .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "normals", &triangles).map(arrays::to_vec3))?,
             colors: colors
                 .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "colors", &triangles).map(arrays::to_vec4))?,
+            back_colors: back_colors
+                .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "back_colors", &triangles).map(arrays::to_vec3))?,
             material_ids: material_ids.map_or(Ok(Vec::new()), material_indices)?,
             leaf_ids: leaf_ids.map_or(Ok(Vec::new()), |v| arrays::identifiers(v, "leaf_ids"))?,
         };

@@ -29,6 +29,8 @@ pub struct Attributes {
     pub normals: Vec<[Vec3; 3]>,
     /// Linear RGBA that multiplies the material's base colour.
     pub colors: Vec<[Vec4; 3]>,
+    /// Linear RGB in its place where a triangle is seen to wind clockwise, as light differs on the two sides of a leaf; empty: no other.
+    pub back_colors: Vec<[Vec3; 3]>,
     /// Index into the materials; empty means the first.
     pub material_ids: Vec<u32>,
     /// Any values, equal within a leaf; empty means connected components.
@@ -272,11 +274,12 @@ fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> R
 const FARTHEST_UV: f32 = 1_048_576.0;
 
 fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize) -> Result<()> {
-    let Attributes { uvs, normals, colors, material_ids, leaf_ids } = attributes;
+    let Attributes { uvs, normals, colors, back_colors, material_ids, leaf_ids } = attributes;
     let lengths = [
         ("uvs", uvs.len()),
         ("normals", normals.len()),
         ("colors", colors.len()),
+        ("back_colors", back_colors.len()),
         ("material_ids", material_ids.len()),
         ("leaf_ids", leaf_ids.len()),
     ];
@@ -295,6 +298,9 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
     }
     if !colors.iter().flatten().all(|c| c.is_finite()) {
         return not_finite("colors");
+    }
+    if !back_colors.iter().flatten().all(|c| c.is_finite()) {
+        return not_finite("back_colors");
     }
     if !normals.iter().flatten().all(|n| n.is_finite()) {
         return not_finite("normals");

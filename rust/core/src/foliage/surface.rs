@@ -13,6 +13,7 @@ pub struct Surface<'a> {
     material: &'a Material,
     uvs: [Vec2; 3],
     colors: Option<[Vec4; 3]>,
+    back_colors: Option<[Vec3; 3]>,
     normals: Option<[Vec3; 3]>,
     /// From point to point of a row, in texture space.
     across: Vec2,
@@ -67,6 +68,7 @@ impl<'a> Surface<'a> {
         let material = foliage.material(triangle);
         let uvs = attributes.uvs.get(triangle).copied().unwrap_or_default();
         let colors = attributes.colors.get(triangle).copied();
+        let back_colors = attributes.back_colors.get(triangle).copied();
         let [across, down] = steps.map(|w| uvs[0] * w.x + uvs[1] * w.y + uvs[2] * w.z);
         let spread = across.perp_dot(down).abs();
         // Corners of different alpha move the edge of a mask: no pyramid knows it.
@@ -94,7 +96,7 @@ impl<'a> Surface<'a> {
             Some(Near { least, of_block: greatest(across + down)?, of_run: greatest(across)? })
         });
         let normals = attributes.normals.get(triangle).copied();
-        Self { material, uvs, colors, normals, across, sample: spread, alpha, near }
+        Self { material, uvs, colors, back_colors, normals, across, sample: spread, alpha, near }
     }
 
     /// Whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, by the weights of their middle.
@@ -135,9 +137,13 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// The linear base colour there.
-    pub fn base_color(&self, spot: Spot) -> Vec3 {
-        self.factor(spot.weights).truncate() * self.texture(self.material.image.as_ref(), spot, Encoding::Srgb)
+    /// The linear base colour there, of the side that winds counter-clockwise (the front) or of the other.
+    pub fn base_color(&self, spot: Spot, front: bool) -> Vec3 {
+        let factor = match self.back_colors {
+            Some(colors) if !front => self.material.base_color.truncate() * between_corners(colors, spot.weights),
+            _ => self.factor(spot.weights).truncate(),
+        };
+        factor * self.texture(self.material.image.as_ref(), spot, Encoding::Srgb)
     }
 
     /// Occlusion, roughness and metallic there.
@@ -157,7 +163,7 @@ impl<'a> Surface<'a> {
         let [a, b, c] = *corners;
         let (u, v) = (b - a, c - a);
         let flat = u.cross(v).try_normalize()?;
-        let smooth = self.normals.map_or(flat, |[a, b, c]| a * weights.x + b * weights.y + c * weights.z);
+        let smooth = self.normals.map_or(flat, |normals| between_corners(normals, weights));
         let smooth = smooth.try_normalize().unwrap_or(flat);
         // Normals against the winding, as mirrored meshes have them, mean the same surface.
         let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
@@ -192,6 +198,10 @@ impl<'a> Surface<'a> {
             Some(level) => between(level, self.uv(spot.weights)),
         }
     }
+}
+
+fn between_corners([a, b, c]: [Vec3; 3], weights: Vec3) -> Vec3 {
+    a * weights.x + b * weights.y + c * weights.z
 }
 
 /// The image that decides what is drawn, and the least code of alpha that is; none where everything is.

@@ -46,7 +46,7 @@ impl Channel<'_> {
     /// What it shows of a point.
     pub(super) fn look(self, seen: &Seen) -> Vec3 {
         match self {
-            Self::BaseColor => seen.surface.base_color(seen.spot),
+            Self::BaseColor => seen.surface.base_color(seen.spot, seen.front),
             Self::Normal(bend) => normal(seen, bend),
             Self::Gloss(sky) => {
                 let gloss = seen.surface.gloss(seen.spot);

@@ -1,6 +1,6 @@
 //! Channels against closed forms: planes, spheres, maps of one colour.
 
-use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3, Vec4};
 
 use super::Samples;
 use super::channels::Channel;
@@ -140,6 +140,22 @@ fn shares_seen_from_far_are_kept_in_the_mean() {
         let expected = share as f32 / 16.0;
         assert!((covered / expected - 1.0).abs() < 0.06, "{samples}²: {covered}, expected {expected}");
     }
+}
+
+#[test]
+fn sides_have_colours_of_their_own() {
+    let image = Some(Image::new(1, 1, vec![[255, 0, 255, 255]]).unwrap());
+    let leaf =
+        square(DMat3::IDENTITY, Material { image, base_color: Vec4::new(1.0, 1.0, 0.5, 1.0), ..Material::default() });
+    let corners: Vec<DVec3> = (0..2).flat_map(|t| leaf.corners(t)).map(|p| leaf.frame().to_caller(p)).collect();
+    let attributes = Attributes {
+        colors: vec![[Vec4::new(0.25, 1.0, 0.5, 1.0); 3]; 2],
+        back_colors: vec![[Vec3::new(2.0, 1.0, 0.25); 3]; 2],
+        ..leaf.attributes().clone()
+    };
+    let lit = Foliage::new(&corners, vec![[0, 1, 2], [3, 4, 5]], attributes, vec![leaf.material(0).clone()]).unwrap();
+    near(seen(&lit, Channel::BaseColor, FRONT)(5, 9), Vec3::new(0.25, 0.0, 0.25));
+    near(seen(&lit, Channel::BaseColor, BACK)(5, 9), Vec3::new(2.0, 0.0, 0.125));
 }
 
 #[test]
