@@ -66,7 +66,14 @@ fn main() {
         let samples = Samples::new(2).expect("within the range");
         // Suns are slow without optimisation: once is enough.
         let sky = (method, effort) == (Method::Stochastic, Effort::Default);
-        let channels = Channels { normal: Some(0.3), gloss: true, translucency: true, occlusion: sky, visibility: sky };
+        let channels = Channels {
+            normal: Some(0.3),
+            gloss: true,
+            translucency: true,
+            occlusion: sky,
+            visibility: sky,
+            leaf_map: sky,
+        };
         let settings = ChainSettings { fit, texture_size: 128, samples, channels, ..ChainSettings::default() };
         digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
     }

@@ -77,7 +77,14 @@ fn every_channel_looks_as_it_did() {
         fit: FitSettings { epsilon: 0.3, candidates: 200, ..FitSettings::default() },
         levels: 1,
         texture_size: 128,
-        channels: Channels { normal: Some(0.2), gloss: true, translucency: true, occlusion: true, visibility: true },
+        channels: Channels {
+            normal: Some(0.2),
+            gloss: true,
+            translucency: true,
+            occlusion: true,
+            visibility: true,
+            leaf_map: true,
+        },
         ..ChainSettings::default()
     };
     let chain = build_chain(&tiny(), None, &settings, Progress::silent()).unwrap();

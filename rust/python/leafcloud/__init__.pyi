@@ -184,13 +184,22 @@ class Level:
         """(h, w, 4) where the sky is seen, b = 2 · code / 255 − 1 in each billboard's axes (red to the right, green up,
         blue toward the viewer): light from the direction l reaches the share occlusion + b · l of a place, cut to
         [0, 1], where the occlusion is the red of ``gloss``. ``None`` when it was not asked for."""
+    @property
+    def leaf_uv(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) where in its texture the leaf lies that most of a texel sees, so that a cloud can take another
+        texture: u = (16 · red + blue // 16 + ½) / 4096, v = (16 · green + blue % 16 + ½) / 4096 of the codes, origin in
+        the lower left corner. Labels: look up the nearest, without mips. ``None`` when it was not asked for."""
+    @property
+    def leaf_id(self) -> NDArray[np.uint8] | None:
+        """(h, w, 4) which leaf that is: its number modulo 65536 is red + 256 · green, its material's is blue (255 where
+        wood is seen). ``None`` when it was not asked for."""
     def ktx2(self, channel: str) -> bytes:
         """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
         UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Of colours, as much of each billboard passes
         ``alpha_cutoff`` at every level as on the page itself, down to 8 × 8 texels. The same bytes for the same page on
         one machine.
 
-        Raises ``LeafcloudError`` for a channel that the level does not have, and for a page whose side is no multiple
+        Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``, ``leaf_id``), and for a page whose side is no multiple
         of 4.
         """
     @property
@@ -358,6 +367,7 @@ def build_chain(
     translucency: bool = False,
     occlusion: bool = False,
     visibility: bool = False,
+    leaf_map: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,
@@ -389,7 +399,7 @@ def build_chain(
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
     from a place, in the red of ``gloss``), ``visibility`` (where it is seen, with ``occlusion``: the crown shades
-    itself).
+    itself), ``leaf_map`` (``Level.leaf_uv`` and ``leaf_id``).
     """
 
 def start_chain(
@@ -407,6 +417,7 @@ def start_chain(
     translucency: bool = False,
     occlusion: bool = False,
     visibility: bool = False,
+    leaf_map: bool = False,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,

@@ -54,6 +54,7 @@ impl PyMaterial {
             gloss: picture(gloss)?,
             translucency: Vec3::from_array(translucency),
             translucency_image: picture(translucency_image)?,
+            ..Material::default()
         };
         material.check().map_err(|e| refuse(e.to_string()))?;
         Ok(Self(material))

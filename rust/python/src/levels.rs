@@ -177,13 +177,24 @@ impl PyLevel {
         self.level().page.visibility.as_ref().map(|image| image_array(py, image)).transpose()
     }
 
+    #[getter]
+    fn leaf_uv<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.leaf_uv.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
+    #[getter]
+    fn leaf_id<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        self.level().page.leaf_id.as_ref().map(|image| image_array(py, image)).transpose()
+    }
+
     fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
         let encode = || {
             let level = self.level();
             let regions: Vec<Region> = level.sheet.billboards.iter().map(|b| b.region).collect();
             let levels = level.page.levels(channel, &regions, level.alpha_cutoff).ok_or_else(|| {
-                let known: Vec<&str> = level.page.images().map(|(name, _)| name).collect();
-                Error::invalid(format!("the level has no channel {channel:?}; it has {}", known.join(", ")))
+                let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
+                let known: Vec<&str> = known.collect();
+                Error::invalid(format!("the level has no channel {channel:?} with mips; it has {}", known.join(", ")))
             })?;
             let codes = if matches!(channel, "base_color" | "translucency") { Codes::Srgb } else { Codes::Linear };
             let mips = levels.iter().map(|image| leafcloud_ktx2::Level {

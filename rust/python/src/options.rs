@@ -128,6 +128,7 @@ impl<'py> Options<'py> {
                 translucency: self.flag("translucency", default.channels.translucency)?,
                 occlusion: self.flag("occlusion", default.channels.occlusion)?,
                 visibility: self.flag("visibility", default.channels.visibility)?,
+                leaf_map: self.flag("leaf_map", default.channels.leaf_map)?,
             },
             back_sides: self.take("back_sides", sides, default.back_sides)?,
         })

@@ -148,6 +148,10 @@ pub struct Material {
     pub translucency: Vec3,
     /// Multiplies it, laid like `image`.
     pub translucency_image: Option<Image>,
+    /// Of billboards: which part of which leaf's texture each texel shows, and which leaf; as `textures` codes them. Laid like `image`.
+    pub leaf_uv: Option<Image>,
+    /// Which leaf.
+    pub leaf_id: Option<Image>,
 }
 
 impl Default for Material {
@@ -165,6 +169,8 @@ impl Default for Material {
             gloss: None,
             translucency: Vec3::ZERO,
             translucency_image: None,
+            leaf_uv: None,
+            leaf_id: None,
         }
     }
 }

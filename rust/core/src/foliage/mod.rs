@@ -49,6 +49,8 @@ pub struct Foliage {
     coverage: Arc<[OnceLock<Pyramid<u8>>]>,
     leaf_ids: Vec<u32>,
     leaf_count: usize,
+    /// Whether it is leaves, which are told apart on a page.
+    labelled: bool,
 }
 
 impl Foliage {
@@ -91,7 +93,17 @@ impl Foliage {
             number_by_appearance(attributes.leaf_ids.iter())
         };
         let coverage = unmade(&materials);
-        Ok(Self { frame, positions: local, triangles, attributes, materials, coverage, leaf_ids, leaf_count })
+        Ok(Self {
+            frame,
+            positions: local,
+            triangles,
+            attributes,
+            materials,
+            coverage,
+            leaf_ids,
+            leaf_count,
+            labelled: true,
+        })
     }
 
     /// Where the foliage lies in the caller's coordinates.
@@ -154,6 +166,16 @@ impl Foliage {
         &self.materials[self.material_id(triangle)]
     }
 
+    /// The number of a triangle's material; `None` for what is no leaf.
+    pub(crate) fn label_of_material(&self, triangle: usize) -> Option<usize> {
+        self.labelled.then(|| self.material_id(triangle))
+    }
+
+    /// The same as something that is no leaf: wood.
+    pub(crate) fn without_labels(&self) -> Self {
+        Self { labelled: false, ..self.clone() }
+    }
+
     fn material_id(&self, triangle: usize) -> usize {
         self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)
     }
@@ -182,7 +204,7 @@ impl Foliage {
         let leaf_ids = self.leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect();
         let attributes = Attributes { leaf_ids, ..self.attributes.clone() };
         let moved = Self::new(&positions, triangles, attributes, self.materials.to_vec())?;
-        Ok(Self { coverage: Arc::clone(&self.coverage), ..moved })
+        Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved })
     }
 
     /// The same leaves, seen from either side.

@@ -177,6 +177,16 @@ impl<'a> Surface<'a> {
         (tangent * mapped.x + bitangent * mapped.y + smooth * mapped.z).try_normalize().or(Some(smooth))
     }
 
+    /// The nearest texel of one of its material's images, without alpha, as codes over 255.
+    pub fn label(&self, image: impl Fn(&Material) -> Option<&Image>, uv: Vec2) -> Option<Vec3> {
+        let image = image(self.material)?;
+        let within =
+            |coordinate: f32, size: usize| (((coordinate - floor(coordinate)) * size as f32) as usize).min(size - 1);
+        let (column, row) = (within(uv.x, image.width()), within(1.0 - uv.y, image.height()));
+        let [r, g, b, _] = image.pixels()[row * image.width() + column];
+        Some(Vec3::new(f32::from(r), f32::from(g), f32::from(b)) / 255.0)
+    }
+
     /// Where in texture space, v up.
     pub fn uv(&self, weights: Vec3) -> Vec2 {
         let [a, b, c] = self.uvs;

@@ -137,7 +137,8 @@ pub fn build_chain(
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let judges = Judges::new(&[foliage], &frame, settings.up)?;
     let channels = settings.channels.completed();
-    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(wood).collect();
+    let wood = wood.map(Foliage::without_labels);
+    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&wood).collect();
     let sky = channels.need_sky().then(|| Sky::over(&parts, &frame));
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {

@@ -104,8 +104,14 @@ fn the_same_bytes_on_any_number_of_threads() {
     let foliage = ball(200);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let channels =
-            Channels { normal: Some(0.3), gloss: true, translucency: true, occlusion: true, visibility: true };
+        let channels = Channels {
+            normal: Some(0.3),
+            gloss: true,
+            translucency: true,
+            occlusion: true,
+            visibility: true,
+            leaf_map: true,
+        };
         let settings = ChainSettings { channels, ..settings() };
         pool.install(|| build_chain(&foliage, None, &settings, Progress::silent()).unwrap())
     };

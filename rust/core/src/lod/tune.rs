@@ -130,9 +130,9 @@ pub fn matched(
             break;
         }
         if here.1 > 0.0 {
-            dense = here.0
+            dense = here.0;
         } else {
-            sparse = here.0
+            sparse = here.0;
         }
         let aim = here.0 - here.1 / slope;
         let next = if dense < aim && aim < sparse { aim } else { 0.5 * (dense + sparse) };

@@ -4,6 +4,7 @@
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::labels;
 use super::raster::{Canvas, ScreenTriangle};
 use super::sky::Sky;
 use crate::color::{decode_table, encode, quantise};
@@ -23,6 +24,10 @@ pub enum Channel<'a> {
     Translucency,
     /// Where the sky is seen, in the billboard's axes (red to the right, green up): the share toward l is occlusion + this · l. In [−1, 1].
     Visibility(&'a Sky),
+    /// Where in its texture a leaf is seen, of 12 bits; see `labels`.
+    LeafUv,
+    /// Which leaf of which material is seen.
+    LeafId,
     /// How near to the viewer, in the units of the screen triangle; no image shows it.
     Depth,
 }
@@ -54,8 +59,15 @@ impl Channel<'_> {
             }
             Self::Translucency => seen.surface.translucency(seen.spot),
             Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
+            Self::LeafUv => labels::leaf_uv(seen),
+            Self::LeafId => labels::leaf_id(seen),
             Self::Depth => Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
         }
+    }
+
+    /// Whether it has no means: then the triangle counts that most samples see.
+    pub(super) fn is_label(self) -> bool {
+        matches!(self, Self::LeafUv | Self::LeafId)
     }
 
     /// The canvas as codes, straight; base colour with its alpha, the others opaque.
@@ -70,7 +82,7 @@ impl Channel<'_> {
                 Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
                 Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
                 Self::Visibility(_) => shares(value * 0.5 + 0.5),
-                Self::Gloss(_) | Self::Depth => shares(value),
+                Self::Gloss(_) | Self::LeafUv | Self::LeafId | Self::Depth => shares(value),
                 Self::Translucency => [encode(value.x), encode(value.y), encode(value.z), 255],
             }
         };

@@ -3,6 +3,7 @@
 mod channels;
 mod dilate;
 pub mod image;
+mod labels;
 pub mod mips;
 mod page;
 mod raster;
@@ -86,7 +87,11 @@ pub fn bake<'a>(
     let channels = channels.list(sky);
     let canvases = rasterise(&triangles, sheet.size, sheet.size, samples, &channels);
     let images = channels.into_iter().zip(canvases).map(|(channel, mut canvas)| {
-        dilate::fill_transparent(&mut canvas);
+        if channel.is_label() {
+            labels::spread(&mut canvas);
+        } else {
+            dilate::fill_transparent(&mut canvas);
+        }
         (channel, channel.to_image(&canvas))
     });
     Page::of(images).expect("base colour is always there")

@@ -23,6 +23,8 @@ pub struct Channels {
     pub occlusion: bool,
     /// Where it is seen, so that a cloud shades itself; the share that this is added to is the occlusion.
     pub visibility: bool,
+    /// Which leaf is seen, and where in its texture.
+    pub leaf_map: bool,
 }
 
 impl Channels {
@@ -63,6 +65,8 @@ impl Channels {
             (self.gloss || occluding.is_some()).then_some(Channel::Gloss(occluding)),
             self.translucency.then_some(Channel::Translucency),
             sky.filter(|_| self.visibility).map(Channel::Visibility),
+            self.leaf_map.then_some(Channel::LeafUv),
+            self.leaf_map.then_some(Channel::LeafId),
         ];
         std::iter::once(Channel::BaseColor).chain(wanted.into_iter().flatten()).collect()
     }
@@ -81,23 +85,38 @@ pub struct Page {
     pub translucency: Option<Image>,
     /// Where the sky is seen, in the axes of each billboard; to be added to the occlusion.
     pub visibility: Option<Image>,
+    /// Where in its texture a leaf is seen: u and v, of 12 bits; labels, of which only the nearest counts.
+    pub leaf_uv: Option<Image>,
+    /// Which leaf of which material.
+    pub leaf_id: Option<Image>,
 }
 
 impl Page {
     pub(super) fn of<'a>(images: impl IntoIterator<Item = (Channel<'a>, Image)>) -> Option<Self> {
-        let (mut base_color, mut normal, mut gloss, mut translucency, mut visibility) = (None, None, None, None, None);
+        let mut images = images.into_iter();
+        let Some((Channel::BaseColor, base_color)) = images.next() else { return None };
+        let mut page = Self {
+            base_color,
+            normal: None,
+            gloss: None,
+            translucency: None,
+            visibility: None,
+            leaf_uv: None,
+            leaf_id: None,
+        };
         for (channel, image) in images {
             let place = match channel {
-                Channel::BaseColor => &mut base_color,
-                Channel::Normal(_) => &mut normal,
-                Channel::Gloss(_) => &mut gloss,
-                Channel::Translucency => &mut translucency,
-                Channel::Visibility(_) => &mut visibility,
-                Channel::Depth => continue,
+                Channel::Normal(_) => &mut page.normal,
+                Channel::Gloss(_) => &mut page.gloss,
+                Channel::Translucency => &mut page.translucency,
+                Channel::Visibility(_) => &mut page.visibility,
+                Channel::LeafUv => &mut page.leaf_uv,
+                Channel::LeafId => &mut page.leaf_id,
+                Channel::BaseColor | Channel::Depth => continue,
             };
             *place = Some(image);
         }
-        Some(Self { base_color: base_color?, normal, gloss, translucency, visibility })
+        Some(page)
     }
 
     /// The images with their names, base colour first.
@@ -107,6 +126,8 @@ impl Page {
             ("gloss", &self.gloss),
             ("translucency", &self.translucency),
             ("visibility", &self.visibility),
+            ("leaf_uv", &self.leaf_uv),
+            ("leaf_id", &self.leaf_id),
         ];
         let others = others.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)));
         std::iter::once(("base_color", &self.base_color)).chain(others)
@@ -124,7 +145,7 @@ impl Page {
         Self { base_color: tone::scaled(&self.base_color, factors), ..self }
     }
 
-    /// The mip levels of the image with this name, which suit what it shows: coverage at the cutoff is kept region by region. `None` without it.
+    /// The mip levels of the image with this name, which suit what it shows: coverage at the cutoff is kept region by region. `None` without it, and for labels, which have none.
     #[must_use]
     pub fn levels(&self, name: &str, regions: &[Region], alpha_cutoff: f32) -> Option<mips::Levels> {
         let (name, image) = self.images().find(|(known, _)| *known == name)?;
@@ -132,6 +153,7 @@ impl Page {
             "base_color" => mips::of_color(image, regions, alpha_cutoff),
             "normal" => mips::of_normals(image),
             "translucency" => mips::means(image),
+            "leaf_uv" | "leaf_id" => return None,
             _ => mips::of_shares(image),
         })
     }
@@ -152,6 +174,8 @@ impl Page {
             gloss: self.gloss.clone(),
             translucency: if self.translucency.is_some() { Vec3::ONE } else { Vec3::ZERO },
             translucency_image: self.translucency.clone(),
+            leaf_uv: self.leaf_uv.clone(),
+            leaf_id: self.leaf_id.clone(),
         }
     }
 }

@@ -305,25 +305,43 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// The mean of a channel over the samples of each pixel of a row, which is empty.
+    /// A channel over the samples of each pixel of a row, which is empty.
     fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
-        for piece in self.pieces[first..].iter().take_while(|piece| piece.pixel < (row + 1) * TILE) {
-            // Triangles that reach beyond the canvas are drawn on whole tiles.
-            let Some(pixel) = pixels.get_mut(piece.pixel % TILE) else { continue };
+        let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
+        let pieces = &self.pieces[first..last];
+        let look = |piece: &Piece| {
             let fragment = &self.drawn[piece.fragment as usize];
             let triangle = &triangles[fragment.index as usize];
             // The middle of some samples within a triangle lies within it.
             let weights = fragment.edges.weights(piece.places / piece.count as f32);
             let spot = Spot { weights, samples: piece.count as f32 };
-            let seen = Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front };
-            *pixel += channel.look(&seen).extend(1.0) * piece.count as f32;
+            channel.look(&Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front }).extend(1.0)
+        };
+        if channel.is_label() { choose(pieces, look, pixels) } else { self.average(pieces, look, pixels) }
+    }
+
+    /// The mean of what samples see.
+    fn average(&self, pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
+        for piece in pieces {
+            // Triangles that reach beyond the canvas are drawn on whole tiles.
+            let Some(pixel) = pixels.get_mut(piece.pixel % TILE) else { continue };
+            *pixel += look(piece) * piece.count as f32;
         }
         // Divided at the end, whole numbers give exact shares: full coverage is 1.
         let count = (self.samples * self.samples) as f32;
         for pixel in pixels {
             *pixel /= count;
         }
+    }
+}
+
+/// What most samples see; of as many, the first.
+fn choose(pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
+    for of_pixel in pieces.chunk_by(|a, b| a.pixel == b.pixel) {
+        let most = of_pixel.iter().reduce(|most, piece| if piece.count > most.count { piece } else { most });
+        let (Some(most), Some(pixel)) = (most, pixels.get_mut(of_pixel[0].pixel % TILE)) else { continue };
+        *pixel = look(most);
     }
 }
 
