@@ -23,6 +23,7 @@ PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
 RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
 VALIDATOR := tests/gltf_validator
+THREE := tools/three
 
 .PHONY: help
 help: ## list the targets
@@ -60,6 +61,11 @@ fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what
 relit: setup ## light level 1 and its leaves with six suns in Cycles, and compare
 	@mkdir -p docs/bench
 	.venv/bin/python tools/relit.py $(ARGS)
+
+.PHONY: three
+three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
+	@tools/prerequisites.sh chromium
+	.venv/bin/python tools/three.py $(ARGS)
 
 .PHONY: stability
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
@@ -101,7 +107,7 @@ extension: setup ## build the Blender extension's zip into dist/
 
 .PHONY: clean
 clean: ## remove everything that was made, the environments too
-	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules $(THREE)/node_modules .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # $(1) an environment's folder, $(2) its Blender
@@ -143,7 +149,7 @@ $(WHEELS)/.built: $(RUST_SOURCES) .venv/.build
 	@touch $@
 
 # npm writes this file itself.
-$(VALIDATOR)/node_modules/.package-lock.json: $(VALIDATOR)/package-lock.json
+%/node_modules/.package-lock.json: %/package-lock.json
 	@tools/prerequisites.sh node
-	@npm ci --prefix $(VALIDATOR) --no-audit --no-fund --silent
+	@npm ci --prefix $* --no-audit --no-fund --silent
 	@touch $@

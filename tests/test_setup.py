@@ -61,7 +61,8 @@ def test_help_lists_every_target_in_one_line() -> None:
         ("rust", ["cargo", "rustc", "cc"], "A C++ compiler is missing (no c++ on PATH)"),
         ("python", [], "Python 3.11 is missing"),
         ("blender", ["ldconfig"], "Blender needs system libraries that are missing"),
-        ("node", [], "The glTF validator needs node and npm"),
+        ("node", [], "The glTF validator and three.js need node and npm"),
+        ("chromium", [], "three.js needs a browser"),
         ("compass", [], "not 'compass'"),
     ],
 )

@@ -6,12 +6,13 @@
 #       python     a Python 3.11 that can make virtual environments
 #       lint       rustfmt and clippy
 #       blender    the system libraries that the bpy wheels load
-#       node       node and npm, for the glTF validator
+#       node       node and npm, for the glTF validator and three.js
+#       chromium   the browser in which three.js draws
 #   tools/prerequisites.sh --find-python
 #       prints the path of that Python
 #
-# System packages (blender, node, Python's venv module) are installed through apt-get where that is possible without a
-# question: as root or with a sudo that asks for no password. Compilers and interpreters are the user's to choose.
+# System packages (blender, node, chromium, Python's venv module) are installed through apt-get where that is possible
+# without a question: as root or with a sudo that asks for no password. Compilers and interpreters are the user's to choose.
 # $PYTHON names the Python 3.11 to use.
 set -euo pipefail
 
@@ -119,15 +120,19 @@ check_blender() {
 
 check_node() {
     if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
-        install "The glTF validator needs node and npm" nodejs npm
+        install "The glTF validator and three.js need node and npm" nodejs npm
     fi
 }
 
-[ $# -gt 0 ] || fail "usage: tools/prerequisites.sh rust|python|lint|blender|node …"
+check_chromium() {
+    command -v chromium >/dev/null || install "three.js needs a browser" chromium
+}
+
+[ $# -gt 0 ] || fail "usage: tools/prerequisites.sh rust|python|lint|blender|node|chromium …"
 for need in "$@"; do
     case "$need" in
         --find-python) find_python ;;
-        rust | python | lint | blender | node) "check_$need" ;;
-        *) fail "tools/prerequisites.sh knows rust, python, lint, blender and node, not '$need'." ;;
+        rust | python | lint | blender | node | chromium) "check_$need" ;;
+        *) fail "tools/prerequisites.sh knows rust, python, lint, blender, node and chromium, not '$need'." ;;
     esac
 done

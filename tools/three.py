@@ -1,0 +1,240 @@
+"""How level 1 keeps its coverage in an engine as it becomes small: `make three`.
+
+usage: python tools/three.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+
+Bakes each tree into target/three, and has three.js look at it, in Chromium without a display (tools/three/look.js):
+unlit, from 8 views, at sizes from 512² to 16² pixels, each the mean of looks from many places within a pixel. Level 1
+is seen with its PNG, of which the engine makes mip levels by plain means, and with its KTX2, whose mip levels keep
+coverage. The leaves are seen at 1024² and without mip levels: what they cover there they cover at any size. Prints a
+table in Markdown; for all trees it also writes docs/bench/three.md. target/three/TREE/strip.png shows the leaves, the
+PNG and the KTX2 of the first view at 256² and at 64², the latter enlarged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import json
+import math
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+BAKED = ROOT / "target" / "three"
+LARGEST_FILE = 10_000_000
+SIZES = {512: 1, 256: 2, 128: 4, 64: 8, 32: 8, 16: 8}
+"""Pixels along a side, and places along a pixel's from which it is looked."""
+LEAVES = {1024: 1}
+"""The same for the leaves."""
+SHOWN = (256, 64)
+PATIENCE = 600.0
+"""Seconds that a tree may take."""
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+# No sandbox, for root has none: the page is our own. SwiftShader draws without a graphics card, the same everywhere.
+CHROMIUM = [
+    *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox"),
+    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--disable-quic", "--remote-debugging-port=0"),
+]
+
+Picture = NDArray[np.float32]
+
+INTRODUCTION = """# In an engine
+
+Made by `make three` (see `tools/three.py`): level 1 in three.js, unlit, from 8 views, at sizes at which the leaves'
+bounding sphere fills the picture. *PNG*: the engine makes the mip levels, by plain means. *KTX2*: it takes those of the
+file, which keep coverage (`--engine three`). *Coverage*, *luminance*: level 1's over that of the leaves, which are seen
+without mip levels at 1024². *Texels*: on a pixel's side. Where that is less than 1, texels are magnified, and the level
+before is still drawn.
+"""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the page is asked for; see tools/three/look.js."""
+
+    url: str
+    ktx2: bool = False
+    mips: bool = True
+    sizes: dict[int, int] = field(default_factory=SIZES.copy)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """By size: what each view covers of the picture and its light, (views, 4), and the first view's picture."""
+
+    texels: float | None
+    means: dict[int, NDArray[np.float64]]
+    pictures: dict[int, Picture]
+
+    def coverage(self, size: int) -> float:
+        return float(self.means[size][:, 3].mean())
+
+    def luminance(self, size: int) -> float:
+        """Of what is covered; not a number where nothing is."""
+        light = float(self.means[size][:, :3].mean(0) @ LUMINANCE)
+        return light / self.coverage(size) if self.coverage(size) else math.nan
+
+
+class Handler(SimpleHTTPRequestHandler):
+    """Serves the repository, and takes the page's answer."""
+
+    def __init__(self, *args: Any, answers: queue.Queue[bytes], **more: Any) -> None:
+        self.answers = answers
+        super().__init__(*args, directory=str(ROOT), **more)
+
+    def do_POST(self) -> None:
+        self.answers.put(self.rfile.read(int(self.headers["Content-Length"])))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the console is the table's."""
+
+
+@contextmanager
+def serving(answers: queue.Queue[bytes]) -> Iterator[str]:
+    """The address under which the repository is served."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, answers=answers)) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def look(*looks: Look) -> list[Seen]:
+    """What three.js shows of each."""
+    answers: queue.Queue[bytes] = queue.Queue()
+    with serving(answers) as address, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        page = f"{address}/tools/three/look.html#{quote(json.dumps([vars(wanted) for wanted in looks]))}"
+        command = [*CHROMIUM, f"--user-data-dir={profile}", page]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
+            try:
+                answer = json.loads(answers.get(timeout=PATIENCE))
+            except queue.Empty:
+                raise SystemExit(f"three.js saw nothing within {PATIENCE:.0f} s.") from None
+            finally:
+                browser.terminate()
+    if "error" in answer:
+        raise SystemExit(f"three.js failed: {answer['error']}")
+    return [to_seen(each) for each in answer["seen"]]
+
+
+def to_seen(answer: dict[str, Any]) -> Seen:
+    sizes = {each["size"]: each for each in answer["sizes"]}
+    return Seen(
+        answer["texels"],
+        {size: np.array(each["views"]) for size, each in sizes.items()},
+        {size: to_picture(each["picture"], size) for size, each in sizes.items()},
+    )
+
+
+def to_picture(text: str, size: int) -> Picture:
+    """WebGL's rows begin at the bottom."""
+    return np.frombuffer(base64.b64decode(text), np.float32).reshape(size, size, 4)[::-1]
+
+
+def bake(tree: Path) -> Path:
+    out = BAKED / tree.stem
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out)]
+    subprocess.run([*command, "--engine", "three", "--levels", "1", "--no-cross"], check=True, capture_output=True)
+    return out
+
+
+def leaves_of(folder: str) -> Look:
+    """Mip levels would make the leaves' own textures thinner."""
+    return Look(f"{folder}_LOD0.glb", mips=False, sizes=LEAVES)
+
+
+def measure(tree: Path) -> list[dict[str, Any]]:
+    """A row for each size."""
+    out = bake(tree)
+    base = f"/{out.relative_to(ROOT).as_posix()}/{tree.stem}"
+    leaves, png, ktx2 = look(leaves_of(base), Look(f"{base}_LOD1.glb"), Look(f"{base}_LOD1.glb", ktx2=True))
+    leafcloud.write_png(str(out / "strip.png"), strip(leaves, png, ktx2))
+    assert png.texels is not None
+    return [
+        {
+            "tree": tree.stem,
+            "size": size,
+            "texels": png.texels / size,
+            "png": ratios(png, leaves, size),
+            "ktx2": ratios(ktx2, leaves, size),
+        }
+        for size in SIZES
+    ]
+
+
+def ratios(level: Seen, leaves: Seen, size: int) -> tuple[float, float]:
+    """Coverage and luminance over the leaves', all views together."""
+    [whole] = leaves.means
+    return level.coverage(size) / leaves.coverage(whole), level.luminance(size) / leaves.luminance(whole)
+
+
+def strip(leaves: Seen, *levels: Seen) -> NDArray[np.uint8]:
+    """A row for each size that is shown, on white."""
+    [whole] = leaves.pictures.values()
+    rows = []
+    for size in SHOWN:
+        pictures = [smaller(whole, size), *(level.pictures[size] for level in levels)]
+        times = np.ones((SHOWN[0] // size, SHOWN[0] // size, 1), np.float32)
+        rows.append(np.hstack([np.kron(picture, times) for picture in pictures]))
+    light = np.vstack(rows)
+    light[..., :3] += 1.0 - light[..., 3:]
+    codes = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
+    codes[..., 3] = 1.0
+    return np.rint(255.0 * codes.clip(0.0, 1.0)).astype(np.uint8)
+
+
+def smaller(picture: Picture, size: int) -> Picture:
+    times = len(picture) // size
+    return picture.reshape(size, times, size, times, 4).mean((1, 3))
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    lines = [
+        "| tree | size | texels | coverage, PNG | coverage, KTX2 | luminance, PNG | luminance, KTX2 |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        columns = (row[way][part] for part in (0, 1) for way in ("png", "ktx2"))
+        shares = " | ".join("–" if math.isnan(share) else f"{share:.3f}" for share in columns)
+        lines.append(f"| {row['tree']} | {row['size']}² | {row['texels']:.1f} | {shares} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How level 1 keeps its coverage in three.js as it becomes small.")
+    parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage up to 10 MB)")
+    arguments = parser.parse_args()
+    whole = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
+    rows = []
+    for tree in arguments.trees or whole:
+        rows += measure(tree)
+        print(json.dumps(rows[-len(SIZES) :]), file=sys.stderr, flush=True)
+    print(table(rows))
+    if not arguments.trees:
+        (ROOT / "docs" / "bench").mkdir(parents=True, exist_ok=True)
+        (ROOT / "docs" / "bench" / "three.md").write_text(f"{INTRODUCTION}\n{table(rows)}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+// Looks at GLB files as three.js shows them, unlit and without wood, and posts what it saw to /seen.
+//
+// The page's hash is a JSON list of looks, each {url, ktx2, mips, sizes}: whether textures are taken from
+// KHR_texture_basisu, whether their mip levels are used, and as {size: grid} how many pixels the picture's side has, and
+// from how many places in each pixel, grid × grid, it is looked. All are framed by the bounding sphere of the first
+// look's model.
+//
+// The answer has for each look how many texels the frame's side is long, and for each size and view the share of the
+// picture that is covered and the light of it (linear, its mean over the picture); of the first view also the picture.
+import * as THREE from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
+
+const VIEWS = 8;
+const TRANSCODER = "node_modules/three/examples/jsm/libs/basis/";
+
+const renderer = new THREE.WebGLRenderer({ antialias: false });
+renderer.setClearColor(0x000000, 0);
+
+/** A spiral over the upper three quarters of the sphere: trees are rarely seen from straight below. */
+function directions() {
+  return Array.from({ length: VIEWS }, (_, i) => {
+    const up = 1 - (1.5 * (i + 0.5)) / VIEWS;
+    const radius = Math.sqrt(1 - up * up);
+    const angle = i * Math.PI * (3 - Math.sqrt(5));
+    return new THREE.Vector3(radius * Math.cos(angle), up, radius * Math.sin(angle));
+  });
+}
+
+/** The leaves of a file. */
+async function load({ url, ktx2, mips }) {
+  const loader = new GLTFLoader();
+  // Without a loader of KTX2 the PNG is taken, as by any engine that does not know the extension.
+  if (ktx2) loader.setKTX2Loader(new KTX2Loader().setTranscoderPath(TRANSCODER).detectSupport(renderer));
+  const { scene } = await loader.loadAsync(url);
+  objects(scene).filter(isWood).forEach((object) => object.removeFromParent());
+  for (const mesh of meshes(scene)) {
+    mesh.material = unlit(mesh.material);
+    // Nothing moves here, and a million zeros take long in software.
+    mesh.geometry.morphAttributes = {};
+    const { map } = mesh.material;
+    if (!map) continue;
+    if (map.mipmaps.length > 0 !== ktx2) throw new Error(`${url}: ${ktx2 ? "no" : "a"} KTX2 texture`);
+    if (!mips) map.minFilter = THREE.LinearFilter;
+  }
+  scene.updateMatrixWorld(true);
+  return scene;
+}
+
+function objects(scene) {
+  const found = [];
+  scene.traverse((object) => found.push(object));
+  return found;
+}
+
+function meshes(scene) {
+  return objects(scene).filter((object) => object.isMesh);
+}
+
+function isWood({ name }) {
+  return name.endsWith("_wood");
+}
+
+function unlit({ map, color, vertexColors, alphaTest, side }) {
+  return new THREE.MeshBasicMaterial({ map, color, vertexColors, alphaTest, side });
+}
+
+function corners({ geometry, matrixWorld }) {
+  const { position } = geometry.attributes;
+  const corner = (_, i) => new THREE.Vector3().fromBufferAttribute(position, i).applyMatrix4(matrixWorld);
+  return Array.from({ length: position.count }, corner);
+}
+
+function boundingSphere(scene) {
+  const points = meshes(scene).flatMap(corners);
+  const centre = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());
+  const radius = points.reduce((far, point) => Math.max(far, point.distanceTo(centre)), 0);
+  return new THREE.Sphere(centre, radius);
+}
+
+/** Texels along a unit of length: a level has one density, so that of all its edges together. */
+function density(scene) {
+  let texels = 0;
+  let length = 0;
+  for (const mesh of meshes(scene)) {
+    const { map } = mesh.material;
+    if (!map) return null;
+    const { uv } = mesh.geometry.attributes;
+    const { width, height } = map.image;
+    const points = corners(mesh);
+    const { array } = mesh.geometry.index;
+    for (let i = 0; i < array.length; i += 3) {
+      const [a, b] = array.subarray(i, i + 2);
+      texels += Math.hypot((uv.getX(b) - uv.getX(a)) * width, (uv.getY(b) - uv.getY(a)) * height);
+      length += points[a].distanceTo(points[b]);
+    }
+  }
+  return texels / length;
+}
+
+function cameraAt(direction, { center, radius }) {
+  const camera = new THREE.OrthographicCamera(-radius, radius, radius, -radius, radius, 3 * radius);
+  camera.position.copy(center).addScaledVector(direction, 2 * radius);
+  camera.lookAt(center);
+  return camera;
+}
+
+/** The mean of grid × grid pictures, each moved by a part of a pixel: mip levels stay those of this size. */
+function picture(scene, camera, size, grid) {
+  const target = new THREE.WebGLRenderTarget(size, size, { type: THREE.FloatType });
+  const mean = new Float32Array(4 * size * size);
+  const pixels = new Float32Array(mean.length);
+  renderer.setRenderTarget(target);
+  for (let place = 0; place < grid * grid; place++) {
+    const offset = (i) => (i + 0.5) / grid - 0.5;
+    camera.setViewOffset(size, size, offset(place % grid), offset(Math.floor(place / grid)), size, size);
+    renderer.render(scene, camera);
+    renderer.readRenderTargetPixels(target, 0, 0, size, size, pixels);
+    for (let i = 0; i < mean.length; i++) mean[i] += pixels[i] / (grid * grid);
+  }
+  target.dispose();
+  return mean;
+}
+
+/** Red, green, blue, and what is covered. */
+function means(pixels) {
+  const sums = [0, 0, 0, 0];
+  pixels.forEach((value, i) => (sums[i % 4] += value));
+  return sums.map((sum) => (4 * sum) / pixels.length);
+}
+
+function encoded(floats) {
+  const bytes = new Uint8Array(floats.buffer);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 1 << 15) text += String.fromCharCode(...bytes.subarray(i, i + (1 << 15)));
+  return btoa(text);
+}
+
+function look(scene, sphere, sizes) {
+  const cameras = directions().map((direction) => cameraAt(direction, sphere));
+  return Object.entries(sizes).map(([size, grid]) => {
+    const pictures = cameras.map((camera) => picture(scene, camera, Number(size), grid));
+    return { size: Number(size), views: pictures.map(means), picture: encoded(pictures[0]) };
+  });
+}
+
+async function seen(looks) {
+  let sphere = null;
+  const answers = [];
+  for (const wanted of looks) {
+    const scene = await load(wanted);
+    sphere ??= boundingSphere(scene);
+    const perLength = density(scene);
+    answers.push({ texels: perLength && perLength * 2 * sphere.radius, sizes: look(scene, sphere, wanted.sizes) });
+  }
+  return answers;
+}
+
+try {
+  const looks = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+  await fetch("seen", { method: "POST", body: JSON.stringify({ seen: await seen(looks) }) });
+} catch (error) {
+  await fetch("seen", { method: "POST", body: JSON.stringify({ error: `${error}\n${error.stack}` }) });
+}
