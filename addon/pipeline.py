@@ -26,6 +26,7 @@ from .baked import Baked, Prepared
 from .build.levels import Costs, Plan, build_levels
 from .export import gltf, ktx2
 from .export.blend import save_blend
+from .export.engine_pages import engine_pages
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
@@ -144,8 +145,10 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
     with Staging(directory) as staging:
         seconds = []
         engine = baked.prepared.settings.engine
-        textures = ktx2.Ktx2Textures(_levels_by_material(baked) if engine in ktx2.ENGINES else {})
-        with gltf.engine_attributes(baked.levels, engine), gltf.masked_leaves(baked.levels):
+        clouds = _levels_by_material(baked)
+        taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
+        textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
+        with gltf.engine_attributes(baked.levels, engine), gltf.masked_leaves(baked.levels), engine_pages(clouds):
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()
@@ -172,10 +175,9 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
 
 
 def _levels_by_material(baked: Baked) -> dict[str, leafcloud.Level]:
-    """The clouds and the cross by the names of their only materials, as far as their pages can be KTX2."""
+    """The clouds and the cross by the names of their only materials."""
     built = [level.object.data.materials[0].name for level in baked.levels[1:]]
-    levels = zip(built, baked.chain.levels, strict=True)
-    return {name: level for name, level in levels if ktx2.is_taken(level)}
+    return dict(zip(built, baked.chain.levels, strict=True))
 
 
 def file_name(name: str) -> str:

@@ -213,7 +213,6 @@ def _cloud_object(
         "level": number,
         "switch_distance": plan.switch_distances[number],
         "max_deviation": level.max_deviation_leaves,
-        "alpha_cutoff": cutoff,
     }
     return _object(mesh, shape, extras, plan.reaches[number], costs)
 

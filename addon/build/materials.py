@@ -16,6 +16,8 @@ import leafcloud
 from ..scene.surface import read_surface
 from .cloud_mesh import COLOR_NAME, UV_NAME, LayerNames
 
+PAGE_NODE = "Leafcloud Page"
+CUTOFF_NODE = "Leafcloud Cutoff"
 VISIBILITY_NODE = "Visibility"
 TRANSLUCENCY_NODE = "Leafcloud Translucency"
 SHARE_NODE = "Leafcloud Translucent Share"
@@ -81,7 +83,9 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     surface.inputs["Roughness"].default_value = page.roughness
     surface.inputs["Metallic"].default_value = page.metallic
     texture = _image_node(tree, page.base_color, 300.0)
+    texture.name = PAGE_NODE
     threshold = _node(tree, "ShaderNodeMath", (-280.0, 100.0))
+    threshold.name = CUTOFF_NODE
     threshold.operation = "GREATER_THAN"
     threshold.inputs[1].default_value = alpha_cutoff
     threshold.label = "Alpha cutoff"

@@ -193,10 +193,13 @@ class Level:
     def leaf_id(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) which leaf that is: its number modulo 65536 is red + 256 · green, its material's is blue (255 where
         wood is seen). ``None`` when it was not asked for."""
+    def for_engines(self) -> tuple[NDArray[np.uint8], float]:
+        """``base_color`` and ``alpha_cutoff`` for engines, which make the mip levels of a PNG by plain means: alpha is
+        remapped to a lower cutoff, so that the same area passes at level 0 and, in the mean, at levels 1 to 3."""
     def ktx2(self, channel: str) -> bytes:
         """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
-        UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Of colours, as much of each billboard passes
-        ``alpha_cutoff`` at every level as on the page itself, down to 8 × 8 texels. The same bytes for the same page on
+        UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Base colour is that of ``for_engines``: as many texels
+        of each billboard pass its cutoff at every level as on the page itself, down to 8 × 8 texels. The same bytes for the same page on
         one machine.
 
         Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``, ``leaf_id``), and for a page whose side is no multiple

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, Level};
-use leafcloud::sheet::{Billboard, Region};
+use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
 use leafcloud_ktx2::Codes;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -187,11 +187,15 @@ impl PyLevel {
         self.level().page.leaf_id.as_ref().map(|image| image_array(py, image)).transpose()
     }
 
+    fn for_engines<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {
+        let (image, cutoff) = py.detach(|| guard(|| Ok(self.level().for_engines())))?;
+        Ok((image_array(py, image)?, *cutoff))
+    }
+
     fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
         let encode = || {
             let level = self.level();
-            let regions: Vec<Region> = level.sheet.billboards.iter().map(|b| b.region).collect();
-            let levels = level.page.levels(channel, &regions, level.alpha_cutoff).ok_or_else(|| {
+            let levels = level.mips(channel).ok_or_else(|| {
                 let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
                 let known: Vec<&str> = known.collect();
                 Error::invalid(format!("the level has no channel {channel:?} with mips; it has {}", known.join(", ")))

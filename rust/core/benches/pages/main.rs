@@ -7,12 +7,12 @@ use std::time::Instant;
 
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, fit};
-use leafcloud::foliage::{Foliage, Image, Opacity};
+use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
 use leafcloud::judge::{Judge, Views};
 use leafcloud::outlines::{OutlineSettings, outlines};
 use leafcloud::sheet::{Region, Sheet, SheetSettings};
-use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, mips};
+use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, for_plain_means, mips};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
@@ -68,16 +68,18 @@ impl Level {
     }
 }
 
-/// The share of all regions' texels that pass the cutoff, by level: of plain means, and of the mips.
-fn coverage(page: &Page, sheet: &Sheet) -> Vec<(f64, f64)> {
+/// The area that passes the cutoff over that of level 0, by level: of plain means, of plain means of the page for engines, and of the mips.
+fn coverage(page: &Page, sheet: &Sheet) -> Vec<[f64; 3]> {
     let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
-    let kept = mips::of_color(&page.base_color, &regions, CUTOFF);
-    let plain = mips::means(&page.base_color);
-    let passing = |image: &Image| {
-        let region = Region { x: 0, y: 0, width: image.width(), height: image.height() };
-        mips::share(image, region, (CUTOFF * 255.0).ceil() as u8)
+    let (engine, lower) = for_plain_means(&page.base_color, CUTOFF);
+    let whole = mips::area(&page.base_color, CUTOFF);
+    let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {
+        levels.iter().map(|level| mips::area(level, cutoff) / whole).collect()
     };
-    plain.iter().zip(&kept).map(|(plain, kept)| (passing(plain), passing(kept))).collect()
+    let plain = areas(mips::means(&page.base_color), CUTOFF);
+    let remapped = areas(mips::means(&engine), lower);
+    let kept = areas(mips::of_color(&engine, &regions, lower), lower);
+    (0..plain.len()).map(|i| [plain[i], remapped[i], kept[i]]).collect()
 }
 
 fn main() {
@@ -118,15 +120,15 @@ fn main() {
     println!("## Mips");
     println!();
     println!(
-        "The share of the page that passes a cutoff of ½, over that of level 0: plain means (as an engine makes them) → leafcloud's."
+        "The area that passes a cutoff of ½, over that of level 0: plain means, as an engine makes them → plain means of the page for \
+         engines, at its own cutoff → the mips in KTX2."
     );
     println!();
-    println!("| tree | 1024² | 512² | 256² | 128² | 64² | 32² |");
+    println!("| tree | 2048² | 1024² | 512² | 256² | 128² | 64² |");
     println!("|---|---|---|---|---|---|---|");
     for (name, levels) in tables {
-        let first = levels[0].0;
         let cells: Vec<String> =
-            levels[1..7].iter().map(|(p, k)| format!("{:.2} → {:.2}", p / first, k / first)).collect();
+            levels[..6].iter().map(|[plain, png, ktx2]| format!("{plain:.2} → {png:.2} → {ktx2:.2}")).collect();
         println!("| {name} | {} |", cells.join(" | "));
     }
 }

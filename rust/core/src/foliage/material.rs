@@ -78,6 +78,17 @@ impl Image {
         &self.pixels
     }
 
+    /// The alpha of all pixels.
+    pub(crate) fn alpha(&self) -> Vec<u8> {
+        self.pixels.iter().map(|pixel| pixel[3]).collect()
+    }
+
+    /// The picture with another alpha, one for each pixel.
+    pub(crate) fn with_alpha(self, alpha: Vec<u8>) -> Self {
+        let pixels = self.pixels.iter().zip(alpha).map(|(&[r, g, b, _], a)| [r, g, b, a]).collect();
+        Self { pixels, pyramids: Arc::default(), ..self }
+    }
+
     /// The picture with every pixel changed.
     #[must_use]
     pub fn mapped(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {

@@ -1,6 +1,7 @@
 //! What comes in: triangles, the leaves they form, and how they look, in a local frame.
 
 mod leaves;
+pub(crate) mod mask;
 mod material;
 mod opaque;
 mod pyramid;

@@ -5,7 +5,7 @@
 
 use glam::Vec2;
 
-use super::{AlphaMode, Image};
+use super::{AlphaMode, Image, mask};
 use crate::color::{decode_table, quantise};
 
 /// One level: `width` × `height` texels, row 0 on top.
@@ -133,57 +133,13 @@ pub fn of_coverage(image: &Image, mode: AlphaMode, factor: f32) -> Pyramid<u8> {
     let shares: Vec<u8> = match mode {
         AlphaMode::Opaque => vec![255; image.pixels().len()],
         // A cutoff of 0 draws everything, also at a factor of 0.
-        AlphaMode::Mask(cutoff) => mask_shares(image, if cutoff > 0.0 { cutoff / factor * 255.0 } else { 0.0 }),
+        AlphaMode::Mask(cutoff) => {
+            mask::shares(&image.alpha(), image.width(), if cutoff > 0.0 { cutoff / factor } else { 0.0 })
+        }
         AlphaMode::Blend => image.pixels().iter().map(|p| quantise(f32::from(p[3]) / 255.0 * factor)).collect(),
     };
     let mean = |t: [u8; 4]| ((t.iter().map(|&t| u32::from(t)).sum::<u32>() + 2) / 4) as u8;
     Pyramid::new(image.width(), image.height(), &shares, |share| share, mean)
-}
-
-/// How much of each texel's square is drawn where alpha, between the middles of texels, reaches `cutoff` (in codes). A texel that stands
-/// alone covers less than itself, a gap of one less than that.
-fn mask_shares(image: &Image, cutoff: f32) -> Vec<u8> {
-    let (width, height) = (image.width(), image.height());
-    let row = |y: usize| &image.pixels()[y * width..][..width];
-    let passes = |pixel: &[u8; 4]| u8::from(f32::from(pixel[3]) >= cutoff);
-    let mut shares = Vec::with_capacity(width * height);
-    for y in 0..height {
-        let rows = [row((y + height - 1) % height), row(y), row((y + 1) % height)];
-        let columns: Vec<u8> = (0..width).map(|x| rows.iter().map(|row| passes(&row[x])).sum()).collect();
-        shares.extend((0..width).map(|x| {
-            let near = [(x + width - 1) % width, x, (x + 1) % width];
-            match near.iter().map(|&x| columns[x]).sum() {
-                0 => 0,
-                9 => 255,
-                _ => quantise(mask_share(rows.map(|row| near.map(|x| f32::from(row[x][3]))), cutoff)),
-            }
-        }));
-    }
-    shares
-}
-
-/// The share of the middle texel's square where what is bilinear between nine texels is at least `cutoff`: exact along rows, of which it takes four.
-fn mask_share(texels: [[f32; 3]; 3], cutoff: f32) -> f32 {
-    const ROWS: usize = 4;
-    let share_of = |j: usize| {
-        let down = (j as f32 + 0.5) / ROWS as f32 - 0.5;
-        let other = if down < 0.0 { texels[0] } else { texels[2] };
-        let [left, middle, right] = std::array::from_fn(|i| texels[1][i] + (other[i] - texels[1][i]) * down.abs());
-        0.5 * (share_above(0.5 * (left + middle), middle, cutoff) + share_above(middle, 0.5 * (middle + right), cutoff))
-    };
-    (0..ROWS).map(share_of).sum::<f32>() / ROWS as f32
-}
-
-/// The share of a way on which what goes evenly from `a` to `b` is at least `least`.
-fn share_above(a: f32, b: f32, least: f32) -> f32 {
-    let (low, high) = (a.min(b), a.max(b));
-    if low >= least {
-        1.0
-    } else if high < least {
-        0.0
-    } else {
-        (high - least) / (high - low)
-    }
 }
 
 /// Of the greatest alpha anywhere near: on a texel of a level and those around it, also across the edges of an image that repeats.
@@ -260,19 +216,9 @@ mod tests {
     }
 
     #[test]
-    fn a_mask_draws_as_much_from_far_as_from_near() {
-        // The area where (1 − x)(1 − y) ≥ c, four times: 4 · (1 − c + c · ln c).
-        for cutoff in [0.3f32, 0.5, 0.8] {
-            let exact = 4.0 * (1.0 - cutoff + cutoff * cutoff.ln());
-            let alone = image(8, 8, |i| [0, 0, 0, if i == 27 { 255 } else { 0 }]);
-            let found: f32 = mask_shares(&alone, cutoff * 255.0).iter().map(|&s| f32::from(s) / 255.0).sum();
-            assert!((found - exact).abs() < 0.03, "{cutoff}: {found} for {exact}");
-        }
-        let edge = image(8, 8, |i| [0, 0, 0, if i % 8 < 4 { 255 } else { 0 }]);
-        let total: f32 = mask_shares(&edge, 127.5).iter().map(|&s| f32::from(s) / 255.0).sum();
-        assert!((total - 32.0).abs() < 0.2, "{total}");
-        let everything = of_coverage(&edge, AlphaMode::Mask(0.0), 0.0);
-        assert_eq!(everything.0.last().unwrap().texels, [255], "a cutoff of 0 draws all, whatever the factor");
+    fn a_cutoff_of_0_draws_all_whatever_the_factor() {
+        let clear = image(8, 8, |_| [0; 4]);
+        assert_eq!(of_coverage(&clear, AlphaMode::Mask(0.0), 0.0).0.last().unwrap().texels, [255]);
     }
 
     #[test]

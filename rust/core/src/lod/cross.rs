@@ -2,6 +2,7 @@
 //! tree, wood and all. It promises no ε and is not morphed to. Leaves that lie, as on water or on tiers of boughs, would not be seen on what
 //! stands: they get a billboard that lies, too, and what stands is left out where it shows nothing.
 
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use glam::{DVec2, DVec3};
@@ -76,6 +77,7 @@ pub(super) fn build(
         sheet,
         page,
         seconds: Seconds { fit: 0.0, pack: (packed - started).as_secs_f64(), bake: packed.elapsed().as_secs_f64() },
+        engine: OnceLock::new(),
     })
 }
 

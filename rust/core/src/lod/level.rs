@@ -1,5 +1,6 @@
 //! One level: fitted to the one before, packed, baked, and judged against the leaves.
 
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use glam::{DVec3, Vec2};
@@ -8,15 +9,15 @@ use super::{ChainSettings, Judges, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{Attributes, Foliage, Material, Opacity};
+use crate::foliage::{Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
 use crate::groups::Groups;
 use crate::judge::{Judge, Judgement};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
-use crate::sheet::{Sheet, SheetSettings};
-use crate::textures::{Channels, Drawn, Page, Samples, Sky, bake};
+use crate::sheet::{Region, Sheet, SheetSettings};
+use crate::textures::{Channels, Drawn, Page, Samples, Sky, bake, for_plain_means, mips};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -63,6 +64,7 @@ pub struct Level {
     pub judgement: Judgement,
     /// Where the time went.
     pub seconds: Seconds,
+    pub(super) engine: OnceLock<(Image, f32)>,
 }
 
 /// What a level is built from.
@@ -146,6 +148,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             pack: (packed - fitted).as_secs_f64(),
             bake: packed.elapsed().as_secs_f64(),
         },
+        engine: OnceLock::new(),
     })
 }
 
@@ -175,6 +178,23 @@ pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result
 }
 
 impl Level {
+    /// The base colour and the cutoff with which engines draw the level that make mip levels themselves, made when first asked for. Not to
+    /// be asked for on a worker of rayon's: who waits for it does not help.
+    pub fn for_engines(&self) -> &(Image, f32) {
+        self.engine.get_or_init(|| for_plain_means(&self.page.base_color, self.alpha_cutoff))
+    }
+
+    /// The mip levels of a channel, of base colour as engines draw it. `None` for a channel that is not there or has none.
+    #[must_use]
+    pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
+        let regions: Vec<Region> = self.sheet.billboards.iter().map(|b| b.region).collect();
+        if channel == "base_color" {
+            let (image, cutoff) = self.for_engines();
+            return Some(mips::of_color(image, &regions, *cutoff));
+        }
+        self.page.levels(channel)
+    }
+
     /// The billboards as foliage again: a fan of triangles each, corners (0, 1, 2), (0, 2, 3) and so on; a pair is one leaf.
     ///
     /// # Errors

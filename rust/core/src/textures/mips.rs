@@ -7,7 +7,8 @@
 //!
 //! A factor cannot do that where many texels have one alpha. So the texels of a region are put in order, by alpha and then by a hash of their
 //! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
-//! O(texels · log texels).
+//! Texels that only just pass leave gaps between them once they are filtered. So alpha on either side of the cutoff is lifted, by one
+//! exponent for a level, until as much area passes as at level 0 (see `foliage::mask`). O(texels · log texels).
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -16,7 +17,7 @@ use super::channels::Channel;
 use super::dilate;
 use super::raster::Canvas;
 use crate::color::quantise;
-use crate::foliage::Image;
+use crate::foliage::{Image, mask};
 use crate::sheet::Region;
 
 /// The levels of an image, level 0 first: half the side each, down to one texel.
@@ -27,6 +28,7 @@ pub type Levels = Vec<Image>;
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
+    let area = area(image, alpha_cutoff);
     let mut means = Canvas::of_color(image);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
@@ -36,7 +38,9 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
         let level = filled(&means);
         let at_level = |region: &Region| smaller(*region, scale, means.width, means.height);
         let regions: Vec<(Region, f64)> = regions.iter().map(at_level).zip(shares.iter().copied()).collect();
-        levels.push(with_coverage(&level, &regions, cutoff));
+        let order = |&(region, share): &(Region, f64)| Order::of(&level, region, share);
+        let orders: Vec<Order> = regions.par_iter().map(order).collect();
+        levels.push(lifted(&level, &orders, cutoff, area));
     }
     levels
 }
@@ -128,6 +132,12 @@ fn texels(region: Region, width: usize) -> impl Iterator<Item = usize> {
         .flat_map(move |y| (region.x..region.x + region.width).map(move |x| y * width + x))
 }
 
+/// The share of an image's area that passes, between the middles of its texels, too.
+#[must_use]
+pub fn area(image: &Image, cutoff: f32) -> f64 {
+    mask::area(&image.alpha(), image.width(), cutoff, 1)
+}
+
 /// The share of a region's texels that pass.
 #[must_use]
 pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
@@ -135,38 +145,66 @@ pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     passing as f64 / (region.width * region.height) as f64
 }
 
-/// The level with the alpha of each region moved so that the wanted share of it passes.
-fn with_coverage(level: &Image, regions: &[(Region, f64)], cutoff: u8) -> Image {
-    let mut pixels = level.pixels().to_vec();
-    let moved = |&(region, share): &(Region, f64)| moved_alpha(level, region, share, cutoff);
-    let moved: Vec<Vec<(usize, u8)>> = regions.par_iter().map(moved).collect();
-    for (texel, alpha) in moved.into_iter().flatten() {
-        // Where regions have shrunk into one another, the last has its say.
-        pixels[texel][3] = alpha;
+/// The exponents that lift alpha, as powers of two, and in how many halvings one is found.
+const LIFTS: (f64, f64) = (-5.0, 2.0);
+const HALVINGS: usize = 6;
+
+/// The level with its alpha moved and lifted so that about this share of its area passes.
+fn lifted(level: &Image, orders: &[Order], cutoff: u8, area: f64) -> Image {
+    let moved = |lift: f64| moved(level, orders, cutoff, libm::exp2(lift));
+    let (mut most, mut least) = LIFTS;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (most + least);
+        let found = mask::area(&moved(middle), level.width(), f32::from(cutoff) / 255.0, 1);
+        if found < area {
+            least = middle;
+        } else {
+            most = middle;
+        }
     }
-    Image::new(level.width(), level.height(), pixels).expect("as many texels as before")
+    level.clone().with_alpha(moved(0.5 * (most + least)))
 }
 
-/// The texels of a region with the alpha that lets the wanted share of them pass. Those of one alpha are ordered by a hash of their place.
-fn moved_alpha(level: &Image, region: Region, share: f64, cutoff: u8) -> Vec<(usize, u8)> {
-    let alpha = |texel: usize| level.pixels()[texel][3];
-    let scatter = |texel: usize| (texel as u32).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
-    let mut order: Vec<usize> = texels(region, level.width()).filter(|&texel| alpha(texel) > 0).collect();
-    order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scatter(texel), texel));
-    let wanted = share * (region.width * region.height) as f64;
-    // What shows anything at all does not vanish.
-    let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
-    let Some(&last) = order.get(passing.saturating_sub(1)).or(order.first()) else { return vec![] };
-    let threshold = f64::from(alpha(last));
-    // Above the threshold from the cutoff up to full, below it from 0 to just below the cutoff.
-    let above =
-        |code: f64| f64::from(cutoff) + (code - threshold) / (255.0 - threshold).max(1.0) * f64::from(255 - cutoff);
-    let below = |code: f64| (code / threshold).min(1.0) * f64::from(cutoff - 1);
-    let at = |(rank, texel): (usize, usize)| {
-        let code = f64::from(alpha(texel));
-        (texel, if rank < passing { above(code) as u8 } else { below(code) as u8 })
-    };
-    order.into_iter().enumerate().map(at).collect()
+/// The texels of a region that show anything, those first that are to pass.
+struct Order {
+    texels: Vec<usize>,
+    passing: usize,
+    /// Alpha of the last that passes.
+    threshold: f64,
+}
+
+impl Order {
+    /// So that this share of the region passes. Texels of one alpha are ordered by a hash of their place.
+    fn of(level: &Image, region: Region, share: f64) -> Self {
+        let alpha = |texel: usize| level.pixels()[texel][3];
+        let scatter = |texel: usize| (texel as u32).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
+        let mut order: Vec<usize> = texels(region, level.width()).filter(|&texel| alpha(texel) > 0).collect();
+        order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scatter(texel), texel));
+        let wanted = share * (region.width * region.height) as f64;
+        // What shows anything at all does not vanish.
+        let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
+        let last = order.get(passing.saturating_sub(1)).or(order.first());
+        let threshold = last.map_or(0.0, |&last| f64::from(alpha(last)));
+        Self { texels: order, passing, threshold }
+    }
+}
+
+/// The alpha of a level, moved region by region: from the threshold up to full it goes from the cutoff to full, below it from 0 to just below
+/// the cutoff, both to the power `exponent`.
+fn moved(level: &Image, orders: &[Order], cutoff: u8, exponent: f64) -> Vec<u8> {
+    let mut alpha = level.alpha();
+    for Order { texels, passing, threshold } in orders {
+        let above = |code: f64| (code - threshold) / (255.0 - threshold).max(1.0);
+        let lift = |share: f64, codes: u8| (libm::pow(share.clamp(0.0, 1.0), exponent) * f64::from(codes)) as u8;
+        let passes: [u8; 256] = std::array::from_fn(|code| cutoff + lift(above(code as f64), 255 - cutoff));
+        let fails: [u8; 256] = std::array::from_fn(|code| lift(code as f64 / threshold, cutoff - 1));
+        for (rank, &texel) in texels.iter().enumerate() {
+            // Where regions have shrunk into one another, the last has its say.
+            let table = if rank < *passing { &passes } else { &fails };
+            alpha[texel] = table[level.pixels()[texel][3] as usize];
+        }
+    }
+    alpha
 }
 
 #[cfg(test)]

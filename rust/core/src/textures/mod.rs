@@ -6,6 +6,7 @@ pub mod image;
 mod labels;
 pub mod mips;
 mod page;
+mod plain;
 mod raster;
 mod sky;
 mod tone;
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 
 pub use channels::Channel;
 pub use page::{Channels, Page};
+pub use plain::for_plain_means;
 pub use raster::{Canvas, ScreenTriangle, Window, rasterise};
 pub use sky::{Outlook, Sky};
 

@@ -7,7 +7,6 @@ use super::sky::Sky;
 use super::{mips, tone};
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
-use crate::sheet::Region;
 
 /// Which channels a page has beside base colour and alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -145,17 +144,17 @@ impl Page {
         Self { base_color: tone::scaled(&self.base_color, factors), ..self }
     }
 
-    /// The mip levels of the image with this name, which suit what it shows: coverage at the cutoff is kept region by region. `None` without it, and for labels, which have none.
+    /// The mip levels of the image with this name, which suit what it shows. `None` without it; for labels, which have none; and for base
+    /// colour, whose levels depend on how it is drawn ([`mips::of_color`]).
     #[must_use]
-    pub fn levels(&self, name: &str, regions: &[Region], alpha_cutoff: f32) -> Option<mips::Levels> {
+    pub fn levels(&self, name: &str) -> Option<mips::Levels> {
         let (name, image) = self.images().find(|(known, _)| *known == name)?;
-        Some(match name {
-            "base_color" => mips::of_color(image, regions, alpha_cutoff),
-            "normal" => mips::of_normals(image),
-            "translucency" => mips::means(image),
-            "leaf_uv" | "leaf_id" => return None,
-            _ => mips::of_shares(image),
-        })
+        match name {
+            "base_color" | "leaf_uv" | "leaf_id" => None,
+            "normal" => Some(mips::of_normals(image)),
+            "translucency" => Some(mips::means(image)),
+            _ => Some(mips::of_shares(image)),
+        }
     }
 
     /// The material of billboards that show the page, cut out at `alpha_cutoff`.

@@ -1,0 +1,42 @@
+"""Pages for engines, which make the mip levels of a PNG by plain means: in Blender's place only while files are written.
+
+Plain means lose what is thin. With a lower cutoff, and alpha to suit it, crowns keep their density for some levels
+(`leafcloud.Level.for_engines`); Blender itself looks at the page as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+
+import bpy
+
+import leafcloud
+
+from ..build.materials import CUTOFF_NODE, PAGE_NODE, atlas_image
+
+
+@contextmanager
+def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
+    """Gives the clouds' materials, by their names, the pages and cutoffs for engines."""
+    with ExitStack() as stack:
+        for name, level in levels.items():
+            stack.enter_context(_engine_page(bpy.data.materials[name].node_tree, level))
+        yield
+
+
+@contextmanager
+def _engine_page(tree: bpy.types.NodeTree, level: leafcloud.Level) -> Iterator[None]:
+    pixels, cutoff = level.for_engines()
+    texture, threshold = tree.nodes[PAGE_NODE], tree.nodes[CUTOFF_NODE].inputs[1]
+    page, own_cutoff = texture.image, threshold.default_value
+    name = page.name
+    page.name = f"{name} in Blender"  # The file has the other by this name.
+    image = atlas_image(name, pixels)
+    texture.image, threshold.default_value = image, cutoff
+    try:
+        yield
+    finally:
+        texture.image, threshold.default_value = page, own_cutoff
+        bpy.data.images.remove(image)
+        page.name = name
