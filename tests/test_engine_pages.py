@@ -1,6 +1,6 @@
-"""Base colour in the files for engines, whose mip levels are plain means: seen from farther away a crown stays as dense.
+"""Base colour in the files for engines, whose mip levels are plain means: from farther away a crown stays as dense.
 
-The oracle: means of 2 × 2, and alpha looked up between the middles of texels on a grid three times as fine.
+The oracle: means of 2 × 2, and alpha looked up between the middles of texels on a grid six times as fine.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 
-def bilinear(alpha: NDArray[np.float64], fine: int = 3) -> NDArray[np.float64]:
+def bilinear(alpha: NDArray[np.float64], fine: int = 6) -> NDArray[np.float64]:
     """`alpha` between the middles of its texels, which repeats, on a grid `fine` times as fine."""
     for axis in (0, 1):
         places = (np.arange(fine * alpha.shape[axis]) + 0.5) / fine - 0.5

@@ -1,4 +1,4 @@
-"""Pages for engines, which make the mip levels of a PNG by plain means: in Blender's place only while files are written.
+"""Pages for engines, which make the mip levels of a PNG by plain means: in place only while files are written.
 
 Plain means lose what is thin. With a lower cutoff, and alpha to suit it, crowns keep their density for some levels
 (`leafcloud.Level.for_engines`); Blender itself looks at the page as it is.

@@ -75,12 +75,12 @@ class Material:
 class Foliage:
     """Triangles, their leaves and how they look, in a local frame.
 
-    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner
-    (t, 3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4), linear RGBA that multiply the
-    base colour; ``back_colors`` likewise (…, 3), linear RGB in their place where a triangle is seen to wind clockwise,
-    as light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a leaf.
-    Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or an edge whose two ends
-    coincide exactly.
+    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner (t,
+    3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4), linear RGBA that multiply the base
+    colour; ``back_colors`` likewise (…, 3), linear RGB in their place where a triangle is seen to wind clockwise, as
+    light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any
+    integers, equal within a leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex,
+    or an edge whose two ends coincide exactly.
 
     Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays
     of the wrong shape, and when all triangles have zero area.
@@ -199,11 +199,11 @@ class Level:
     def ktx2(self, channel: str) -> bytes:
         """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
         UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Base colour is that of ``for_engines``: as many texels
-        of each billboard pass its cutoff at every level as on the page itself, down to 8 × 8 texels. The same bytes for the same page on
-        one machine.
+        of each billboard pass its cutoff at every level as on the page itself, down to 8 × 8 texels. The same bytes for
+        the same page on one machine.
 
-        Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``, ``leaf_id``), and for a page whose side is no multiple
-        of 4.
+        Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``,
+        ``leaf_id``), and for a page whose side is no multiple of 4.
         """
     @property
     def alpha_cutoff(self) -> float: ...

@@ -14,15 +14,19 @@ const LEAST: f32 = 0.1;
 /// Levels behind the page that count.
 const LEVELS: usize = 3;
 
-/// In how many halvings cutoff and pivot are found, and by every which row of the page.
+/// In how many halvings cutoff and pivot are found, and by how many rows of the page.
 const HALVINGS: usize = 6;
-const EVERY: usize = 4;
+const ROWS: usize = 512;
+
+fn area_of_some(alpha: &[u8], width: usize, cutoff: f32) -> f64 {
+    mask::area(alpha, width, cutoff, (alpha.len() / width / ROWS).max(1))
+}
 
 /// The page and the cutoff that it is to be drawn with in place of `cutoff`.
 #[must_use]
 pub fn for_plain_means(page: &Image, cutoff: f32) -> (Image, f32) {
     let (alpha, width) = (page.alpha(), page.width());
-    let area = mask::area(&alpha, width, cutoff, EVERY);
+    let area = area_of_some(&alpha, width, cutoff);
     let (mut low, mut high) = (LEAST.min(cutoff), cutoff);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
@@ -46,7 +50,7 @@ fn remapped(alpha: &[u8], width: usize, cutoff: f32, (old, area): (f32, f64)) ->
     let (mut low, mut high) = (old, 0.99f32.max(old));
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        if mask::area(&at(middle), width, cutoff, EVERY) > area {
+        if area_of_some(&at(middle), width, cutoff) > area {
             low = middle;
         } else {
             high = middle;
