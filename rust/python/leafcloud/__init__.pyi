@@ -365,6 +365,7 @@ def build_chain(
     texture_size: int = 2048,
     samples: int = 4,
     back_sides: bool | None = None,
+    close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,
     translucency: bool = False,
@@ -399,6 +400,7 @@ def build_chain(
     budget is the first level's) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
+    ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
     from a place, in the red of ``gloss``), ``visibility`` (where it is seen, with ``occlusion``: the crown shades
@@ -415,6 +417,7 @@ def start_chain(
     texture_size: int = 2048,
     samples: int = 4,
     back_sides: bool | None = None,
+    close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,
     translucency: bool = False,

@@ -131,6 +131,7 @@ impl<'py> Options<'py> {
                 leaf_map: self.flag("leaf_map", default.channels.leaf_map)?,
             },
             back_sides: self.take("back_sides", sides, default.back_sides)?,
+            close_cracks: self.flag("close_cracks", default.close_cracks)?,
         })
     }
 

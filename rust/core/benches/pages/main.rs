@@ -60,7 +60,7 @@ impl Level {
         let drawn = |&t: &u32| {
             let t = t as usize;
             let (targets, corners) = (self.projection.targets[t], self.foliage.corners(t));
-            Drawn { foliage: &self.foliage, triangle: t, targets, corners }
+            Drawn { reach: f64::INFINITY, foliage: &self.foliage, triangle: t, targets, corners }
         };
         bake(&self.sheet, Samples::default(), (channels, None), |plane| {
             groups.get(plane as usize).iter().map(drawn).collect()

@@ -54,6 +54,7 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
     let mut triangles: Vec<ScreenTriangle> = Vec::new();
     for &foliage in parts {
         let place = |triangle: usize| ScreenTriangle {
+            reach: f32::INFINITY,
             corners: foliage.corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
             foliage,
             triangle: triangle as u32,

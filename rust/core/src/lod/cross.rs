@@ -45,6 +45,7 @@ pub(super) fn build(
     let page = bake(&sheet, settings.samples, channels, |plane| {
         let plane = planes[plane as usize];
         let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
+            reach: f64::INFINITY,
             foliage,
             triangle,
             targets: corners.map(|p| plane.project(p)),

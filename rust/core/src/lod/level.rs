@@ -5,19 +5,18 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec2};
 
-use super::{ChainSettings, Judges, sides, tune};
+use super::{ChainSettings, Judges, drawn, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
-use crate::groups::Groups;
 use crate::judge::{Judge, Judgement};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{Region, Sheet, SheetSettings};
-use crate::textures::{Channels, Drawn, Page, Samples, Sky, bake, for_plain_means, mips};
+use crate::textures::{Channels, Page, Sky, bake, for_plain_means, mips};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -110,14 +109,13 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     progress.tell("bake", 0.65)?;
     // One texture for both sides shows leaves from either side.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
-    let page = bake_cloud(
-        either.as_ref().unwrap_or(finer),
-        &cloud,
-        &projection,
-        &sheet,
-        settings.samples,
-        (&step.channels, step.sky),
-    );
+    let shown = either.as_ref().unwrap_or(finer);
+    let channels = (&step.channels, step.sky);
+    let page = if settings.close_cracks {
+        bake(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
+    } else {
+        bake(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
+    };
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
@@ -150,23 +148,6 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         },
         engine: OnceLock::new(),
     })
-}
-
-/// Renders each plane's own triangles onto its billboards.
-pub(super) fn bake_cloud(
-    foliage: &Foliage,
-    cloud: &Cloud,
-    projection: &Projection,
-    sheet: &Sheet,
-    samples: Samples,
-    channels: (&Channels, Option<&Sky>),
-) -> Page {
-    let triangles = Groups::by_key(&cloud.parents, cloud.planes.len());
-    let drawn = |triangle: &u32| {
-        let triangle = *triangle as usize;
-        Drawn { foliage, triangle, targets: projection.targets[triangle], corners: foliage.corners(triangle) }
-    };
-    bake(sheet, samples, channels, |plane| triangles.get(plane as usize).iter().map(drawn).collect())
 }
 
 /// The pruning order of billboards, as of leaves.

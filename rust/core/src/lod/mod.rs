@@ -1,6 +1,7 @@
 //! Levels of detail: a cloud for the leaves, a coarser one for its billboards, and so on, and the cross behind them.
 
 mod cross;
+mod drawn;
 mod level;
 mod sides;
 mod tune;
@@ -48,6 +49,8 @@ pub struct ChainSettings {
     pub channels: Channels,
     /// Textures of their own for the two sides; `None` lets each level decide by looking whether they differ.
     pub back_sides: Option<bool>,
+    /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
+    pub close_cracks: bool,
 }
 
 impl Default for ChainSettings {
@@ -61,6 +64,7 @@ impl Default for ChainSettings {
             samples: Samples::default(),
             channels: Channels::default(),
             back_sides: None,
+            close_cracks: false,
         }
     }
 }

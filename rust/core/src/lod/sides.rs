@@ -8,10 +8,10 @@ use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Outline;
 use crate::sheet::{Billboard, Region, Sheet, SheetSettings};
-use crate::textures::{Channels, Samples};
+use crate::textures::{Channels, Samples, bake};
 use crate::transition::Projection;
 
-use super::level::bake_cloud;
+use super::drawn::own_triangles;
 
 /// Side of the pages that are compared.
 const PAGE: usize = 512;
@@ -31,7 +31,8 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     };
     let back = Sheet { billboards: front.billboards.iter().map(Billboard::mirrored).collect(), ..front };
     let look = |sheet: &Sheet| -> Result<Image> {
-        Ok(bake_cloud(foliage, cloud, projection, sheet, Samples::new(2)?, (&Channels::default(), None)).base_color)
+        let drawn = own_triangles(foliage, cloud, projection);
+        Ok(bake(sheet, Samples::new(2)?, (&Channels::default(), None), drawn).base_color)
     };
     Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
 }

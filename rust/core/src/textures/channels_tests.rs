@@ -26,6 +26,7 @@ fn seen(foliage: &Foliage, channel: Channel, view: Mat3) -> impl Fn(usize, usize
     };
     let triangles: Vec<ScreenTriangle> = (0..foliage.triangle_count())
         .map(|t| ScreenTriangle {
+            reach: f32::INFINITY,
             corners: foliage.corners(t).map(place),
             foliage,
             triangle: t as u32,
@@ -129,8 +130,13 @@ fn shares_seen_from_far_are_kept_in_the_mean() {
                 let corner =
                     |x: usize, y: usize| Vec3::new((card % 64 + x) as f32 + 0.2, (card / 64 + y) as f32 + 0.1, 0.0);
                 let [a, b, c, d] = [corner(0, 1), corner(1, 1), corner(1, 0), corner(0, 0)];
-                let triangle =
-                    |triangle, corners| ScreenTriangle { corners, foliage: &leaf, triangle, window: &Window::WHOLE };
+                let triangle = |triangle, corners| ScreenTriangle {
+                    reach: f32::INFINITY,
+                    corners,
+                    foliage: &leaf,
+                    triangle,
+                    window: &Window::WHOLE,
+                };
                 [triangle(0, [a, b, c]), triangle(1, [a, c, d])]
             })
             .collect();

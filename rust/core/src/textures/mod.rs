@@ -66,6 +66,8 @@ pub struct Drawn<'a> {
     pub targets: [DVec3; 3],
     /// Its corners where they really are: what lies higher along the normal hides what lies lower.
     pub corners: [DVec3; 3],
+    /// It is drawn only as far as it lies no farther from the plane.
+    pub reach: f64,
 }
 
 /// Renders every billboard's triangles into its region of the page.
@@ -140,7 +142,13 @@ impl ToPage {
             DVec3::new(self.left + self.across.dot(q), self.bottom - self.up.dot(q), height).as_vec3()
         };
         let corners = std::array::from_fn(position);
-        ScreenTriangle { corners, foliage: drawn.foliage, triangle: drawn.triangle as u32, window: &self.window }
+        ScreenTriangle {
+            corners,
+            foliage: drawn.foliage,
+            triangle: drawn.triangle as u32,
+            window: &self.window,
+            reach: drawn.reach as f32,
+        }
     }
 }
 

@@ -30,6 +30,8 @@ pub struct ScreenTriangle<'a> {
     pub triangle: u32,
     /// Where on the canvas, and seen from where.
     pub window: &'a Window,
+    /// It is drawn only as far as it lies no farther from z = 0.
+    pub reach: f32,
 }
 
 /// A part of the canvas with a view of its own.
@@ -174,6 +176,8 @@ struct Piece {
     count: u32,
     /// The sum of their places, in samples.
     places: Vec2,
+    /// The place of one of them: something is seen there, which need not be so in their middle.
+    one: Vec2,
 }
 
 /// A triangle on its way through a tile.
@@ -227,7 +231,7 @@ impl<'a> Tile<'a> {
                 let known = |piece: &&mut Piece| (piece.fragment, piece.part) == (fragment, part);
                 match self.pieces[first..].iter_mut().rev().find(known) {
                     Some(piece) => (piece.count, piece.places) = (piece.count + 1, piece.places + place),
-                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place }),
+                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place, one: place }),
                 }
             }
         }
@@ -248,8 +252,14 @@ impl<'a> Tile<'a> {
         let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, self.side), &samples_of(rows, origin.y, self.samples));
         let columns =
             overlap(&covered(low.x - 0.5, high.x, 1.0, self.side), &samples_of(columns, origin.x, self.samples));
-        let mut drawing =
-            Drawing { surface, edges, depths, threshold: Thresholds::new(self.samples, index), any: false };
+        let mut drawing = Drawing {
+            surface,
+            edges,
+            depths,
+            reach: triangle.reach,
+            threshold: Thresholds::new(self.samples, index),
+            any: false,
+        };
         for top in rows.clone().step_by(BLOCK) {
             self.add_band(&mut drawing, &columns, top..(top + BLOCK).min(rows.end));
         }
@@ -283,7 +293,7 @@ impl<'a> Tile<'a> {
 
     /// The part of a triangle in at most [`BLOCK`] samples of a row.
     fn add_run(&mut self, drawing: &mut Drawing<'a>, run: Range<usize>, y: usize) {
-        let Drawing { surface, edges, depths, threshold, any } = drawing;
+        let Drawing { surface, edges, depths, reach, threshold, any } = drawing;
         let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
         if run.is_empty() || !surface.run_may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
             return;
@@ -297,7 +307,8 @@ impl<'a> Tile<'a> {
             }
             let depth = weights.dot(*depths);
             let sample = y * self.side + x;
-            if depth > self.depths[sample] && surface.passes_behind(uv, x - first, weights, threshold.at(x, y)) {
+            let nearer = depth > self.depths[sample] && depth.abs() <= *reach;
+            if nearer && surface.passes_behind(uv, x - first, weights, threshold.at(x, y)) {
                 self.depths[sample] = depth;
                 self.seen[sample] = self.drawn.len() as u32;
                 *any = true;
@@ -310,15 +321,19 @@ impl<'a> Tile<'a> {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
         let pieces = &self.pieces[first..last];
-        let look = |piece: &Piece| {
+        let look = |piece: &Piece, place: Vec2| {
             let fragment = &self.drawn[piece.fragment as usize];
             let triangle = &triangles[fragment.index as usize];
-            // The middle of some samples within a triangle lies within it.
-            let weights = fragment.edges.weights(piece.places / piece.count as f32);
+            let weights = fragment.edges.weights(place);
             let spot = Spot { weights, samples: piece.count as f32 };
             channel.look(&Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front }).extend(1.0)
         };
-        if channel.is_label() { choose(pieces, look, pixels) } else { self.average(pieces, look, pixels) }
+        if channel.is_label() {
+            choose(pieces, |piece| look(piece, piece.one), pixels);
+        } else {
+            // The middle of some samples within a triangle lies within it.
+            self.average(pieces, |piece| look(piece, piece.places / piece.count as f32), pixels);
+        }
     }
 
     /// The mean of what samples see.
@@ -350,6 +365,7 @@ struct Drawing<'a> {
     surface: Surface<'a>,
     edges: Edges,
     depths: Vec3,
+    reach: f32,
     threshold: Thresholds,
     /// Whether it was seen at any sample.
     any: bool,

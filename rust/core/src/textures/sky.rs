@@ -100,6 +100,7 @@ impl Shadow {
         let mut triangles: Vec<ScreenTriangle> = Vec::new();
         for foliage in parts {
             let shown = (0..foliage.triangle_count()).into_par_iter().map(|triangle| ScreenTriangle {
+                reach: f32::INFINITY,
                 corners: place(foliage, triangle),
                 foliage,
                 triangle: triangle as u32,

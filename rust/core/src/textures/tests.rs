@@ -29,6 +29,7 @@ fn screen(foliage: &Foliage, size: f32, z: f32) -> Vec<ScreenTriangle<'_>> {
         .into_iter()
         .enumerate()
         .map(|(triangle, corners)| ScreenTriangle {
+            reach: f32::INFINITY,
             corners,
             foliage,
             triangle: triangle as u32,
@@ -150,8 +151,13 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let settings = SheetSettings { size: 64, gutter: 2, back_sides: true };
     let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
     let shown = |_: u32| {
-        let drawn =
-            |t| Drawn { foliage: &foliage, triangle: t, targets: foliage.corners(t), corners: foliage.corners(t) };
+        let drawn = |t| Drawn {
+            reach: f64::INFINITY,
+            foliage: &foliage,
+            triangle: t,
+            targets: foliage.corners(t),
+            corners: foliage.corners(t),
+        };
         (0..2).map(drawn).collect()
     };
     let page = bake(&sheet, samples(4), (&Channels::default(), None), shown).base_color;
@@ -159,7 +165,13 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
         let to_page = ToPage::new(billboard);
         let look = |x: f64, y: f64| {
             let p = corner(x, y);
-            let placed = to_page.place(&Drawn { foliage: &foliage, triangle: 0, targets: [p; 3], corners: [p; 3] });
+            let placed = to_page.place(&Drawn {
+                reach: f64::INFINITY,
+                foliage: &foliage,
+                triangle: 0,
+                targets: [p; 3],
+                corners: [p; 3],
+            });
             let [column, row] = placed.corners[0].truncate().to_array().map(|c| c.floor() as usize);
             page.pixels()[row * 64 + column]
         };
@@ -189,7 +201,13 @@ fn edges_are_as_near_as_is_said() {
         let columns = origin.x as usize..(origin.x as usize + 90).min(page);
         let rows = origin.y as usize..(origin.y as usize + 90).min(page);
         let window = Window { columns: columns.clone(), rows: rows.clone(), ..Window::WHOLE };
-        let drawn = covered_pixels(&ScreenTriangle { corners, foliage: &white, triangle: 0, window: &window });
+        let drawn = covered_pixels(&ScreenTriangle {
+            reach: f32::INFINITY,
+            corners,
+            foliage: &white,
+            triangle: 0,
+            window: &window,
+        });
         let [a, b, c] = corners.map(|c| c.truncate().as_dvec2());
         let turn = (b - a).perp_dot(c - a).signum();
         for y in rows {

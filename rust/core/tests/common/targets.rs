@@ -167,7 +167,7 @@ fn try_draw(u: &mut Unstructured) -> Result<()> {
     for _ in 0..count {
         let corners = [(); 3].map(|()| point(u).map_or(Vec3::ZERO, |p| (p * 64.0).as_vec3()));
         let window = if bool::arbitrary(u)? { &Window::WHOLE } else { &cut };
-        triangles.push(ScreenTriangle { corners, foliage: &foliage, triangle: 0, window });
+        triangles.push(ScreenTriangle { reach: f32::INFINITY, corners, foliage: &foliage, triangle: 0, window });
     }
     let channels = [Channel::BaseColor, Channel::Normal(0.3), Channel::Gloss(None), Channel::Translucency];
     for (canvas, channel) in rasterise(&triangles, width, height, samples, &channels).iter().zip(channels) {

@@ -279,7 +279,13 @@ fn a_plane_for_each_of_65_537_triangles() {
     let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096, gutter: 2, back_sides: false }).unwrap();
     let page = bake(&sheet, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {
         let t = p as usize;
-        vec![Drawn { foliage: &foliage, triangle: t, targets: projection.targets[t], corners: foliage.corners(t) }]
+        vec![Drawn {
+            reach: f64::INFINITY,
+            foliage: &foliage,
+            triangle: t,
+            targets: projection.targets[t],
+            corners: foliage.corners(t),
+        }]
     })
     .base_color;
     let blank = |b: &&leafcloud::sheet::Billboard| {

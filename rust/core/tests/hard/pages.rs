@@ -198,7 +198,8 @@ fn triangles_that_leave_the_canvas() {
     for reach in far {
         // The lower left half of the canvas, the rest of the triangle far outside.
         let corners = [Vec3::new(-reach, -reach, 0.0), Vec3::new(-reach, reach, 0.0), Vec3::new(reach, reach, 0.0)];
-        let triangle = ScreenTriangle { corners, foliage: &white, triangle: 0, window: &Window::WHOLE };
+        let triangle =
+            ScreenTriangle { reach: f32::INFINITY, corners, foliage: &white, triangle: 0, window: &Window::WHOLE };
         let Canvas { pixels, .. } = drawn(&[triangle], 64, 64, Samples::new(1).unwrap());
         // Error bound: edges lie where f32 puts them at that size.
         let slack = f64::from(reach) * 2f64.powi(-22) + 1.0;
@@ -210,11 +211,13 @@ fn triangles_that_leave_the_canvas() {
     case(GROUP, "a triangle that reaches 10⁷ pixels beyond the canvas", "closed form: half of the canvas")
         .holds(wrong as f64, 0.0);
     let vast = [Vec3::new(-1e20, -1e20, 0.0), Vec3::new(-1e20, 1e20, 0.0), Vec3::new(1e20, 1e20, 0.0)];
-    let triangle = ScreenTriangle { corners: vast, foliage: &white, triangle: 0, window: &Window::WHOLE };
+    let triangle =
+        ScreenTriangle { reach: f32::INFINITY, corners: vast, foliage: &white, triangle: 0, window: &Window::WHOLE };
     let any = drawn(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
     case(GROUP, "a triangle of 10²⁰ pixels, whose area is beyond f32", "definition: not drawn").equals(any, false);
     let broken = [Vec3::splat(f32::NAN), Vec3::X, Vec3::Y];
-    let triangle = ScreenTriangle { corners: broken, foliage: &white, triangle: 0, window: &Window::WHOLE };
+    let triangle =
+        ScreenTriangle { reach: f32::INFINITY, corners: broken, foliage: &white, triangle: 0, window: &Window::WHOLE };
     let any = drawn(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
     case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(any, false);
 }
@@ -227,7 +230,13 @@ fn drawn_whole(of: &Foliage, size: usize, samples: usize, front: bool) -> Image 
         let x = if front { x } else { side - x };
         Vec3::new(x, y, 0.0)
     });
-    let triangle = |triangle, corners| ScreenTriangle { corners, foliage: of, triangle, window: &Window::WHOLE };
+    let triangle = |triangle, corners| ScreenTriangle {
+        reach: f32::INFINITY,
+        corners,
+        foliage: of,
+        triangle,
+        window: &Window::WHOLE,
+    };
     let both = [triangle(0, [a, b, c]), triangle(1, [a, c, d])];
     Channel::BaseColor.to_image(&drawn(&both, size, size, Samples::new(samples).unwrap()))
 }
