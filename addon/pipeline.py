@@ -81,6 +81,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         translucency=bool(is_on(prepared.effects, "translucency")),
         occlusion=bool(is_on(prepared.effects, "occlusion")),
         visibility=bool(is_on(prepared.effects, "self_shadowing")),
+        leaf_map=bool(is_on(prepared.effects, "leaf_map")),
         **fit_options(settings),
     )
 

@@ -22,6 +22,7 @@ EFFECTS = (
     "translucency",
     "occlusion",
     "self_shadowing",
+    "leaf_map",
 )
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""

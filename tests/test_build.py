@@ -42,6 +42,8 @@ class FakeLevel:
     gloss: NDArray[np.uint8] | None = None
     translucency: NDArray[np.uint8] | None = None
     visibility: NDArray[np.uint8] | None = None
+    leaf_uv: NDArray[np.uint8] | None = None
+    leaf_id: NDArray[np.uint8] | None = None
     uvs: NDArray[np.float32] = field(init=False)
     base_color: NDArray[np.uint8] = field(init=False)
 

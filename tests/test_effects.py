@@ -29,6 +29,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "translucency": False,
         "occlusion": False,
         "self_shadowing": False,
+        "leaf_map": False,
     }
     assert all(effect.reason for effect in effects)
 

@@ -20,6 +20,7 @@ from ..plan.reach import Reach
 from ..scene.extract import Geometry, Tree
 from . import morphs
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
+from .leaf_map import add_leaf_map
 from .lod_nodes import NEVER, LodSettings, add_lod_modifier
 from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
@@ -110,6 +111,7 @@ def build_levels(
         behind = chain.levels
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
+            _add_leaf_map(obj, level, tree, costs)
             levels.append(_add_level(collection, obj, number, wood if level.cloud is not None else None, plan))
     return collection, levels
 
@@ -236,6 +238,16 @@ def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
         with costs.spent_on("self_shadowing", visibility.nbytes):
             page = replace(page, visibility=atlas_image(f"{name}_visibility", visibility, data=True))
     return page
+
+
+def _add_leaf_map(obj: bpy.types.Object, level: leafcloud.Level, tree: Tree, costs: Costs) -> None:
+    """Gives the level's material, where the chain has a leaf map, what it needs to show another season."""
+    if (uv := level.leaf_uv) is None or (leaf := level.leaf_id) is None:
+        return
+    with costs.spent_on("leaf_map", uv.nbytes + leaf.nbytes):
+        uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
+        leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
+        add_leaf_map(obj.data.materials[0], uv_image, leaf_image, tree.leaves.materials)
 
 
 def _with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -23,11 +23,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import bpy
 
 from ..versions import InputValue, set_modifier_input
+from .sections import Section
 
 GROUP_NAME = "Leafcloud LOD"
 NEVER = 1e9
@@ -43,9 +44,6 @@ _BLOCK = 1024.0
 """Faces that are summed at a time."""
 _TINY = 1e-30
 """What stands for 0 in a divisor or a logarithm."""
-
-_Operand: TypeAlias = bpy.types.NodeSocket | float | str | None
-"""What a node's input gets: a link, a constant, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -163,112 +161,15 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(panel, "Keep", "Float", "Share of the leaves that is drawn", default_value=1.0, **share)
 
 
-class _Section:
-    """A labelled frame of the group, in which nodes are placed as they are made: right of what they use, below others.
-
-    The functions that make nodes take sockets and constants, and return the socket of the result, so that they nest
-    like the formula they stand for.
-    """
-
-    _COLUMN_WIDTH = 220.0
-    _ROW_GAP = 40.0
-
-    def __init__(self, tree: bpy.types.NodeTree, label: str, origin: tuple[float, float]) -> None:
-        self._tree = tree
-        self._columns: dict[str, int] = {}
-        self._bottoms: dict[int, float] = {}
-        self._frame = tree.nodes.new("NodeFrame")
-        self._frame.label = label
-        self._frame.location = origin
-
-    def node(self, kind: str, *operands: _Operand, label: str = "", **properties: Any) -> bpy.types.Node:
-        """A node with `operands` on its enabled inputs, in order; `None` leaves one as it is."""
-        node = self._tree.nodes.new(kind)
-        node.label = label
-        for key, value in properties.items():
-            setattr(node, key, value)
-        inputs = [socket for socket in node.inputs if socket.enabled]
-        for socket, operand in zip(inputs, operands, strict=False):
-            if isinstance(operand, bpy.types.NodeSocket):
-                self._tree.links.new(operand, socket)
-            elif operand is not None:
-                socket.default_value = operand
-        self._place(node, operands)
-        return node
-
-    def result(self, kind: str, *operands: _Operand, label: str = "", **properties: Any) -> bpy.types.NodeSocket:
-        """The first enabled output of such a node."""
-        node = self.node(kind, *operands, label=label, **properties)
-        return next(socket for socket in node.outputs if socket.enabled)
-
-    def group_input(self, name: str) -> bpy.types.NodeSocket:
-        """The group's input `name`, on a node of its own that shows nothing else."""
-        node = self._tree.nodes.new("NodeGroupInput")
-        for socket in node.outputs:
-            socket.hide = socket.name != name
-        self._place(node, ())
-        return node.outputs[name]
-
-    def math(self, operation: str, *operands: _Operand, label: str = "", clamp: bool = False) -> bpy.types.NodeSocket:
-        return self.result("ShaderNodeMath", *operands, label=label, operation=operation, use_clamp=clamp)
-
-    def vector(self, operation: str, *operands: _Operand, label: str = "") -> bpy.types.NodeSocket:
-        return self.result("ShaderNodeVectorMath", *operands, label=label, operation=operation)
-
-    def mix(self, factor: _Operand, a: _Operand, b: _Operand, label: str) -> bpy.types.NodeSocket:
-        """The vector (1 − factor)·a + factor·b."""
-        return self.result("ShaderNodeMix", factor, a, b, label=label, data_type="VECTOR")
-
-    def compare(self, a: _Operand, operation: str, b: _Operand, label: str = "") -> bpy.types.NodeSocket:
-        return self.result("FunctionNodeCompare", a, b, label=label, operation=operation)
-
-    def logic(self, a: _Operand, operation: str, b: _Operand, label: str = "") -> bpy.types.NodeSocket:
-        return self.result("FunctionNodeBooleanMath", a, b, label=label, operation=operation)
-
-    def switch(
-        self, kind: str, condition: _Operand, otherwise: _Operand, then: _Operand, label: str
-    ) -> bpy.types.NodeSocket:
-        """`then` where `condition` holds, else `otherwise`; the branch that is not taken is not evaluated."""
-        return self.result("GeometryNodeSwitch", condition, otherwise, then, label=label, input_type=kind)
-
-    def attribute(self, kind: str, name: str) -> bpy.types.NodeSocket:
-        """The point attribute `name`; 0 on a mesh that has none."""
-        return self.result("GeometryNodeInputNamedAttribute", name, label=name, data_type=kind)
-
-    def vector_attribute(self, name: str, missing: _Operand) -> bpy.types.NodeSocket:
-        """The point attribute `name`; `missing` on a mesh that has none."""
-        node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")
-        value, exists = node.outputs["Attribute"], node.outputs["Exists"]
-        return self.switch("VECTOR", exists, missing, value, label=f"{name}, if there")
-
-    def _place(self, node: bpy.types.Node, operands: tuple[_Operand, ...]) -> None:
-        used = [operand.node.name for operand in operands if isinstance(operand, bpy.types.NodeSocket)]
-        column = max((self._columns[name] + 1 for name in used if name in self._columns), default=0)
-        top = self._bottoms.get(column, 0.0)
-        self._columns[node.name] = column
-        self._bottoms[column] = top - _drawn_height(node) - self._ROW_GAP
-        node.parent = self._frame
-        node.location = (column * self._COLUMN_WIDTH, top)
-
-
-def _drawn_height(node: bpy.types.Node) -> float:
-    """About how high the node is drawn: Blender knows it only after it was drawn in an editor."""
-    rows = 2.0  # header and one menu
-    for socket in (*node.inputs, *node.outputs):
-        if socket.enabled and not socket.hide:
-            rows += 3.0 if socket.type == "VECTOR" and not socket.is_output and not socket.is_linked else 1.0
-    return rows * 24.0
-
-
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
-    distance = _distance(_Section(tree, "Distance d to the camera", (-2800.0, 0.0)))
-    drawn = _drawn(_Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
-    transition = _transition(_Section(tree, "Transition a", (-1500.0, 0.0)), distance)
-    keep = _keep(_Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
-    point, pivot = _moved(_Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
-    growth = _growth(_Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), keep)
+    distance = _distance(Section(tree, "Distance d to the camera", (-2800.0, 0.0)))
+    drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
+    transition = _transition(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
+    keep = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
+    point, pivot = _moved(Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
+    growth = _growth(Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), keep)
 
-    section = _Section(tree, "Only what is needed", (3200.0, 0.0))
+    section = Section(tree, "Only what is needed", (3200.0, 0.0))
     geometry = section.group_input("Geometry")
     moved = section.result("GeometryNodeSetPosition", geometry, None, point, label="Move")
     moving = section.compare(transition, "GREATER_THAN", 0.0, label="a > 0")
@@ -285,7 +186,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
 
 
-def _distance(section: _Section) -> bpy.types.NodeSocket:
+def _distance(section: Section) -> bpy.types.NodeSocket:
     """d, in the object's coordinates, below `NEVER`.
 
     0 without a camera, or with one whose place is not a number, so that the level is drawn whole and at rest.
@@ -302,7 +203,7 @@ def _distance(section: _Section) -> bpy.types.NodeSocket:
     return section.switch("FLOAT", known, 0.0, near, label="Distance d")
 
 
-def _drawn(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _drawn(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Manual, or appear ≤ d < vanish."""
     appeared = section.compare(distance, "GREATER_EQUAL", section.group_input("Appear"), label="d ≥ appear")
     present = section.compare(distance, "LESS_THAN", section.group_input("Vanish"), label="d < vanish")
@@ -310,7 +211,7 @@ def _drawn(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeS
     return section.logic(near, "OR", section.group_input("Manual"), label="Drawn")
 
 
-def _transition(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _transition(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """a = clamp((d − start) / (end − start), 0, 1)"""
     start = section.group_input("Start")
     span = section.math("SUBTRACT", section.group_input("End"), start)
@@ -320,7 +221,7 @@ def _transition(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.
     return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="a")
 
 
-def _keep(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """λ = min((d₀/d)^(log_h ½), 1), as (d₀ / max(d, d₀))^(log_h ½): exactly 1 up to d₀, and defined at d = 0."""
     start = section.math("MAXIMUM", section.group_input("Prune Start"), _TINY, label="d₀")
     half = section.math("MAXIMUM", section.group_input("Prune Half"), _TINY)
@@ -332,7 +233,7 @@ def _keep(section: _Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSo
     return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="λ")
 
 
-def _moved(section: _Section, transition: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+def _moved(section: Section, transition: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """p(a) and pivot(a)."""
     position = section.result("GeometryNodeInputPosition")
     pivot = section.attribute("FLOAT_VECTOR", "leaf_pivot")
@@ -342,7 +243,7 @@ def _moved(section: _Section, transition: bpy.types.NodeSocket) -> tuple[bpy.typ
     return point, section.mix(transition, pivot, pivot_target, label="Pivot at a")
 
 
-def _growth(section: _Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _growth(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """s·r, with the ramp r per leaf and s = √(ΣA / Σ(A·r²)) over the faces of the geometry that comes in, at rest."""
     rest = section.math("SUBTRACT", 1.0, keep, label="1 − λ")
     width = section.math("MULTIPLY", section.math("MINIMUM", rest, _RAMP, label="ρ"), keep, label="ρ·λ")
@@ -358,7 +259,7 @@ def _growth(section: _Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSock
     return section.math("MULTIPLY", scale, ramp, label="s·r")
 
 
-def _sum_over_faces(section: _Section, values: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _sum_over_faces(section: Section, values: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """The sum of the vectors `values` over all faces of the geometry that comes in.
 
     In blocks, because Blender 4.2 adds one by one in f32: off by 0.4 % over a million faces, by 8 % over eight million.

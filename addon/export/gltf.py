@@ -18,7 +18,7 @@ from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
 from .translucency import add_translucency
-from .visibility import add_visibility
+from .waiting import add_waiting
 
 FALLBACK_SETS = (2, 3)
 """TEXCOORD_2 is (rank, pivot.x), TEXCOORD_3 is (pivot.y, pivot.z), of the pivot in glTF's Y-up coordinates."""
@@ -102,7 +102,7 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
         raise ExportError(f"{path.name}: {reason(error)}") from error
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
-    add_visibility(path, collection)
+    add_waiting(path, collection)
     add_translucency(path, collection)
     add_tangents(path)
 

@@ -33,7 +33,7 @@ def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
         read = (_normals(facts), _gloss(facts), _translucency(facts))
-        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY)
+        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP)
     forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
     return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
 
@@ -104,6 +104,8 @@ _SKY = (
         "self_shadowing", False, "renderers cast shadows themselves, and only a shader made for it reads the texture"
     ),
 )
+
+_LEAF_MAP = Effect("leaf_map", False, "the leaves keep their textures until somebody wants another season")
 
 
 def _free_light(engine: str) -> str:

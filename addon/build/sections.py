@@ -1,0 +1,107 @@
+"""Node trees written as formulas, and laid out so that they can be read."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import bpy
+
+Operand: TypeAlias = bpy.types.NodeSocket | float | str | tuple[float, ...] | None
+"""What a node's input gets: a link, a constant, or nothing."""
+
+
+class Section:
+    """A labelled frame of a node tree, in which nodes are placed as they come: right of what they use, below others.
+
+    The functions that make nodes take sockets and constants, and return the socket of the result, so that they nest
+    like the formula they stand for.
+    """
+
+    _COLUMN_WIDTH = 220.0
+    _ROW_GAP = 40.0
+
+    def __init__(self, tree: bpy.types.NodeTree, label: str, origin: tuple[float, float]) -> None:
+        self._tree = tree
+        self._columns: dict[str, int] = {}
+        self._bottoms: dict[int, float] = {}
+        self._frame = tree.nodes.new("NodeFrame")
+        self._frame.label = label
+        self._frame.location = origin
+
+    def node(self, kind: str, *operands: Operand, label: str = "", **properties: Any) -> bpy.types.Node:
+        """A node with `operands` on its enabled inputs, in order; `None` leaves one as it is."""
+        node = self._tree.nodes.new(kind)
+        node.label = label
+        for key, value in properties.items():
+            setattr(node, key, value)
+        inputs = [socket for socket in node.inputs if socket.enabled]
+        for socket, operand in zip(inputs, operands, strict=False):
+            if isinstance(operand, bpy.types.NodeSocket):
+                self._tree.links.new(operand, socket)
+            elif operand is not None:
+                socket.default_value = operand
+        self._place(node, operands)
+        return node
+
+    def result(self, kind: str, *operands: Operand, label: str = "", **properties: Any) -> bpy.types.NodeSocket:
+        """The first enabled output of such a node."""
+        node = self.node(kind, *operands, label=label, **properties)
+        return next(socket for socket in node.outputs if socket.enabled)
+
+    def group_input(self, name: str) -> bpy.types.NodeSocket:
+        """The group's input `name`, on a node of its own that shows nothing else."""
+        node = self._tree.nodes.new("NodeGroupInput")
+        for socket in node.outputs:
+            socket.hide = socket.name != name
+        self._place(node, ())
+        return node.outputs[name]
+
+    def math(self, operation: str, *operands: Operand, label: str = "", clamp: bool = False) -> bpy.types.NodeSocket:
+        return self.result("ShaderNodeMath", *operands, label=label, operation=operation, use_clamp=clamp)
+
+    def vector(self, operation: str, *operands: Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("ShaderNodeVectorMath", *operands, label=label, operation=operation)
+
+    def mix(self, factor: Operand, a: Operand, b: Operand, label: str) -> bpy.types.NodeSocket:
+        """The vector (1 − factor)·a + factor·b."""
+        return self.result("ShaderNodeMix", factor, a, b, label=label, data_type="VECTOR")
+
+    def compare(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("FunctionNodeCompare", a, b, label=label, operation=operation)
+
+    def logic(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("FunctionNodeBooleanMath", a, b, label=label, operation=operation)
+
+    def switch(
+        self, kind: str, condition: Operand, otherwise: Operand, then: Operand, label: str
+    ) -> bpy.types.NodeSocket:
+        """`then` where `condition` holds, else `otherwise`; the branch that is not taken is not evaluated."""
+        return self.result("GeometryNodeSwitch", condition, otherwise, then, label=label, input_type=kind)
+
+    def attribute(self, kind: str, name: str) -> bpy.types.NodeSocket:
+        """The point attribute `name`; 0 on a mesh that has none."""
+        return self.result("GeometryNodeInputNamedAttribute", name, label=name, data_type=kind)
+
+    def vector_attribute(self, name: str, missing: Operand) -> bpy.types.NodeSocket:
+        """The point attribute `name`; `missing` on a mesh that has none."""
+        node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")
+        value, exists = node.outputs["Attribute"], node.outputs["Exists"]
+        return self.switch("VECTOR", exists, missing, value, label=f"{name}, if there")
+
+    def _place(self, node: bpy.types.Node, operands: tuple[Operand, ...]) -> None:
+        used = [operand.node.name for operand in operands if isinstance(operand, bpy.types.NodeSocket)]
+        column = max((self._columns[name] + 1 for name in used if name in self._columns), default=0)
+        top = self._bottoms.get(column, 0.0)
+        self._columns[node.name] = column
+        self._bottoms[column] = top - _drawn_height(node) - self._ROW_GAP
+        node.parent = self._frame
+        node.location = (column * self._COLUMN_WIDTH, top)
+
+
+def _drawn_height(node: bpy.types.Node) -> float:
+    """About how high the node is drawn: Blender knows it only after it was drawn in an editor."""
+    rows = 2.0  # header and one menu
+    for socket in (*node.inputs, *node.outputs):
+        if socket.enabled and not socket.hide:
+            rows += 3.0 if socket.type == "VECTOR" and not socket.is_output and not socket.is_linked else 1.0
+    return rows * 24.0
