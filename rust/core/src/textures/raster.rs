@@ -176,8 +176,13 @@ struct Piece {
     count: u32,
     /// The sum of their places, in samples.
     places: Vec2,
-    /// The place of one of them: something is seen there, which need not be so in their middle.
-    one: Vec2,
+}
+
+impl Piece {
+    /// Of its samples.
+    fn middle(&self) -> Vec2 {
+        self.places / self.count as f32
+    }
 }
 
 /// A triangle on its way through a tile.
@@ -231,7 +236,7 @@ impl<'a> Tile<'a> {
                 let known = |piece: &&mut Piece| (piece.fragment, piece.part) == (fragment, part);
                 match self.pieces[first..].iter_mut().rev().find(known) {
                     Some(piece) => (piece.count, piece.places) = (piece.count + 1, piece.places + place),
-                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place, one: place }),
+                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place }),
                 }
             }
         }
@@ -329,11 +334,21 @@ impl<'a> Tile<'a> {
             channel.look(&Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front }).extend(1.0)
         };
         if channel.is_label() {
-            choose(pieces, |piece| look(piece, piece.one), pixels);
+            choose(pieces, |piece| look(piece, self.place_nearest_middle(piece)), pixels);
         } else {
             // The middle of some samples within a triangle lies within it.
-            self.average(pieces, |piece| look(piece, piece.places / piece.count as f32), pixels);
+            self.average(pieces, |piece| look(piece, piece.middle()), pixels);
         }
+    }
+
+    /// The place of a sample near the middle of a piece: something is seen there, which need not be so in the very middle.
+    fn place_nearest_middle(&self, piece: &Piece) -> Vec2 {
+        let middle = piece.middle();
+        let (left, top) = (piece.pixel % TILE * self.samples, piece.pixel / TILE * self.samples);
+        let places = (0..self.samples * self.samples).map(|i| (left + i % self.samples, top + i / self.samples));
+        let own = places.filter(|(x, y)| self.seen[y * self.side + x] == piece.fragment);
+        let centres = own.map(|(x, y)| Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        centres.min_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle))).unwrap_or(middle)
     }
 
     /// The mean of what samples see.
