@@ -115,7 +115,19 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         type=int,
         default=default.texture_size,
         metavar="TEXELS",
-        help="side of level 1's atlas in texels, halved with every level (default: %(default)s)",
+        help="columns of level 1's atlas in texels, halved with every level (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--texture-height",
+        type=int,
+        default=default.texture_height,
+        metavar="TEXELS",
+        help="rows of level 1's atlas (default: as many as columns)",
+    )
+    parser.add_argument(
+        "--close-cracks",
+        action="store_true",
+        help="billboards also show the parts of other billboards' leaves that lie within epsilon of their plane",
     )
     parser.add_argument(
         "--pixels",

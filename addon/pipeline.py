@@ -60,7 +60,7 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
-    pages = ktx2.warning(settings.engine, settings.texture_size, settings.levels + settings.cross)
+    pages = ktx2.warning(settings, settings.levels + settings.cross)
     read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
     return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings)
@@ -75,6 +75,8 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         levels=settings.levels,
         cross=settings.cross,
         texture_size=settings.texture_size,
+        texture_height=settings.texture_height,
+        close_cracks=settings.close_cracks,
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),

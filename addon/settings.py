@@ -61,7 +61,9 @@ class BakeSettings:
     image_epsilon, viewing_distance: no vertex moves by more than this angle, in radians, seen from no nearer than this
         distance, a share of R above 1; both or neither.
     seed: of every random choice; ≥ 0.
-    texture_size: side of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
+    texture_size: columns of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
+    texture_height: its rows; None makes it square; 64 … 16384.
+    close_cracks: whether billboards also show the parts of other billboards' leaves that lie within ε of their plane.
     cross: whether crossed billboards of the whole tree follow behind the clouds.
     bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
     effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
@@ -91,6 +93,8 @@ class BakeSettings:
     viewing_distance: float | None = None
     seed: int = 0
     texture_size: int = 2048
+    texture_height: int | None = None
+    close_cracks: bool = False
     cross: bool = True
     bend_normals: float = 0.0
     effects: str = "auto"
@@ -103,8 +107,10 @@ class BakeSettings:
         self._require("candidates", 1 <= self.candidates <= MOST_CANDIDATES, f"from 1 to {MOST_CANDIDATES}")
         self._require("levels", 1 <= self.levels <= MOST_LEVELS, f"from 1 to {MOST_LEVELS}")
         self._require("seed", 0 <= self.seed <= LARGEST_SEED, f"from 0 to {LARGEST_SEED}")
-        texture = SMALLEST_TEXTURE <= self.texture_size <= LARGEST_TEXTURE
-        self._require("texture_size", texture, f"from {SMALLEST_TEXTURE} to {LARGEST_TEXTURE} texels")
+        for name in ("texture_size", "texture_height"):
+            side = getattr(self, name)
+            fits = side is None or SMALLEST_TEXTURE <= side <= LARGEST_TEXTURE
+            self._require(name, fits, f"from {SMALLEST_TEXTURE} to {LARGEST_TEXTURE} texels")
         self._require("pixels", 0.0 < self.pixels < math.inf, "greater than 0 and finite")
         self._require("method", self.method in METHODS, f"one of {', '.join(METHODS)}")
         self._require("effort", self.effort in EFFORTS, f"one of {', '.join(EFFORTS)}")

@@ -113,7 +113,7 @@ def test_pages_that_gltf_does_not_take_stay_png(tmp_path: Path, shrub: Path) -> 
     """132² is a multiple of 4, 66² is none."""
     baked = run("--input", shrub, "--out", tmp_path, "--engine", "three", "--texture-size", "132", "--levels", "2")
     assert baked.returncode == 0, baked.stderr
-    assert "pages of 66² stay PNG only" in baked.stderr
+    assert "pages of 66 × 66 stay PNG only" in baked.stderr
     first, second = (document_of(tmp_path / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
     assert "extensionsUsed" in first
     assert "extensionsUsed" not in second

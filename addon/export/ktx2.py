@@ -13,7 +13,7 @@ from typing import Any
 
 import leafcloud
 
-from ..settings import SMALLEST_TEXTURE
+from ..settings import SMALLEST_TEXTURE, BakeSettings
 from .glb_file import append_view, read_glb, write_glb
 from .translucency import DIFFUSE_TRANSMISSION
 
@@ -25,17 +25,18 @@ EXTENSION = "KHR_texture_basisu"
 
 def is_taken(level: leafcloud.Level) -> bool:
     """glTF wants sides that are multiples of 4."""
-    return level.base_color.shape[0] % 4 == 0
+    return level.base_color.shape[0] % 4 == 0 and level.base_color.shape[1] % 4 == 0
 
 
-def warning(engine: str, texture_size: int, pages: int) -> str | None:
+def warning(settings: BakeSettings, pages: int) -> str | None:
     """What there is to say before a bake whose `pages` are halved from level to level."""
-    odd = [side for side in (max(texture_size >> i, SMALLEST_TEXTURE) for i in range(pages)) if side % 4]
-    if engine not in ENGINES or not odd:
+    sides = (settings.texture_size, settings.texture_height or settings.texture_size)
+    sizes = [tuple(max(side >> i, SMALLEST_TEXTURE) for side in sides) for i in range(pages)]
+    odd = [f"{width} × {height}" for width, height in sizes if width % 4 or height % 4]
+    if settings.engine not in ENGINES or not odd:
         return None
-    sides = ", ".join(f"{side}²" for side in odd)
     return (
-        f"pages of {sides} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as texture size"
+        f"pages of {', '.join(odd)} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as texture size"
     )
 
 

@@ -74,7 +74,7 @@ fn main() {
             visibility: sky,
             leaf_map: sky,
         };
-        let settings = ChainSettings { fit, texture_size: 128, samples, channels, ..ChainSettings::default() };
+        let settings = ChainSettings { fit, texture_size: 128.into(), samples, channels, ..ChainSettings::default() };
         digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
     }
     println!("{:016x}", digest.0);

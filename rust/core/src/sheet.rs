@@ -27,11 +27,41 @@ const MOST_WORK: usize = 1_000_000;
 /// Outlines that are all smaller than this are points, local units: no density brings them out.
 const SMALLEST: f64 = 1e-12;
 
+/// Texels of a page along its sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PageSize {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl PageSize {
+    /// How many there are.
+    #[must_use]
+    pub fn texels(self) -> usize {
+        self.width * self.height
+    }
+}
+
+/// A square page of so many texels a side.
+impl From<usize> for PageSize {
+    fn from(side: usize) -> Self {
+        Self { width: side, height: side }
+    }
+}
+
+impl std::fmt::Display for PageSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} × {} texels", self.width, self.height)
+    }
+}
+
 /// How a sheet is laid out.
 #[derive(Clone, Copy, Debug)]
 pub struct SheetSettings {
-    /// Side of the square page in texels, in [16, 16384].
-    pub size: usize,
+    /// Both sides in [16, 16384].
+    pub size: PageSize,
     /// Texels around each outline that belong to nobody, so that filtering does not bleed.
     pub gutter: usize,
     /// Each billboard twice, one for either side.
@@ -41,8 +71,9 @@ pub struct SheetSettings {
 impl SheetSettings {
     /// The default gutter for a page of this size: 4 texels at 2048, never less than 2.
     #[must_use]
-    pub fn of_size(size: usize, back_sides: bool) -> Self {
-        Self { size, gutter: (size / 512).max(2), back_sides }
+    pub fn of_size(size: impl Into<PageSize>, back_sides: bool) -> Self {
+        let size = size.into();
+        Self { size, gutter: (size.width.min(size.height) / 512).max(2), back_sides }
     }
 
     fn sides(self) -> usize {
@@ -50,10 +81,10 @@ impl SheetSettings {
     }
 
     fn check(self) -> Result<()> {
-        if (16..=16_384).contains(&self.size) {
+        if [self.size.width, self.size.height].iter().all(|side| (16..=16_384).contains(side)) {
             return Ok(());
         }
-        Err(Error::invalid(format!("a texture of {} texels a side; it must lie between 16 and 16384", self.size)))
+        Err(Error::invalid(format!("a texture of {}; both sides must lie between 16 and 16384", self.size)))
     }
 }
 
@@ -88,8 +119,8 @@ pub struct Billboard {
 /// All billboards of a level on one page.
 #[derive(Clone, Debug)]
 pub struct Sheet {
-    /// Side of the square page in texels.
-    pub size: usize,
+    /// Of the page.
+    pub size: PageSize,
     /// Texels around each billboard that belong to nobody.
     pub gutter: usize,
     /// Plane by plane, front before back.
@@ -115,13 +146,14 @@ impl Sheet {
 
     fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, attempts: usize) -> Result<Self> {
         settings.check()?;
-        if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size * settings.size {
+        if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size.texels() {
             return Err(too_many(outlines.len(), settings.size));
         }
         let area: f64 = outlines.iter().map(|o| o.size().x * o.size().y).sum();
         let longest = outlines.iter().map(|o| o.size().max_element()).fold(0.0, f64::max);
-        let size = settings.size as f64;
-        let mut density = (size / (area * settings.sides() as f64).sqrt()).min(size / longest.max(SMALLEST));
+        let side = settings.size.width.max(settings.size.height) as f64;
+        let filled = (settings.size.texels() as f64 / (area * settings.sides() as f64)).sqrt();
+        let mut density = filled.min(side / longest.max(SMALLEST));
         while density * longest.max(SMALLEST) >= 1.0 {
             let densities: Vec<f64> = (0..TRIES).map(|i| density * libm::pow(DENSITY_STEP, f64::from(i))).collect();
             let fits = |&density: &f64| place(outlines, density, settings, attempts).map(|packed| (density, packed));
@@ -162,7 +194,7 @@ impl Sheet {
     pub fn occupancy(&self) -> f64 {
         let with_gutter = |length: usize| length + 2 * self.gutter;
         let taken = self.billboards.iter().map(|b| with_gutter(b.region.width) * with_gutter(b.region.height));
-        taken.sum::<usize>() as f64 / (self.size * self.size) as f64
+        taken.sum::<usize>() as f64 / self.size.texels() as f64
     }
 
     /// The side of a texel, local units: the same all over the page.
@@ -175,11 +207,11 @@ impl Sheet {
     /// Texture coordinates of the corners of a billboard's outline: origin in the page's lower left corner, v up.
     pub fn uvs(&self, billboard: &Billboard) -> impl Iterator<Item = [f32; 2]> {
         let Region { x, y, width, height } = billboard.region;
-        let size = self.size as f64;
+        let (columns, rows) = (self.size.width as f64, self.size.height as f64);
         billboard.outline.iter().map(move |p| {
             let column = x as f64 + p.x * width as f64;
             let row = (y + height) as f64 - p.y * height as f64;
-            [(column / size) as f32, (1.0 - row / size) as f32]
+            [(column / columns) as f32, (1.0 - row / rows) as f32]
         })
     }
 
@@ -211,9 +243,9 @@ impl Billboard {
     }
 }
 
-fn too_many(billboards: usize, size: usize) -> Error {
+fn too_many(billboards: usize, size: PageSize) -> Error {
     Error::invalid(format!(
-        "{billboards} billboards do not fit on a texture of {size} texels a side; raise the texture size or epsilon"
+        "{billboards} billboards do not fit on a texture of {size}; raise the texture size or epsilon"
     ))
 }
 
@@ -235,7 +267,7 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings, attempts: 
     let border = 2 * settings.gutter;
     let dimensions = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
     let area: usize = outlines.iter().map(dimensions).map(|(width, height)| width * height).sum();
-    if area * settings.sides() > settings.size * settings.size {
+    if area * settings.sides() > settings.size.texels() {
         return None;
     }
     let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
@@ -266,7 +298,7 @@ type Boxed = ((usize, bool), usize, usize);
 
 /// As tight as it gets, in time quadratic in the number. First the packer turns what it likes; then, while that is quick, it is told at random what
 /// to turn, for its own choice is the best at every step and not in the end.
-fn tightly(items: &[Boxed], size: usize, most: usize) -> Option<Vec<((usize, bool), Rect)>> {
+fn tightly(items: &[Boxed], size: PageSize, most: usize) -> Option<Vec<((usize, bool), Rect)>> {
     let attempts = 1 + MOST_WORK / (items.len() * items.len()).max(1);
     (0..attempts.min(most)).find_map(|attempt| {
         let mut stream = Stream::new(0, attempt, 0);
@@ -275,24 +307,24 @@ fn tightly(items: &[Boxed], size: usize, most: usize) -> Option<Vec<((usize, boo
             (_, 2) => Item::new(data, width, height, Rotation::None),
             _ => Item::new(data, height, width, Rotation::None),
         };
-        let packed = crunch::pack(Rect::of_size(size, size), items.iter().map(item)).ok()?;
+        let packed = crunch::pack(Rect::of_size(size.width, size.height), items.iter().map(item)).ok()?;
         Some(packed.into_iter().map(|p| (p.data, p.rect)).collect())
     })
 }
 
 /// On shelves, the highest first: O(n log n), and where there are so many, nearly as tight. (`etagere`, which does this, counts in 16 bits.)
-fn on_shelves(mut items: Vec<Boxed>, size: usize) -> Option<Vec<((usize, bool), Rect)>> {
+fn on_shelves(mut items: Vec<Boxed>, size: PageSize) -> Option<Vec<((usize, bool), Rect)>> {
     items.sort_by_key(|&(data, width, height)| (std::cmp::Reverse((height, width)), data));
     let (mut x, mut y, mut shelf) = (0, 0, 0);
     let put = |(data, width, height): Boxed| {
-        if x + width > size {
+        if x + width > size.width {
             (x, y, shelf) = (0, y + shelf, 0);
         }
         // The first of a shelf is its highest.
         shelf = shelf.max(height);
         let place = Rect::new(x, y, width, height);
         x += width;
-        (width <= size && y + height <= size).then_some((data, place))
+        (width <= size.width && y + height <= size.height).then_some((data, place))
     };
     items.into_iter().map(put).collect()
 }
@@ -331,7 +363,11 @@ mod tests {
     const FRONT: Plane = Plane { normal: DVec3::Z, distance: 0.0 };
 
     fn pack(outlines: &[Outline], back_sides: bool) -> Sheet {
-        let settings = SheetSettings { size: 256, gutter: 2, back_sides };
+        pack_on(256.into(), outlines, back_sides)
+    }
+
+    fn pack_on(size: PageSize, outlines: &[Outline], back_sides: bool) -> Sheet {
+        let settings = SheetSettings { size, gutter: 2, back_sides };
         Sheet::pack(&vec![FRONT; outlines.len()], outlines, settings).unwrap()
     }
 
@@ -356,17 +392,17 @@ mod tests {
 
     #[test]
     fn too_many_are_refused() {
-        let settings = SheetSettings { size: 16, gutter: 2, back_sides: false };
+        let settings = SheetSettings { size: 16.into(), gutter: 2, back_sides: false };
         let outlines = vec![rectangle(1.0, 1.0); 100];
         let error = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap_err().to_string();
-        assert!(error.contains("100 billboards") && error.contains("16 texels"));
-        assert!(Sheet::pack(&[FRONT], &outlines[..1], SheetSettings { size: 0, ..settings }).is_err());
+        assert!(error.contains("100 billboards") && error.contains("16 × 16 texels"));
+        assert!(Sheet::pack(&[FRONT], &outlines[..1], SheetSettings { size: 0.into(), ..settings }).is_err());
     }
 
     #[test]
     fn a_page_of_many_is_well_filled() {
         let outlines: Vec<_> = (0..100u32).map(|i| rectangle(1.0 + f64::from(i % 7), 1.0 + f64::from(i % 5))).collect();
-        let settings = SheetSettings { size: 2048, gutter: 4, back_sides: false };
+        let settings = SheetSettings { size: 2048.into(), gutter: 4, back_sides: false };
         let sheet = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap();
         assert!(sheet.occupancy() > 0.8, "{}", sheet.occupancy());
     }
@@ -375,12 +411,16 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
         #[test]
-        fn regions_keep_apart_and_densities_agree(sizes in prop::collection::vec((0.0..3.0, 0.0..3.0), 1..40), back in any::<bool>()) {
+        fn regions_keep_apart_and_densities_agree(
+            sizes in prop::collection::vec((0.0..3.0, 0.0..3.0), 1..40),
+            back in any::<bool>(),
+            height in 100usize..400,
+        ) {
             let outlines: Vec<_> = sizes.iter().map(|&(w, h): &(f64, f64)| rectangle(w, h)).collect();
             prop_assume!(outlines.iter().any(|o| o.size().max_element() > 0.1));
-            let sheet = pack(&outlines, back);
+            let sheet = pack_on(PageSize { width: 256, height }, &outlines, back);
             prop_assert_eq!(sheet.billboards.len(), outlines.len() * if back { 2 } else { 1 });
-            let mut owners = vec![0u8; 256 * 256];
+            let mut owners = vec![0u8; 256 * height];
             let mut density = None;
             for b in &sheet.billboards {
                 let Region { x, y, width, height } = b.region;

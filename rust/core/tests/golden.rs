@@ -76,7 +76,7 @@ fn every_channel_looks_as_it_did() {
     let settings = ChainSettings {
         fit: FitSettings { epsilon: 0.3, candidates: 200, ..FitSettings::default() },
         levels: 1,
-        texture_size: 128,
+        texture_size: 128.into(),
         channels: Channels {
             normal: Some(0.2),
             gloss: true,

@@ -54,7 +54,7 @@ fn agreement(level: &Level, within: f64) -> f64 {
 fn labels_say_what_colours_say_on_every_level() {
     let settings = ChainSettings {
         fit: FitSettings { epsilon: 0.1, ..FitSettings::default() },
-        texture_size: 512,
+        texture_size: 512.into(),
         channels: Channels { leaf_map: true, ..Channels::default() },
         ..ChainSettings::default()
     };

@@ -363,6 +363,7 @@ def build_chain(
     cross: bool = True,
     up: Sequence[float] = (0.0, 0.0, 1.0),
     texture_size: int = 2048,
+    texture_height: int | None = None,
     samples: int = 4,
     back_sides: bool | None = None,
     close_cracks: bool = False,
@@ -397,7 +398,8 @@ def build_chain(
     """Fits, packs and bakes every level.
 
     Options of the fit as in :func:`fit`. Level i has 2.5 times the ε of the level before (shares of the leaves' R; a
-    budget is the first level's) and ``texture_size`` / 2^(i−1). ``wood`` is seen by the
+    budget is the first level's) and a page of ``texture_size`` / 2^(i−1) columns and, without a ``texture_height``, as
+    many rows. ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
     ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
@@ -415,6 +417,7 @@ def start_chain(
     cross: bool = True,
     up: Sequence[float] = (0.0, 0.0, 1.0),
     texture_size: int = 2048,
+    texture_height: int | None = None,
     samples: int = 4,
     back_sides: bool | None = None,
     close_cracks: bool = False,

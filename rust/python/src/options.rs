@@ -3,6 +3,7 @@
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::ChainSettings;
+use leafcloud::sheet::PageSize;
 use leafcloud::textures::Channels;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -82,6 +83,12 @@ impl<'py> Options<'py> {
         self.take(name, |v| read(v, name, "True or False"), default)
     }
 
+    fn texture_size(&self, default: PageSize) -> PyResult<PageSize> {
+        let width = self.count("texture_size", default.width)?;
+        let height = self.some("texture_height", "a whole number between 0 and 2^64 - 1, or None")?;
+        Ok(PageSize { width, height: height.unwrap_or(width) })
+    }
+
     pub fn fit(&self) -> PyResult<FitSettings> {
         let up = self.up()?;
         self.fit_with(up)
@@ -120,7 +127,7 @@ impl<'py> Options<'py> {
             levels: self.count("levels", default.levels)?,
             cross: self.flag("cross", default.cross)?,
             up,
-            texture_size: self.count("texture_size", default.texture_size)?,
+            texture_size: self.texture_size(default.texture_size)?,
             samples: self.take("samples", arrays::samples, default.samples)?,
             channels: Channels {
                 normal: self.some("normals", "the share that normals are bent by, in [0, 1], or None")?,

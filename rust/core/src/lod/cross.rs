@@ -14,13 +14,13 @@ use crate::foliage::{Foliage, area_vector};
 use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
-use crate::sheet::{Sheet, SheetSettings};
+use crate::sheet::{PageSize, Sheet, SheetSettings};
 use crate::textures::{Channels, Drawn, Sky, bake};
 
 /// The leaves are the first of the parts.
 pub(super) fn build(
     parts: &[&Foliage],
-    page: usize,
+    page: PageSize,
     channels: (&Channels, Option<&Sky>),
     settings: &ChainSettings,
     progress: Progress,

@@ -15,7 +15,7 @@ use crate::judge::{Judge, Judgement};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
-use crate::sheet::{Region, Sheet, SheetSettings};
+use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
 use crate::textures::{Channels, Page, Sky, bake, for_plain_means, mips};
 use crate::transition::{HAND_OVER, Projection};
 
@@ -78,8 +78,8 @@ pub(super) struct Step<'a> {
     pub fit: FitSettings,
     /// Of the level before from the leaves.
     pub deviation: f64,
-    /// Side of the page in texels.
-    pub page: usize,
+    /// Texels of the page.
+    pub page: PageSize,
     /// What the page shows.
     pub channels: Channels,
     /// Over the leaves and the wood, when a channel depends on it.

@@ -17,6 +17,7 @@ use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
 use crate::progress::Progress;
 use crate::prune;
+use crate::sheet::PageSize;
 use crate::textures::{Channels, Samples, Sky};
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
@@ -41,8 +42,8 @@ pub struct ChainSettings {
     pub cross: bool,
     /// What is up; the cross stands along it.
     pub up: DVec3,
-    /// Side of level 1's page in texels; halved from level to level.
-    pub texture_size: usize,
+    /// Level 1's page, both sides in [64, 16384]; halved from level to level.
+    pub texture_size: PageSize,
     /// Of the textures.
     pub samples: Samples,
     /// What pages have beside base colour.
@@ -60,7 +61,7 @@ impl Default for ChainSettings {
             levels: 2,
             cross: true,
             up: DVec3::Z,
-            texture_size: 2048,
+            texture_size: 2048.into(),
             samples: Samples::default(),
             channels: Channels::default(),
             back_sides: None,
@@ -84,11 +85,9 @@ impl ChainSettings {
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
-        if !(64..=16_384).contains(&self.texture_size) {
-            return Err(Error::invalid(format!(
-                "the texture size is {}; it must lie between 64 and 16384 texels",
-                self.texture_size
-            )));
+        let PageSize { width, height } = self.texture_size;
+        if let Some(side) = [width, height].into_iter().find(|side| !(64..=16_384).contains(side)) {
+            return Err(Error::invalid(format!("the texture size is {side}; it must lie between 64 and 16384 texels")));
         }
         Ok(())
     }
@@ -110,9 +109,10 @@ impl ChainSettings {
         }
     }
 
-    /// Side of the page of the level with this index, from 0.
-    fn page(&self, index: usize) -> usize {
-        (self.texture_size >> index).max(64)
+    /// The page of the level with this index, from 0.
+    fn page(&self, index: usize) -> PageSize {
+        let PageSize { width, height } = self.texture_size;
+        PageSize { width: (width >> index).max(64), height: (height >> index).max(64) }
     }
 }
 

@@ -25,7 +25,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
         return Ok(true);
     }
     let Ok(front) =
-        Sheet::pack_loosely(&cloud.planes, outlines, SheetSettings { size: PAGE, gutter: 1, back_sides: false })
+        Sheet::pack_loosely(&cloud.planes, outlines, SheetSettings { size: PAGE.into(), gutter: 1, back_sides: false })
     else {
         return Ok(false); // too many billboards for a look
     };
@@ -43,8 +43,8 @@ fn mean_difference(sheet: &Sheet, front: &Image, back: &Image) -> f64 {
     for Region { x, y, width, height } in sheet.billboards.iter().map(|b| b.region) {
         for row in y..y + height {
             for column in 0..width {
-                let a = front.pixels()[row * sheet.size + x + column];
-                let b = back.pixels()[row * sheet.size + x + width - 1 - column];
+                let a = front.pixels()[row * sheet.size.width + x + column];
+                let b = back.pixels()[row * sheet.size.width + x + width - 1 - column];
                 if a[3].max(b[3]) > 127 {
                     sum += f64::from((0..4).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0));
                     count += 1;

@@ -25,7 +25,7 @@ fn ball(count: u32) -> Foliage {
 
 fn settings() -> ChainSettings {
     let fit = FitSettings { epsilon: 0.06, candidates: 100, ..FitSettings::default() };
-    ChainSettings { fit, texture_size: 256, samples: Samples::new(2).unwrap(), ..ChainSettings::default() }
+    ChainSettings { fit, texture_size: 256.into(), samples: Samples::new(2).unwrap(), ..ChainSettings::default() }
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn a_chain_gets_coarser_and_keeps_its_promises() {
     let [first, second, cross] = &chain.levels[..] else { panic!("two clouds and the cross") };
     assert_eq!((first.method, cross.method), ("stochastic", "cross"));
     assert!(first.sheet.billboards.len() > second.sheet.billboards.len());
-    assert_eq!((first.sheet.size, second.sheet.size, cross.sheet.size), (256, 128, 64));
+    assert_eq!([first.sheet.size, second.sheet.size, cross.sheet.size], [256, 128, 64].map(PageSize::from));
     let mut finer = foliage;
     for (level, epsilon) in [(first, 0.06), (second, 0.15)] {
         let cloud = level.cloud.as_ref().unwrap();
@@ -129,7 +129,7 @@ fn settings_are_checked() {
     let wrong = [
         ChainSettings { levels: 17, ..settings() },
         ChainSettings { up: DVec3::ZERO, ..settings() },
-        ChainSettings { texture_size: 8, ..settings() },
+        ChainSettings { texture_size: 8.into(), ..settings() },
     ];
     for s in wrong {
         assert!(build_chain(&ball(10), None, &s, Progress::silent()).is_err());

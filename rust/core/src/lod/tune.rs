@@ -179,8 +179,9 @@ pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Res
 
 fn nothing_shows(page: &Image) -> Error {
     Error::invalid(format!(
-        "nothing shows on a page of {} texels a side: the leaves are thinner there than the samples of a texel; raise texture_size or samples, \
+        "nothing shows on a page of {} × {} texels: the leaves are thinner there than the samples of a texel; raise texture_size or samples, \
          ask for fewer levels, or leave out the cross",
-        page.width()
+        page.width(),
+        page.height()
     ))
 }

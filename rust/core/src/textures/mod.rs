@@ -89,7 +89,7 @@ pub fn bake<'a>(
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
     let channels = channels.list(sky);
-    let canvases = rasterise(&triangles, sheet.size, sheet.size, samples, &channels);
+    let canvases = rasterise(&triangles, sheet.size.width, sheet.size.height, samples, &channels);
     let images = channels.into_iter().zip(canvases).map(|(channel, mut canvas)| {
         if channel.is_label() {
             labels::spread(&mut canvas);

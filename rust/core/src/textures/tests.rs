@@ -148,7 +148,7 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let (x, y) = plane.axes();
     let along = |p: DVec3| DVec2::new(x.dot(p), y.dot(p));
     let outline = Outline::along(&[along(low), along(high)], DVec2::X);
-    let settings = SheetSettings { size: 64, gutter: 2, back_sides: true };
+    let settings = SheetSettings { size: 64.into(), gutter: 2, back_sides: true };
     let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
     let shown = |_: u32| {
         let drawn = |t| Drawn {

@@ -276,7 +276,8 @@ fn a_plane_for_each_of_65_537_triangles() {
     let projection = Projection::new(&foliage, &cloud, 1.0);
     let shape = OutlineSettings { corners: 4 };
     let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
-    let sheet = Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096, gutter: 2, back_sides: false }).unwrap();
+    let sheet =
+        Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096.into(), gutter: 2, back_sides: false }).unwrap();
     let page = bake(&sheet, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {
         let t = p as usize;
         vec![Drawn {

@@ -20,7 +20,7 @@ fn rectangle(width: f64, height: f64) -> Outline {
 
 fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result<Sheet> {
     let plane = Plane { normal: DVec3::Z, distance: 0.0 };
-    Sheet::pack(&vec![plane; outlines.len()], outlines, SheetSettings { size, gutter, back_sides: false })
+    Sheet::pack(&vec![plane; outlines.len()], outlines, SheetSettings { size: size.into(), gutter, back_sides: false })
 }
 
 /// Texels that two regions, or a region and the outside of the page, share.
