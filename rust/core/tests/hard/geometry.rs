@@ -231,7 +231,8 @@ fn recursion_down_to_one_billboard() {
     let foliage = soup(&random_corners(200, 8));
     // Rectangles around what lies in the ball reach beyond it, where no plane within R holds them all; outlines of 16 corners hardly do.
     let fit = FitSettings { max_corners: 16, ..quick() };
-    let settings = ChainSettings { levels: 12, cross: false, texture_size: 128, fit, ..ChainSettings::default() };
+    let settings =
+        ChainSettings { levels: 12, cross: false, texture_size: 128.into(), fit, ..ChainSettings::default() };
     let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
     let counts: Vec<usize> = chain.levels.iter().map(|l| l.cloud.as_ref().unwrap().planes.len()).collect();
     assert!(chain.levels.iter().all(|l| l.judgement.error.is_finite() && l.judgement.coverage > 0.0));

@@ -18,7 +18,12 @@ use crate::common::stability::case;
 const GROUP: &str = "Levels";
 
 fn settings() -> ChainSettings {
-    ChainSettings { texture_size: 128, samples: Samples::new(2).unwrap(), fit: quick(), ..ChainSettings::default() }
+    ChainSettings {
+        texture_size: 128.into(),
+        samples: Samples::new(2).unwrap(),
+        fit: quick(),
+        ..ChainSettings::default()
+    }
 }
 
 fn chain(foliage: &Foliage, wood: Option<&Foliage>, settings: &ChainSettings) -> leafcloud::Result<Chain> {
@@ -182,10 +187,10 @@ fn foliage_that_is_faint_all_over() {
         let color = Vec4::new(1.0, 1.0, 1.0, alpha);
         let faint =
             leaves.with_materials(|m| Material { base_color: color, alpha_mode: AlphaMode::Blend, ..m.clone() });
-        let levels = chain(&faint, None, &ChainSettings { texture_size: 512, ..settings() }).unwrap().levels;
+        let levels = chain(&faint, None, &ChainSettings { texture_size: 512.into(), ..settings() }).unwrap().levels;
         least = levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
     }
-    let thin = chain(&needles(0.006), None, &ChainSettings { texture_size: 1024, ..settings() }).unwrap();
+    let thin = chain(&needles(0.006), None, &ChainSettings { texture_size: 1024.into(), ..settings() }).unwrap();
     least = thin.levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
     // A cutoff draws what is faint as if it were not, or not at all: too much is better than nothing.
     case(GROUP, "coverage lost of faint leaves and needles", "bound: four fifths").holds(1.0 - least, 0.8);
@@ -212,7 +217,7 @@ fn wood_out_of_proportion() {
         case(GROUP, name, "a named error")
             .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the wood reaches");
     }
-    let fine = ChainSettings { texture_size: 1024, ..settings() };
+    let fine = ChainSettings { texture_size: 1024.into(), ..settings() };
     let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &fine).unwrap();
     case(GROUP, "wood twenty times as large", "definition: every page shows something")
         .equals(fewest_drawn(&tall) > 0, true);

@@ -25,13 +25,13 @@ fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result
 
 /// Texels that two regions, or a region and the outside of the page, share.
 fn shared(sheet: &Sheet) -> usize {
-    let mut owners = vec![0u32; sheet.size * sheet.size];
+    let mut owners = vec![0u32; sheet.size.texels()];
     let mut outside = 0;
     for b in &sheet.billboards {
         for y in b.region.y..b.region.y + b.region.height {
             for x in b.region.x..b.region.x + b.region.width {
-                match owners.get_mut(y * sheet.size + x) {
-                    Some(owner) if x < sheet.size => *owner += 1,
+                match owners.get_mut(y * sheet.size.width + x) {
+                    Some(owner) if x < sheet.size.width => *owner += 1,
                     _ => outside += 1,
                 }
             }
@@ -107,7 +107,7 @@ fn image(width: usize, height: usize, alpha: impl Fn(usize) -> u8) -> Image {
 
 fn chain(foliage: &Foliage) -> leafcloud::Result<Chain> {
     let settings = ChainSettings {
-        texture_size: 512,
+        texture_size: 512.into(),
         samples: Samples::new(4).unwrap(),
         fit: quick(),
         ..ChainSettings::default()
