@@ -36,7 +36,7 @@ def warning(settings: BakeSettings, pages: int) -> str | None:
     if settings.engine not in ENGINES or not odd:
         return None
     return (
-        f"pages of {', '.join(odd)} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as texture size"
+        f"pages of {', '.join(odd)} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as size"
     )
 
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use leafcloud::geometry::{Frame, Plane};
-use leafcloud::lod::{Chain, Level};
+use leafcloud::lod::{Chain, Level, share_page};
 use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
 use leafcloud_ktx2::Codes;
@@ -86,6 +86,29 @@ impl PyChain {
     fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         self.chain.ranks.clone().into_pyarray(py)
     }
+}
+
+/// The same chains with their levels of one number on one page; chains may have different numbers of levels.
+#[pyfunction]
+pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
+    let radii: Vec<f64> = chains.iter().map(|chain| chain.get().radius).collect();
+    let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
+    let shared = py.detach(|| guard(|| share_all(&chains)))?;
+    let with_radius = |(chain, radius)| PyChain { chain: Arc::new(chain), radius };
+    Ok(shared.into_iter().zip(radii).map(with_radius).collect())
+}
+
+fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
+    let empty = |chain: &Arc<Chain>| Chain { levels: Vec::new(), ranks: chain.ranks.clone() };
+    let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
+    for number in 0..chains.iter().map(|chain| chain.levels.len()).max().unwrap_or(0) {
+        let (owners, levels): (Vec<usize>, Vec<&Level>) =
+            chains.iter().enumerate().filter_map(|(i, chain)| Some((i, chain.levels.get(number)?))).unzip();
+        for (owner, level) in owners.into_iter().zip(share_page(&levels)?) {
+            shared[owner].levels.push(level);
+        }
+    }
+    Ok(shared)
 }
 
 #[pyclass(name = "Level", module = "leafcloud", frozen)]

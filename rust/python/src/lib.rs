@@ -27,6 +27,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::build_chain, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_chain, module)?)?;
+    module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;

@@ -3,10 +3,12 @@
 mod cross;
 mod drawn;
 mod level;
+mod shared;
 mod sides;
 mod tune;
 
 pub use level::{Level, Seconds, billboards};
+pub use shared::share_page;
 
 use glam::DVec3;
 

@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::raster::Canvas;
+use crate::foliage::Image;
 
 /// Gives each pixel without coverage the colour of its surroundings; coverage stays 0. Without any covered pixel nothing changes.
 pub fn fill_transparent(canvas: &mut Canvas) {
@@ -19,6 +20,20 @@ pub fn fill_transparent(canvas: &mut Canvas) {
             *pixel = straight(below[x / 2]).extend(0.0);
         }
     });
+}
+
+/// An image of pixels that are known, and between them the means of what lies around, transparent. Known ones stay, whatever their alpha.
+pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
+    let color = |[r, g, b, _]: [u8; 4]| Vec3::new(f32::from(r), f32::from(g), f32::from(b));
+    let known = pixels.iter().map(|pixel| pixel.map_or(Vec4::ZERO, |code| color(code).extend(1.0)));
+    let mut canvas = Canvas { width, height: pixels.len() / width, pixels: known.collect() };
+    fill_transparent(&mut canvas);
+    let filled = |(pixel, around): (&Option<[u8; 4]>, &Vec4)| {
+        let [r, g, b, _] = around.to_array().map(|code| code.round() as u8);
+        pixel.unwrap_or([r, g, b, 0])
+    };
+    let filled: Vec<[u8; 4]> = pixels.iter().zip(&canvas.pixels).map(filled).collect();
+    Image::new(width, canvas.height, filled).expect("whole rows")
 }
 
 /// The colour of a pixel; what has no coverage holds it as it is.

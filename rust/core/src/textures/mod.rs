@@ -15,6 +15,7 @@ use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
 pub use channels::Channel;
+pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
 pub use raster::{Canvas, ScreenTriangle, Window, rasterise};

@@ -132,6 +132,20 @@ impl Page {
         std::iter::once(("base_color", &self.base_color)).chain(others)
     }
 
+    /// Another page of the same channels, each made by its name.
+    pub(crate) fn rebuilt(&self, image: impl Fn(&str) -> Image) -> Self {
+        let other = |name: &str, own: &Option<Image>| own.as_ref().map(|_| image(name));
+        Self {
+            base_color: image("base_color"),
+            normal: other("normal", &self.normal),
+            gloss: other("gloss", &self.gloss),
+            translucency: other("translucency", &self.translucency),
+            visibility: other("visibility", &self.visibility),
+            leaf_uv: other("leaf_uv", &self.leaf_uv),
+            leaf_id: other("leaf_id", &self.leaf_id),
+        }
+    }
+
     /// The page as it is drawn with this cutoff: what fails gives its colour to what passes beside it.
     #[must_use]
     pub fn settled(self, alpha_cutoff: f32) -> Self {

@@ -4,6 +4,10 @@
 //! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles, quadratic in the number of billboards), for more than
 //! [`MANY`] shelves.
 
+mod tightest;
+
+pub use tightest::tightest;
+
 use crunch::{Item, Rect, Rotation};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;

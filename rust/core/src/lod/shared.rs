@@ -1,0 +1,133 @@
+//! Levels of several trees on one page, so that a forest needs one texture a level.
+//!
+//! Regions are carried over with their gutters, texel by texel and unturned, onto the smallest page that holds them; nothing is drawn or
+//! filtered again. All get one cutoff, the mean of theirs: alpha is moved so that just the same texels pass.
+
+use crate::error::{Error, Result};
+use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
+use crate::textures::Page;
+
+use super::Level;
+
+/// The levels with their billboards on one page, the same for all.
+///
+/// # Errors
+/// Levels of different channels; more than fits on 16384 × 16384 texels.
+pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
+    check_channels(levels)?;
+    let boxes: Vec<(usize, usize)> =
+        levels.iter().flat_map(|level| outer_regions(level)).map(|r| (r.width, r.height)).collect();
+    let too_large = || {
+        Error::invalid(format!(
+            "{} billboards of {} trees do not fit on one page of 16384 × 16384 texels; bake smaller textures, or share fewer",
+            boxes.len(),
+            levels.len()
+        ))
+    };
+    let (size, places) = tightest(&boxes).ok_or_else(too_large)?;
+    let mut places = places.into_iter();
+    let moves: Vec<Vec<Move>> = levels
+        .iter()
+        .map(|level| outer_regions(level).zip(places.by_ref()).map(|(from, to)| Move { from, to }).collect())
+        .collect();
+    let cutoff = levels.iter().map(|level| level.alpha_cutoff).sum::<f32>() / levels.len() as f32;
+    let page = shared(levels, &moves, size, cutoff);
+    let moved = |(level, moves): (&&Level, &Vec<Move>)| Level {
+        sheet: Sheet { size, gutter: level.sheet.gutter, billboards: moved_billboards(&level.sheet, moves) },
+        page: page.clone(),
+        alpha_cutoff: cutoff,
+        engine: std::sync::OnceLock::new(),
+        ..(*level).clone()
+    };
+    Ok(levels.iter().zip(&moves).map(moved).collect())
+}
+
+fn check_channels(levels: &[&Level]) -> Result<()> {
+    let names = |level: &Level| level.page.images().map(|(name, _)| name).collect::<Vec<_>>().join(", ");
+    let Some((first, others)) = levels.split_first() else {
+        return Err(Error::invalid("there are no levels to share a page; give two at least"));
+    };
+    match others.iter().position(|level| names(level) != names(first)) {
+        Some(other) => Err(Error::invalid(format!(
+            "tree {} has the channels {}, but the first has {}; bake all with the same effects",
+            other + 2,
+            names(others[other]),
+            names(first)
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// A region with its gutters, and the upper left corner of its new place.
+struct Move {
+    from: Region,
+    to: (usize, usize),
+}
+
+fn outer_regions(level: &Level) -> impl Iterator<Item = Region> {
+    let gutter = level.sheet.gutter;
+    level.sheet.billboards.iter().map(move |Billboard { region, .. }| Region {
+        x: region.x - gutter,
+        y: region.y - gutter,
+        width: region.width + 2 * gutter,
+        height: region.height + 2 * gutter,
+    })
+}
+
+fn moved_billboards(sheet: &Sheet, moves: &[Move]) -> Vec<Billboard> {
+    let moved = |(billboard, Move { to, .. }): (&Billboard, &Move)| Billboard {
+        region: Region { x: to.0 + sheet.gutter, y: to.1 + sheet.gutter, ..billboard.region },
+        ..billboard.clone()
+    };
+    sheet.billboards.iter().zip(moves).map(moved).collect()
+}
+
+fn shared(levels: &[&Level], moves: &[Vec<Move>], size: PageSize, cutoff: f32) -> Page {
+    let cutoffs: Vec<[u8; 256]> = levels.iter().map(|level| alpha_table(level.alpha_cutoff, cutoff)).collect();
+    levels[0].page.rebuilt(|name| {
+        let mut pixels = vec![None; size.texels()];
+        for ((level, moves), alpha) in levels.iter().zip(moves).zip(&cutoffs) {
+            let Some((_, image)) = level.page.images().find(|(known, _)| *known == name) else { continue };
+            let settled = |[r, g, b, a]: [u8; 4]| [r, g, b, if name == "base_color" { alpha[a as usize] } else { a }];
+            for Move { from, to } in moves {
+                for row in 0..from.height {
+                    let source = &image.pixels()[(from.y + row) * image.width() + from.x..][..from.width];
+                    let target = &mut pixels[(to.1 + row) * size.width + to.0..][..from.width];
+                    target.iter_mut().zip(source).for_each(|(to, &from)| *to = Some(settled(from)));
+                }
+            }
+        }
+        crate::textures::fill_gaps(size.width, &pixels)
+    })
+}
+
+/// Codes of alpha for another cutoff: linear on either side, and what passed still does.
+fn alpha_table(old: f32, new: f32) -> [u8; 256] {
+    let least = |cutoff: f32| (0..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255);
+    let (before, after) = (f32::from(least(old).max(1)), f32::from(least(new).max(1)));
+    std::array::from_fn(|code| {
+        let code = code as f32;
+        if code >= before {
+            (after + (code - before) / (255.0 - before).max(1.0) * (255.0 - after)).round() as u8
+        } else {
+            (code / before * after).min(after - 1.0) as u8
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_passed_passes_and_nothing_else() {
+        for (old, new) in [(0.5, 0.3), (0.2, 0.6), (0.5, 0.5), (1.0, 0.1), (0.01, 0.9)] {
+            let table = alpha_table(old, new);
+            for code in 0..=255u8 {
+                let passes = |code: u8, cutoff: f32| f32::from(code) / 255.0 >= cutoff;
+                assert_eq!(passes(code, old), passes(table[code as usize], new), "{code} at {old} for {new}");
+            }
+            assert!(table.is_sorted());
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! The smallest page for rectangles of given sizes, which are not turned: what is on them is there already.
+
+use crunch::{Item, Rect, Rotation};
+
+use super::PageSize;
+
+/// Widths that are tried, as shares of a square page's side without waste; heights grow by this factor until all fit.
+const WIDTHS: std::ops::RangeInclusive<u32> = 5..=20;
+const GROWTH: f64 = 1.01;
+const LARGEST: usize = 16_384;
+
+/// Upper left corners of boxes (width, height) on a page whose sides are multiples of 4, as compressed textures want them. `None` when the
+/// largest page does not hold them. O(n²) for each page that is tried, some hundreds.
+#[must_use]
+pub fn tightest(boxes: &[(usize, usize)]) -> Option<(PageSize, Vec<(usize, usize)>)> {
+    let area: usize = boxes.iter().map(|&(width, height)| width * height).sum();
+    let widest = boxes.iter().map(|b| b.0).max()?;
+    let highest = boxes.iter().map(|b| b.1).max()?;
+    let mut best: Option<(PageSize, Vec<(usize, usize)>)> = None;
+    for tenth in WIDTHS {
+        let width = in_fours(((area as f64).sqrt() * f64::from(tenth) / 10.0) as usize).max(in_fours(widest));
+        let mut height = in_fours(area.div_ceil(width)).max(in_fours(highest));
+        while width.max(height) <= LARGEST && best.as_ref().is_none_or(|(least, _)| width * height < least.texels()) {
+            if let Some(places) = places(boxes, width, height) {
+                best = Some((PageSize { width, height }, places));
+            }
+            height = in_fours((height as f64 * GROWTH) as usize + 1);
+        }
+    }
+    best
+}
+
+fn in_fours(length: usize) -> usize {
+    length.div_ceil(4).max(1) * 4
+}
+
+fn places(boxes: &[(usize, usize)], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
+    let items = boxes.iter().enumerate().map(|(number, &(w, h))| Item::new(number, w, h, Rotation::None));
+    let mut packed = crunch::pack(Rect::of_size(width, height), items).ok()?;
+    packed.sort_by_key(|packed| packed.data);
+    Some(packed.iter().map(|packed| (packed.rect.x, packed.rect.y)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_that_fill_a_page_need_no_more() {
+        let (size, places) = tightest(&[(64, 64), (64, 32), (64, 32)]).unwrap();
+        assert_eq!(size.texels(), 8192);
+        assert_eq!(places.len(), 3);
+    }
+
+    #[test]
+    fn a_page_need_not_be_square() {
+        let (size, _) = tightest(&[(400, 20), (400, 24)]).unwrap();
+        assert_eq!((size.width, size.height), (400, 44));
+        assert!(tightest(&[(20_000, 1)]).is_none() && tightest(&[]).is_none());
+    }
+}

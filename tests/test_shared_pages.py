@@ -1,0 +1,67 @@
+"""Levels of several trees on one page: the same texels in other places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import leafcloud
+
+
+def tree(seed: int, color: tuple[float, float, float, float], size: int, **options: bool) -> leafcloud.Chain:
+    random = np.random.default_rng(seed)
+    places, along, across = random.uniform(-1.0, 1.0, (3, 150, 3))
+    corners = np.stack([places - 0.1 * across, places + 0.1 * across, places + 0.3 * along], axis=1)
+    image = random.integers(0, 256, (16, 16, 4), np.uint8)
+    material = leafcloud.Material(base_color=color, image=image, alpha_mode="MASK", alpha_cutoff=0.3)
+    uvs = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]], np.float32), (150, 1, 1))
+    foliage = leafcloud.Foliage(corners.reshape(-1, 3), np.arange(450).reshape(-1, 3), uvs=uvs, materials=[material])
+    return leafcloud.build_chain(foliage, levels=1, texture_size=size, back_sides=False, **options)
+
+
+def regions(level: leafcloud.Level, page: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """What each billboard shows of a page."""
+    height, width = page.shape[:2]
+    found = []
+    for uvs in np.asarray(level.uvs, np.float64):
+        left, right = np.rint(uvs[[0, 2], 0] * width).astype(int)
+        bottom, top = np.rint((1.0 - uvs[[0, 2], 1]) * height).astype(int)
+        found.append(page[top:bottom, left:right])
+    return found
+
+
+def test_billboards_show_what_they_showed() -> None:
+    chains = [tree(1, (1.0, 0.5, 0.2, 1.0), 256), tree(2, (0.2, 0.9, 0.4, 1.0), 128)]
+    shared = leafcloud.share_pages(chains)
+    for number in (0, 1):
+        first, second = (chain.levels[number] for chain in shared)
+        assert np.array_equal(first.base_color, second.base_color)
+        assert first.alpha_cutoff == second.alpha_cutoff
+        assert all(side % 4 == 0 for side in first.base_color.shape[:2])
+        own = [chain.levels[number] for chain in chains]
+        assert first.base_color.size <= 1.3 * sum(level.base_color.size for level in own)
+        for level, after in zip(own, (first, second), strict=True):
+            assert np.array_equal(level.corners, after.corners)
+            pairs = zip(regions(level, level.base_color), regions(after, after.base_color), strict=True)
+            for old, new in pairs:
+                assert np.array_equal(old[..., :3], new[..., :3])
+                drawn, still = old[..., 3] >= level.alpha_cutoff * 255, new[..., 3] >= after.alpha_cutoff * 255
+                assert np.array_equal(drawn, still)
+
+
+def test_regions_keep_apart() -> None:
+    chains = leafcloud.share_pages([tree(seed, (1.0, 1.0, 1.0, 1.0), 128) for seed in (1, 2, 3)])
+    page = chains[0].levels[0].base_color
+    owners = np.zeros(page.shape[:2], int)
+    for chain in chains:
+        for region in regions(chain.levels[0], owners):
+            region += 1
+    assert owners.max() == 1
+
+
+def test_levels_of_different_channels_are_refused() -> None:
+    chains = [tree(1, (1.0, 1.0, 1.0, 1.0), 128), tree(2, (1.0, 1.0, 1.0, 1.0), 128, leaf_map=True)]
+    with pytest.raises(leafcloud.LeafcloudError, match="bake all with the same effects"):
+        leafcloud.share_pages(chains)
+    assert leafcloud.share_pages([]) == []
