@@ -9,6 +9,7 @@ import bpy
 import leafcloud
 
 from .build.levels import BuiltLevel, Costs
+from .lighting import BakedLight
 from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
@@ -31,6 +32,7 @@ class Prepared:
     translucent: Translucent
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
+    light: BakedLight | None = None
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,10 @@ EFFECTS = (
     "translucency",
     "occlusion",
     "self_shadowing",
+    "baked_light",
 )
+MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")
+"""What `all` stands for: the effects for light that may move, beside which baked light makes no sense."""
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")

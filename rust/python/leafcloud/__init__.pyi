@@ -78,7 +78,8 @@ class Foliage:
     ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner
     (t, 3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4), linear RGBA that multiply the
     base colour; ``back_colors`` likewise (…, 3), linear RGB in their place where a triangle is seen to wind clockwise,
-    as light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any integers, equal within a leaf.
+    as light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any
+    integers, equal within a leaf.
     Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex, or an edge whose two ends
     coincide exactly.
 
