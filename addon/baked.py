@@ -32,6 +32,8 @@ class Prepared:
     translucent: Translucent
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
+    materials: tuple[str, ...]
+    """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
 
 

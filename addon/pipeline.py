@@ -68,11 +68,12 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
+    names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings.engine, settings.texture_size, settings.levels + settings.cross)
     read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
-    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, light)
+    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, names, light)
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:

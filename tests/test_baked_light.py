@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from command_line import bake as bake_file
 from node_trees import math_node, new_image, new_material, texture_node
 from scenes import add_mesh, read
 
 from addon.baked import Baked
+from addon.export.glb_file import read_glb
+from addon.export.gltf import export_level
+from addon.export.report import report
+from addon.export.unlit import mean_light
 from addon.lighting import BakedLight, light_of
 from addon.pipeline import bake, prepare
 from addon.plan.effects import Facts, is_on, plan_channels, plan_effects
@@ -398,7 +404,8 @@ def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[st
     colors = values(leaves, binary, primitive["attributes"]["COLOR_0"])
     # The wood above shades the middle of one of the two triangles a little.
     assert colors[:, :3].max(axis=0) == pytest.approx((np.array(SKY) + 1.5) / strength, rel=0.01)
-    [material] = cloud["materials"]
+    assert len(leaves["images"]) == 1, "nothing asks for the normal map"
+    material = next(material for material in cloud["materials"] if material["name"] == "tree_LOD1")
     assert material["extensions"] == {"KHR_materials_unlit": {}}
     assert (material["alphaMode"], material.get("doubleSided", False)) == ("MASK", False)
     assert material["alphaCutoff"] == pytest.approx(result.chain.levels[0].alpha_cutoff)
@@ -445,3 +452,17 @@ def test_the_report_has_what_it_cost() -> None:
     assert said["reason"] == "asked for by --effects baked_light"
     assert said["seconds"] > 0.0
     assert said["bytes"] == 32 * 3 * 3 * 4 * 2
+
+
+def test_the_command_line_bakes_the_light_of_a_file(tmp_path: Path) -> None:
+    """Lights are read before the scene is cleared, and the leaves' own materials may go with it."""
+    obj = field(matt())
+    sun(math.pi, 0.0)
+    source = tmp_path / "tree.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(source))
+    quick = ("--texture-size", 64, "--levels", 1, "--no-cross", "--leaves", obj.name)
+    said = bake_file(source, tmp_path / "out", *quick, "--effects", "baked_light")
+    assert said["input"]["materials"] == ["m"]
+    assert said["warnings"] == []
+    document, _ = read_glb(tmp_path / "out" / "tree.glb")
+    assert [{*material["extensions"]} for material in document["materials"]] == [{"KHR_materials_unlit"}] * 2

@@ -29,13 +29,20 @@ def opaque(colors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.types.Material:
-    """A copy of a leaf's own material that shows base colour · light of the side that is seen · strength."""
+    """A copy of a leaf's own material that shows base colour · light of the side that is seen · strength.
+
+    What only answers to lights is taken off it, so that exporters write no images of that.
+    """
     source = material
     if source is None or source.node_tree is None or output_of(source.node_tree) is None:
         source = _new_material("leaf")
     lit = _unlit(shining_copy(source, _light_seen, strength), strength)
     if source is not material:
         bpy.data.materials.remove(source)
+    for principled in [node for node in lit.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]:
+        for socket in [socket for socket in principled.inputs if socket.name not in ("Base Color", "Alpha")]:
+            for link in list(socket.links):
+                lit.node_tree.links.remove(link)
     return lit
 
 

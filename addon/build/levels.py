@@ -271,8 +271,8 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     if following is not None and plan.transitions:
         keys = _parents(following).reshape(-1, count)[order]
     faces = fans(keys, plan.placement)
-    corners = parted(level.corners) if plan.light is not None and level.two_sided else level.corners
-    surface = fan_surface(plan.placement.to_tree(corners[order]), level.uvs[order], faces)
+    outlines = parted(level.corners) if plan.light is not None and level.two_sided else level.corners
+    surface = fan_surface(plan.placement.to_tree(outlines[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     if following is None:
         return _Shape(surface, ranks[faces.billboards])
