@@ -375,7 +375,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
 
     from addon.export.blend import clear_scene, make_self_contained
     from addon.export.staging import Staging
-    from addon.pipeline import bake, write
+    from addon.pipeline import bake_prepared, layer_of, prepare, write
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
@@ -383,8 +383,10 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     stages("read", 0.0)
     tree, name = _tree(options)
     scene = bpy.context.scene
+    stages("prepare", 0.0)
+    prepared = prepare(tree, settings, layer_of(scene))
     clear_scene(scene)
-    baked = bake(tree, settings, scene, name, stages)
+    baked = bake_prepared(prepared, scene, name, stages)
     make_self_contained()
     with _refusing(options.out):
         report = write(baked, options.out, stages, blend=True)

@@ -9,6 +9,7 @@ import bpy
 import leafcloud
 
 from .build.levels import BuiltLevel, Costs
+from .lighting import BakedLight
 from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
@@ -31,6 +32,9 @@ class Prepared:
     translucent: Translucent
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
+    materials: tuple[str, ...]
+    """The names of the leaves' own, which levels whose light is baked in do not keep."""
+    light: BakedLight | None = None
 
 
 @dataclass(frozen=True)

@@ -30,21 +30,26 @@ from .export.engine_pages import engine_pages
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
+from .export.unlit import mean_light
 from .job import Progress, wait
+from .lighting import light_of
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from .plan.reach import View, reaches, rising
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
+from .scene.light import Light
 from .scene.shading import gloss_of
 from .scene.translucency import translucent_of
 from .settings import BakeSettings, fit_options
 
 
-def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
-    """Brings the tree into the world, and decides on the effects.
+def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
+    """Brings the tree into the world, decides on the effects, and bakes the light in the scene of `layer` if one asks.
 
-    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a texture that is missing.
+    Without a layer, which is enough for the plan, no light is baked.
+    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a texture that is missing, or
+    light that cannot be baked.
     """
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
@@ -52,18 +57,24 @@ def prepare(tree: Tree, settings: BakeSettings) -> Prepared:
     facts = Facts(engine=settings.engine, glossy=gloss.varies, translucent=translucent.material)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
-    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels, share)
-    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels, share)
+    lit = is_on(plan_effects(settings, facts), "baked_light") and layer is not None
+    # Only the cross shows the wood.
+    light = light_of(tree, layer, with_wood=settings.cross and tree.wood is not None) if lit else None
+    sides = (None, None) if light is None else (light.leaves, light.wood)
+    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels, share, sides[0])
+    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels, share, sides[1])
     effects = plan_effects(settings, replace(facts, leaves=foliage.leaf_count))
     blended = [
         f"material {material.name!r} is blended: the glTF files cut it out at an alpha of 0.5"
         for material in tree.leaves.materials
         if material is not None and gltf.is_blended(material)
     ]
+    names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, settings.levels + settings.cross)
     read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
+    read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
-    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings)
+    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, names, light)
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
@@ -104,6 +115,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         for level, deviation in zip(levels, deviations, strict=True)
     ]
     switch_distances = rising([0.0, *distances])
+    light = prepared.light
     transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
     morphs = [transitions and level.cloud is not None for level in levels]
     plan = Plan(
@@ -119,8 +131,10 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         pruning=pruning,
         switch_distances=switch_distances,
         reaches=reaches(switch_distances, [*morphs, False]),
+        light=None if light is None else light.leaves,
+        light_strength=1.0 if light is None else light.strength,
     )
-    costs = Costs()
+    costs = Costs({} if light is None else {"baked_light": light.seconds})
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
@@ -130,7 +144,11 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
 def bake(tree: Tree, settings: BakeSettings, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
     """The whole bake, without writing a file. The levels are in `scene` afterwards, for whose camera they are made."""
     progress("prepare", 0.0)
-    prepared = prepare(tree, settings)
+    return bake_prepared(prepare(tree, settings, layer_of(scene)), scene, name, progress)
+
+
+def bake_prepared(prepared: Prepared, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
+    """What follows on `prepare`, and needs nothing of the tree's own scene but the camera."""
     chain = wait(start(prepared), progress)
     progress("build", 0.0)
     baked = finish(prepared, chain, name, view_of(scene))
@@ -151,7 +169,12 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         clouds = _levels_by_material(baked)
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
-        with gltf.engine_attributes(baked.levels, engine), gltf.masked_leaves(baked.levels), engine_pages(clouds):
+        with (
+            gltf.engine_attributes(baked.levels, engine),
+            gltf.masked_leaves(baked.levels),
+            mean_light(baked.levels),
+            engine_pages(clouds),
+        ):
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()
@@ -188,6 +211,12 @@ def file_name(name: str) -> str:
     return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", name) or "tree"
 
 
+def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The view layer that is looked at, or the first of a scene that is not."""
+    context = bpy.context
+    return context.view_layer if context.scene == scene else scene.view_layers[0]
+
+
 def view_of(scene: bpy.types.Scene) -> View:
     """What the scene's camera sees with; the usual 1080 pixels and 50° where there is no camera with a perspective."""
     if scene.camera is None or scene.camera.type != "CAMERA" or scene.camera.data.type != "PERSP":
@@ -199,20 +228,34 @@ def view_of(scene: bpy.types.Scene) -> View:
 
 
 def _foliage(
-    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float
+    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float, light: Light | None
 ) -> tuple[leafcloud.Foliage, list[str]]:
     """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
     described = describe_materials(geometry, channels, placement.matrix, share)
+    front, back = _colors(described.colors, light)
     foliage = leafcloud.Foliage(
         world_positions(geometry, placement.matrix),
         placement.wind(geometry.triangles),
         uvs=placement.wind(texture_uvs(geometry)),
         normals=placement.wind(placement.normals_to_world(geometry.normals)),
-        colors=placement.wind(described.colors),
+        colors=placement.wind(front),
+        back_colors=placement.wind(back),
         material_ids=geometry.material_ids,
         materials=[leafcloud.Material(**keywords) for keywords in described.materials],
     )
     return foliage, described.messages
+
+
+def _colors(
+    colors: NDArray[np.float32] | None, light: Light | None
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
+    if light is None:
+        return colors, None
+    front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()
+    back = front[..., :3] * light.back
+    front[..., :3] *= light.front
+    return front, back
 
 
 def _without_shear(tree: Tree) -> Tree:

@@ -23,7 +23,10 @@ EFFECTS = (
     "occlusion",
     "self_shadowing",
     "leaf_map",
+    "baked_light",
 )
+MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")
+"""What `all` stands for: the effects for light that may move, beside which baked light makes no sense."""
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")

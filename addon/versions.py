@@ -72,6 +72,17 @@ def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> No
     mesh.update()
 
 
+def clear_terminator(obj: bpy.types.Object) -> None:
+    """Makes Cycles cast shadows on `obj` where it is, and not where it would be if it were as round as its normals.
+
+    Since 4.5 that is said to objects, before it was to Cycles.
+    """
+    if hasattr(obj, "shadow_terminator_geometry_offset"):
+        obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
+    else:
+        obj.cycles.shadow_terminator_geometry_offset = obj.cycles.shadow_terminator_offset = 0.0
+
+
 def _input_socket(modifier: bpy.types.NodesModifier, name: str) -> bpy.types.NodeTreeInterfaceSocket:
     sockets = [
         item

@@ -9,7 +9,7 @@ import pytest
 
 from addon.plan.effects import Effect, Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.reach import HAND_OVER, Reach, reaches, rising
-from addon.settings import EFFECTS, BakeSettings
+from addon.settings import MOVING_LIGHT, BakeSettings
 
 FACTS = Facts(engine="generic", leaves=672)
 
@@ -30,6 +30,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "occlusion": False,
         "self_shadowing": False,
         "leaf_map": False,
+        "baked_light": False,
     }
     assert all(effect.reason for effect in effects)
 
@@ -70,7 +71,7 @@ def test_one_leaf_is_not_pruned() -> None:
 @pytest.mark.parametrize(
     ("asked", "on"),
     [
-        ("all", set(EFFECTS)),
+        ("all", set(MOVING_LIGHT)),
         ("none", set()),
         ("pruning", {"pruning"}),
         ("back_sides, transitions", {"back_sides", "transitions"}),

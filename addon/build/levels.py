@@ -18,7 +18,9 @@ import leafcloud
 from ..placement import Placement
 from ..plan.reach import Reach
 from ..scene.extract import Geometry, Tree
+from ..scene.light import Light
 from . import morphs
+from .baked_light import add_light, lit_material, parted, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .leaf_map import add_leaf_map
 from .lod_nodes import NEVER, LodSettings, add_lod_modifier
@@ -54,7 +56,8 @@ class Plan:
 
     centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
     for each level with the leaves first, are in world units. roughness and metallic are the leaves' where no texture
-    says how glossy they are; share is what of the light shines through them, where there is a texture of it.
+    says how glossy they are; share is what of the light shines through them, where there is a texture of it. light, if
+    it is baked, is that of the leaves, to be multiplied by light_strength.
     """
 
     name: str
@@ -68,6 +71,8 @@ class Plan:
     metallic: float = 0.0
     occlusion: bool = False
     share: float = 0.0
+    light: Light | None = None
+    light_strength: float = 1.0
     gloss_for: str = "gloss"
     """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
 
@@ -94,6 +99,8 @@ class _Shape:
     ranks: NDArray[np.float32]
     pruning: Pruning | None = None
     transition: Transition | None = None
+    light: Light | None = None
+    """By corner of the mesh, (c, 3)."""
 
 
 def build_levels(
@@ -106,7 +113,7 @@ def build_levels(
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
-        wood = None if tree.wood is None else _wood_mesh(f"{plan.name}_wood", tree.wood)
+        wood = None if tree.wood is None else geometry_mesh(f"{plan.name}_wood", tree.wood)
         levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, wood, plan)]
         behind = chain.levels
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
@@ -175,6 +182,11 @@ def _leaf_object(
     shape = _leaf_shape(tree.leaves, foliage, chain, plan)
     materials = tree.leaves.materials
     mesh = create_mesh(f"{plan.name}_LOD0", shape.surface, materials, layer_names(materials))
+    if shape.light is not None:
+        with costs.spent_on("baked_light", shape.light.nbytes):
+            add_light(mesh, shape.light)
+            for number, material in enumerate(materials):
+                mesh.materials[number] = lit_material(material, plan.light_strength)
     return _object(mesh, shape, {"level": 0, "switch_distance": 0.0}, plan.reaches[0], costs)
 
 
@@ -194,6 +206,7 @@ def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud
         ranks=ranks[order],
         pruning=_pruning(ranks[of_vertex], level, of_vertex, plan),
         transition=_transition(parents[split.first // 3], targets[corner_of_vertex], level, of_vertex, plan),
+        light=None if plan.light is None else plan.light.at(order),
     )
 
 
@@ -208,7 +221,12 @@ def _cloud_object(
     name = f"{plan.name}_LOD{number}"
     cutoff = level.alpha_cutoff
     page = _page(name, level, plan, costs)
-    material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=not level.two_sided)
+    double = not level.two_sided
+    if plan.light is None:
+        material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
+    else:
+        image, strength = page.base_color, plan.light_strength
+        material = unlit_material(name, image, alpha_cutoff=cutoff, double_sided=double, strength=strength)
     shape = _cloud_shape(level, following, plan)
     mesh = create_mesh(name, shape.surface, [material])
     extras = {
@@ -264,7 +282,8 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     if following is not None and plan.transitions:
         keys = _parents(following).reshape(-1, count)[order]
     faces = fans(keys, plan.placement)
-    surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
+    outlines = parted(level.corners) if plan.light is not None and level.two_sided else level.corners
+    surface = fan_surface(plan.placement.to_tree(outlines[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     if following is None:
         return _Shape(surface, ranks[faces.billboards])
@@ -330,8 +349,9 @@ def _pruning_extras(mesh: bpy.types.Mesh, shape: _Shape) -> dict[str, Any]:
     return {"keep_steps": PREFIX_STEPS, "prefixes": [{**row, "material": names[row["material"]]} for row in table]}
 
 
-def _wood_mesh(name: str, wood: Geometry) -> bpy.types.Mesh:
-    order = np.arange(len(wood.triangles))
-    split = split_vertices(wood.triangles, np.zeros(len(order), np.int32))
-    surface = triangle_surface(wood, order, split)
-    return create_mesh(name, surface, wood.materials, layer_names(wood.materials))
+def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
+    """The geometry as it is, with its materials and what these read."""
+    order = np.arange(len(geometry.triangles))
+    split = split_vertices(geometry.triangles, np.zeros(len(order), np.int32))
+    surface = triangle_surface(geometry, order, split)
+    return create_mesh(name, surface, geometry.materials, layer_names(geometry.materials))

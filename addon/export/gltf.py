@@ -18,6 +18,7 @@ from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
 from .translucency import add_translucency
+from .unlit import add_unlit, color_options
 from .waiting import add_waiting
 
 FALLBACK_SETS = (2, 3)
@@ -97,13 +98,16 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     Raises `ExportError` when the file could not be written whole.
     """
     try:
-        bpy.ops.export_scene.gltf(filepath=str(path), collection=collection.name, **_OPTIONS)
+        bpy.ops.export_scene.gltf(
+            filepath=str(path), collection=collection.name, **_OPTIONS, **color_options(collection)
+        )
     except RuntimeError as error:
         raise ExportError(f"{path.name}: {reason(error)}") from error
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
     add_waiting(path, collection)
     add_translucency(path, collection)
+    add_unlit(path, collection)
     add_tangents(path)
 
 

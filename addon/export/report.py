@@ -35,7 +35,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
             "leaves": prepared.foliage.leaf_count,
             "radius": prepared.foliage.radius,
             "choice": prepared.tree.choice,
-            "materials": [material.name for material in prepared.tree.leaves.materials if material is not None],
+            "materials": list(prepared.materials),
             "dropped": list(prepared.tree.dropped),
         },
         "levels": levels,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..settings import CHANNELS, EFFECTS, BakeSettings, effect_names
+from ..settings import CHANNELS, EFFECTS, MOVING_LIGHT, BakeSettings, effect_names
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,12 @@ def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
         read = (_normals(facts), _gloss(facts), _translucency(facts))
-        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP)
-    forced = {"all": EFFECTS, "none": ()}.get(settings.effects, effect_names(settings.effects))
-    return tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
+        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP, _BAKED_LIGHT)
+    forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
+    asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
+    if settings.effects == "all":
+        return (*asked[:-1], replace(_BAKED_LIGHT, reason=f"{_BAKED_LIGHT.reason}, not by --effects all"))
+    return tuple(map(_under_baked_light, asked)) if "baked_light" in forced else asked
 
 
 def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
@@ -106,6 +109,25 @@ _SKY = (
 )
 
 _LEAF_MAP = Effect("leaf_map", False, "the leaves keep their textures until somebody wants another season")
+
+
+_BAKED_LIGHT = Effect(
+    "baked_light", False, "the light would have to stand still, which no file says, so it has to be asked for by name"
+)
+
+
+def _under_baked_light(effect: Effect) -> Effect:
+    """Sides differ in their light; what only counts where light may move is left out, even if it is asked for."""
+    if effect.name == "back_sides":
+        return replace(effect, on=True, reason="the light is baked in, and differs on the two sides of a leaf")
+    if effect.name == "leaf_map":
+        return replace(effect, on=False, reason="the light is baked into the page, and another texture would have none")
+    if effect.name in _FOR_MOVING_LIGHT:
+        return replace(effect, on=False, reason="the light is baked in, so there is none left to answer to")
+    return effect
+
+
+_FOR_MOVING_LIGHT = (*CHANNELS, "occlusion", "self_shadowing")
 
 
 def _free_light(engine: str) -> str:

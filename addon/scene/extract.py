@@ -72,6 +72,8 @@ class Tree:
     dropped: list[str]
     """One sentence each: what was left out."""
     warnings: list[str]
+    sources: tuple[bpy.types.Object, ...] = ()
+    """The objects that show it, by themselves or as instancers."""
 
 
 def extract(
@@ -113,6 +115,7 @@ def extract(
         choice=choice.reason,
         dropped=[*dropped, *loose],
         warnings=list(dict.fromkeys(reader.warnings)),
+        sources=tuple(dict.fromkeys(copies.owner for copies in gathered)),
     )
 
 

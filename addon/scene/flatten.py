@@ -11,7 +11,7 @@ What differs from leaf to leaf has one value on the square; `tints` says how the
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +32,9 @@ SAMPLES = 4
 
 RANDOM = "leafcloud_random"
 """The attribute that stands for the Random of the Object Info node."""
+
+SHINE = "Leafcloud Shine"
+"""The node that emits, in materials that shine."""
 
 WHITE = "leafcloud_white"
 """The colour attribute that stands for the one that renders."""
@@ -136,6 +139,31 @@ def flat_material(
             bpy.data.node_groups.remove(group)
 
 
+def shining_copy(
+    material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], strength: float
+) -> bpy.types.Material:
+    """A copy that shines with its colour times a factor, whose nodes are added by `factor`, times the strength.
+
+    Cycles and EEVEE see that by outputs of their own. The one for all stays as it was, for exporters and other readers.
+    """
+    copy = material.copy()
+    tree = copy.node_tree
+    _own_groups(tree, [])
+    output = output_of(tree)
+    assert output is not None  # as of all materials that show anything
+    for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
+        tree.nodes.remove(other)
+    builder = _Builder(tree, "all")
+    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
+    shader = _shining(builder, builder.vector("MULTIPLY", color, factor(tree)), alpha, strength)
+    for target in ("CYCLES", "EEVEE"):
+        shown = tree.nodes.new("ShaderNodeOutputMaterial")
+        shown.target = target
+        tree.links.new(shader.outputs[0], shown.inputs["Surface"])
+    output.target, output.is_active_output = "ALL", True
+    return copy
+
+
 @contextmanager
 def scratch_scene() -> Iterator[bpy.types.Scene]:
     """A scene for Cycles that goes with its objects, and with what was rendered."""
@@ -238,15 +266,22 @@ def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) ->
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
     if opaque:
         color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
+    tree.links.new(_shining(builder, color, alpha).outputs[0], output.inputs["Surface"])
+    for other in ("Volume", "Displacement"):
+        for link in list(output.inputs[other].links):
+            tree.links.remove(link)
+
+
+def _shining(builder: _Builder, color: Any, alpha: Any, strength: float = 1.0) -> bpy.types.Node:
+    """A shader that emits a premultiplied colour and lets through what alpha leaves."""
+    tree = builder.tree
     emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
+    emission.name, emission.inputs["Strength"].default_value = SHINE, strength
     builder.connect(color, emission.inputs["Color"])
     builder.connect(builder.math("SUBTRACT", 1.0, alpha), clear.inputs["Color"])
     tree.links.new(emission.outputs[0], both.inputs[0])
     tree.links.new(clear.outputs[0], both.inputs[1])
-    tree.links.new(both.outputs[0], output.inputs["Surface"])
-    for other in ("Volume", "Displacement"):
-        for link in list(output.inputs[other].links):
-            tree.links.remove(link)
+    return both
 
 
 _BLACK = (0.0, 0.0, 0.0, 1.0)

@@ -26,8 +26,8 @@ class Copies:
     mesh: bpy.types.Mesh
     """Lives as long as the depsgraph is not evaluated again."""
     object_name: str
-    owner_name: str
-    """The object that places the copies: the object itself, or an instancer."""
+    owner: bpy.types.Object
+    """The original object that places the copies: the object itself, or an instancer."""
     owner_matrix: NDArray[np.float64]
     """(4, 4) to the world, not singular."""
     materials: tuple[bpy.types.Material | None, ...]
@@ -36,6 +36,10 @@ class Copies:
     """(n, 4, 4) to the world, none singular; equal to `owner_matrix` for an object that stands for itself."""
     randoms: NDArray[np.float32]
     """(n,) in [0, 1], what the Object Info node calls Random of each copy."""
+
+    @property
+    def owner_name(self) -> str:
+        return str(self.owner.name)
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:
@@ -159,7 +163,7 @@ def _shown(
         key = (owner.original, obj.original, obj.data.as_pointer(), materials)
         if key not in found:
             own_matrix = np.array(owner.matrix_world, np.float64)
-            found[key] = Copies(obj.data, obj.name, owner.name, own_matrix, materials, np.empty((0, 4, 4)), _NONE)
+            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, np.empty((0, 4, 4)), _NONE)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
         randoms.setdefault(key, []).append(random_of(instance))
     shown = [

@@ -11,7 +11,7 @@ import leafcloud
 
 from ..build.rollback import removed_on_failure
 from ..job import POLL_SECONDS, wait
-from ..pipeline import file_name, finish, prepare, start, view_of, write
+from ..pipeline import file_name, finish, layer_of, prepare, start, view_of, write
 from ..scene import SceneError
 from ..scene.extract import extract
 from ..settings import SettingsError
@@ -106,7 +106,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
         settings = context.scene.leafcloud
         self._sources = tuple(context.selected_objects)
         tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=leaf_names(settings))
-        self._prepared = prepare(tree, bake_settings(settings))
+        self._prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
         self._job = start(self._prepared)
         _running.append(self._job)
 

@@ -9,7 +9,16 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..settings import EFFECTS, ENGINES, LARGEST_TEXTURE, MOST_CANDIDATES, MOST_LEVELS, SMALLEST_TEXTURE, BakeSettings
+from ..settings import (
+    EFFECTS,
+    ENGINES,
+    LARGEST_TEXTURE,
+    MOST_CANDIDATES,
+    MOST_LEVELS,
+    MOVING_LIGHT,
+    SMALLEST_TEXTURE,
+    BakeSettings,
+)
 
 _DEFAULTS = BakeSettings()
 _LARGEST_INT = 2**31 - 1
@@ -117,7 +126,7 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         description="Which effects the levels carry",
         items=[
             ("auto", "Automatic", "Those that the scene calls for"),
-            ("all", "All", "All effects"),
+            ("all", "All", "All effects for light that may move"),
             ("none", "None", "No effects: plain levels"),
             ("some", "Chosen", "Those chosen below"),
         ],
@@ -127,7 +136,7 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         description="The effects that the levels carry",
         items=_EFFECT_ITEMS,
         options={"ENUM_FLAG"},
-        default=set(EFFECTS),
+        default=set(MOVING_LIGHT),
     )
     engine: EnumProperty(
         name="Engine",

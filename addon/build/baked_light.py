@@ -1,0 +1,156 @@
+"""Levels whose light is baked in: LOD 0 shines with base colour times the light at its corners, clouds with a page."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.flatten import SHINE, shining_copy
+from ..scene.light import Light
+from ..scene.node_links import output_of
+from .materials import CUTOFF_NODE, PAGE_NODE
+
+FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
+"""Colour attributes by corner: the light over its strength where a face winds counter-clockwise, and on its back."""
+
+EXTRAS = "leafcloud"
+
+
+def add_light(mesh: bpy.types.Mesh, light: Light) -> None:
+    """Stores the light (c, 3) of both sides."""
+    for name, values in ((FRONT, light.front), (BACK, light.back)):
+        attribute = mesh.color_attributes.new(name, "FLOAT_COLOR", "CORNER")
+        attribute.data.foreach_set("color", opaque(values).ravel())
+
+
+def opaque(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(c, 4) from (c, 3)."""
+    return np.concatenate([colors, np.ones_like(colors[:, :1])], axis=1)
+
+
+def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.types.Material:
+    """A copy of a leaf's own material that shows base colour · light of the side that is seen · strength.
+
+    What only answers to lights is taken off it, so that exporters write no images of that.
+    """
+    source = material
+    if source is None or source.node_tree is None or output_of(source.node_tree) is None:
+        source = _new_material("leaf")
+    lit = _unlit(shining_copy(source, _light_seen, strength), strength)
+    if source is not material:
+        bpy.data.materials.remove(source)
+    for principled in [node for node in lit.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]:
+        for socket in [socket for socket in principled.inputs if socket.name not in ("Base Color", "Alpha")]:
+            for link in list(socket.links):
+                lit.node_tree.links.remove(link)
+    return lit
+
+
+def unlit_material(
+    name: str, image: bpy.types.Image, *, alpha_cutoff: float, double_sided: bool, strength: float
+) -> bpy.types.Material:
+    """A page that shines by itself where its alpha is above the cutoff.
+
+    Blender's glTF exporter knows the form, down to the Light Path that chooses between the same and the same, and
+    writes it as `KHR_materials_unlit`, `alphaMode` MASK. Cycles shows both sides of everything, so it has an output of
+    its own where billboards show one.
+    """
+    material = _unlit(_new_material(name), strength)
+    material.use_backface_culling = not double_sided
+    tree = material.node_tree
+    tree.nodes.clear()
+    texture, threshold, path, emission, either, clear, cut, output = (
+        _node(tree, kind, place)
+        for kind, place in (
+            ("TexImage", (-600.0, 0.0)),
+            ("Math", (-280.0, 200.0)),
+            ("LightPath", (-280.0, 700.0)),
+            ("Emission", (-280.0, 0.0)),
+            ("MixShader", (-60.0, 0.0)),
+            ("BsdfTransparent", (-60.0, 200.0)),
+            ("MixShader", (140.0, 100.0)),
+            ("OutputMaterial", (500.0, 100.0)),
+        )
+    )
+    texture.image, texture.name = image, PAGE_NODE
+    threshold.operation, threshold.inputs[1].default_value = "GREATER_THAN", alpha_cutoff
+    threshold.name, threshold.label = CUTOFF_NODE, "Alpha cutoff"
+    emission.name, emission.inputs["Strength"].default_value = SHINE, strength
+    tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    _mix(tree, either, path.outputs["Is Camera Ray"], emission, emission)
+    _mix(tree, cut, threshold.outputs[0], clear, either)
+    tree.links.new(cut.outputs[0], output.inputs["Surface"])
+    if not double_sided:
+        side, front, shown = (
+            _node(tree, kind, place)
+            for kind, place in (
+                ("NewGeometry", (140.0, 500.0)),
+                ("MixShader", (320.0, 300.0)),
+                ("OutputMaterial", (500.0, 300.0)),
+            )
+        )
+        _mix(tree, front, side.outputs["Backfacing"], cut, clear)
+        tree.links.new(front.outputs[0], shown.inputs["Surface"])
+        shown.target = "CYCLES"
+        output.is_active_output = True
+    return material
+
+
+def parted(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Billboards (b, c, 3) moved toward who sees them, by 1/16384 of their whole extent.
+
+    A ray that passes the transparent back of one of a pair passes what lies exactly there, too.
+    """
+    along = corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1]
+    normals = np.cross(*along).sum(axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
+    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    moved: NDArray[np.float64] = corners + normals[:, None] * (extent / 16384.0)
+    return moved
+
+
+def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
+    """Nodes that give the light of the side that is seen."""
+    side, mix = _node(tree, "NewGeometry", (0.0, 0.0)), _node(tree, "Mix", (0.0, 0.0))
+    mix.data_type = "RGBA"
+    inputs = {socket.identifier: socket for socket in mix.inputs}
+    tree.links.new(side.outputs["Backfacing"], inputs["Factor_Float"])
+    for name, target in ((FRONT, "A_Color"), (BACK, "B_Color")):
+        attribute = _node(tree, "VertexColor", (0.0, 0.0))
+        attribute.layer_name = name
+        tree.links.new(attribute.outputs["Color"], inputs[target])
+    return next(socket for socket in mix.outputs if socket.identifier == "Result_Color")
+
+
+def _unlit(material: bpy.types.Material, strength: float) -> bpy.types.Material:
+    """The same, which says how strong it is, for glTF has no room for that, and is no lamp to Cycles: it lights nothing
+    that does not look at it by chance."""
+    material[EXTRAS] = {"light_strength": strength}
+    material.cycles.emission_sampling = "NONE"
+    return material
+
+
+def _new_material(name: str) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
+        material.use_nodes = True
+    return material
+
+
+def _mix(
+    tree: bpy.types.NodeTree,
+    mix: bpy.types.Node,
+    factor: bpy.types.NodeSocket,
+    first: bpy.types.Node,
+    second: bpy.types.Node,
+) -> None:
+    for source, target in zip((factor, first.outputs[0], second.outputs[0]), mix.inputs, strict=True):
+        tree.links.new(source, target)
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, location: tuple[float, float]) -> bpy.types.Node:
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    node.location = location
+    return node

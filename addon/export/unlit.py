@@ -1,0 +1,84 @@
+"""LOD 0 with baked light, in GLB files: `KHR_materials_unlit`, under vertex colours that are the light.
+
+A primitive has one colour at a corner, and shows it on both sides: it is the mean of the light on the two. Clouds,
+whose sides are billboards of their own, are written as unlit by Blender's exporter. All of it is light over its
+strength, for glTF knows none above 1; the strength stands in the materials' extras, `leafcloud.light_strength`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..build.baked_light import BACK, FRONT
+from ..build.levels import BuiltLevel
+from .glb_file import read_glb, write_glb
+
+UNLIT = "KHR_materials_unlit"
+_MEAN = "leafcloud_light_mean"
+_KEPT = {"name", "alphaMode", "alphaCutoff", "doubleSided", "extras"}
+"""What counts of a material that is not lit, beside its base colour."""
+
+
+@contextmanager
+def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Makes the mean of both sides' light, times the leaves' own colours, LOD 0's colour for the time of the export."""
+    mesh = levels[0].object.data
+    if not _is_lit(mesh):
+        yield
+        return
+    attributes = mesh.color_attributes
+    own = attributes.render_color_index
+    colors = 0.5 * (_colors(mesh, FRONT) + _colors(mesh, BACK))
+    if attributes[own].name not in (FRONT, BACK):
+        colors *= _colors(mesh, attributes[own].name)
+    added = attributes.new(_MEAN, "FLOAT_COLOR", "CORNER")
+    added.data.foreach_set("color", np.minimum(colors, 1.0).ravel())
+    attributes.render_color_index = attributes.find(_MEAN)
+    try:
+        yield
+    finally:
+        attributes.remove(attributes[_MEAN])
+        attributes.render_color_index = own
+
+
+def color_options(collection: bpy.types.Collection) -> dict[str, Any]:
+    """What the exporter is told where colours are light: to write those that render, and no others."""
+    if not any(_is_lit(obj.data) for obj in collection.objects):
+        return {}
+    return {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
+
+
+def add_unlit(path: Path, collection: bpy.types.Collection) -> None:
+    """Makes the leaves' own materials unlit in the GLB file that `collection` was written to."""
+    meshes = [obj.data for obj in collection.objects if _is_lit(obj.data)]
+    names = {material.name for mesh in meshes for material in mesh.materials}
+    if not names:
+        return
+    document, binary = read_glb(path)
+    for material in document["materials"]:
+        if material["name"] not in names:
+            continue
+        surface = material.get("pbrMetallicRoughness", {})
+        kept = {key: value for key, value in material.items() if key in _KEPT}
+        base = {key: value for key, value in surface.items() if key.startswith("baseColor")}
+        material.clear()
+        material |= {**kept, "pbrMetallicRoughness": base, "extensions": {UNLIT: {}}}
+    document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), UNLIT})
+    write_glb(path, document, binary)
+
+
+def _is_lit(mesh: bpy.types.Mesh) -> bool:
+    return FRONT in mesh.color_attributes
+
+
+def _colors(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
+    colors = np.empty(4 * len(mesh.loops), np.float32)
+    mesh.color_attributes[name].data.foreach_get("color", colors)
+    return colors.reshape(-1, 4)

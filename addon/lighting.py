@@ -1,0 +1,59 @@
+"""The effect baked_light: what light falls on the tree where it stands, as the core and the levels take it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .build.levels import geometry_mesh
+from .placement import Placement
+from .scene.extract import Tree
+from .scene.light import Light, Surroundings, bake_light
+
+BRIGHTEST = 99.9
+"""Per cent of the leaves' light that pages hold; what little is brighter is cut where base colours are bright, too."""
+
+DARK = 1e-3
+"""Light below is none."""
+
+
+@dataclass(frozen=True)
+class BakedLight:
+    """Light over its strength, which is at least 1 and multiplies what is drawn; and what it has cost."""
+
+    leaves: Light
+    wood: Light | None
+    strength: float
+    seconds: float
+    warnings: tuple[str, ...]
+
+
+def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_wood: bool) -> BakedLight:
+    """The light in the scene of `layer` on the tree's leaves, and on its wood if that is asked for, too.
+
+    Raises `SceneError` when Cycles cannot bake.
+    """
+    begin = time.perf_counter()
+    casting = [tree.leaves] if tree.wood is None else [tree.leaves, tree.wood]
+    meshes = [geometry_mesh("leafcloud shadow", geometry) for geometry in casting]
+    try:
+        around = Surroundings(layer, tree.sources, meshes)
+        leaves, *wood = bake_light(casting if with_wood else casting[:1], Placement(tree.matrix), around)
+    finally:
+        for mesh in meshes:
+            bpy.data.meshes.remove(mesh)
+    brightest = float(np.percentile(np.stack([leaves.front, leaves.back]), BRIGHTEST))
+    strength = max(1.0, brightest)
+    warnings = () if brightest > DARK else (_no_light(layer),)
+    seconds = time.perf_counter() - begin
+    return BakedLight(leaves.over(strength), wood[0].over(strength) if wood else None, strength, seconds, warnings)
+
+
+def _no_light(layer: bpy.types.ViewLayer) -> str:
+    return (
+        f"no light of the scene {layer.id_data.name!r} reaches the leaves, so baked_light makes them black: "
+        f"add a light, or a world"
+    )

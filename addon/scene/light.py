@@ -1,0 +1,302 @@
+"""The light of the scene on leaves, on either side: baked by Cycles at places all over them, kept at their corners.
+
+What is kept is the radiance of a white leaf, irradiance / π, so that it multiplies base colours: a sun of strength S
+from the angle θ gives S · cos θ / π, a world of one colour gives that colour. Light that shines through a leaf itself
+is left aside; what others reflect and let through counts.
+
+The leaves cast their shadows with their own materials, cut out as they are. They do not catch the light themselves, for
+a card is transparent at its corners, and leaves touch wood and each other there: white triangles that no ray meets lie
+on the leaves for that, three to a triangle of the leaf, each with three places. A corner has the mean of its third of
+all triangles that share it with the same normal: the mean over a leaf is right, and shadows finer than that are lost.
+
+As in any picture by Cycles a triangle does not stand in its own light, wherever its normals point: what is met nearer
+than `near` of the place is transparent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..placement import Placement
+from ..versions import clear_terminator, set_corner_normals
+from . import SceneError
+from .extract import Geometry, world_positions
+from .node_links import output_of
+
+SAMPLES = 16
+"""Paths from each place, three places a corner: 48 and more, whose mean is within some per cent of an even sky."""
+
+SEED = 0
+
+PLACES = np.array([(10.0, 1.0, 1.0), (7.0, 4.0, 1.0), (7.0, 1.0, 4.0)]) / 12.0
+"""Weights of a corner, the next and the one before; with those of the others the places are all over a triangle."""
+
+BLOCK = 200_000
+"""Triangles at a time: Cycles needs some kilobytes for each."""
+
+LAYERS = 1024
+"""Of what is transparent, as many as Cycles can pass: at the 8 of a new scene, a pine of cards is a quarter darker, and
+no engine stops there."""
+
+_ATTRIBUTE = "leafcloud light"
+
+
+@dataclass(frozen=True)
+class Light:
+    """(t, 3, 3) linear, by corner as in the geometry: on the side that winds counter-clockwise, and on the other."""
+
+    front: NDArray[np.float32]
+    back: NDArray[np.float32]
+
+    def over(self, strength: float) -> Light:
+        return Light(self.front / np.float32(strength), self.back / np.float32(strength))
+
+    def at(self, order: NDArray[np.integer[Any]]) -> Light:
+        """(c, 3) at the corners of the triangles `order`, one after another."""
+        return Light(self.front[order].reshape(-1, 3), self.back[order].reshape(-1, 3))
+
+    @property
+    def nbytes(self) -> int:
+        return self.front.nbytes + self.back.nbytes
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Whose lights, world and shadows count; `sources`, the objects that show the tree, are left out of them.
+
+    `casters` are meshes in the tree's coordinates that cast the shadows in their place. They get other materials.
+    """
+
+    layer: bpy.types.ViewLayer
+    sources: Sequence[bpy.types.Object]
+    casters: Sequence[bpy.types.Mesh]
+
+
+def bake_light(geometries: Sequence[Geometry], placement: Placement, around: Surroundings) -> list[Light]:
+    """The light on each of the geometries. The scene is afterwards as it was, also when this fails.
+
+    Raises `SceneError` when Cycles cannot bake.
+    """
+    places = [_places(geometry, placement) for geometry in geometries]
+    points = np.concatenate([each.points.reshape(-1, 3) for each in places])
+    # Single precision is 6e-8 of the coordinates.
+    near = 1e-4 * float(np.ptp(points, axis=0).max()) + 1e-5 * float(np.abs(points).max())
+    with _without(around.sources), _own_scene(around.layer) as layer, _casting(around.casters, placement, layer, near):
+        return [_light(each, layer, near, placement) for each in places]
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Of triangles in the world: points (t, 3, 3), normals (t, 3, 3), (t, 3) equal numbers where light is shared."""
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    shared: NDArray[np.int64]
+
+    @property
+    def across(self) -> NDArray[np.float64]:
+        """(t, 3) as long as twice the area."""
+        a, b, c = self.points.transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
+
+def _places(geometry: Geometry, placement: Placement) -> _Places:
+    triangles = placement.wind(geometry.triangles)
+    normals = placement.wind(placement.normals_to_world(geometry.normals))
+    keys = np.concatenate([triangles[:, :, None], normals.view(np.int32)], axis=2).reshape(-1, 4)
+    rows = np.ascontiguousarray(keys).view(np.dtype((np.void, 16))).ravel()
+    _, shared = np.unique(rows, return_inverse=True)
+    return _Places(world_positions(geometry, placement.matrix)[triangles], normals, shared.reshape(-1, 3))
+
+
+def _light(places: _Places, layer: bpy.types.ViewLayer, near: float, placement: Placement) -> Light:
+    blocks = range(0, len(places.points), BLOCK)
+    sides = [_block(places, slice(start, start + BLOCK), layer, near) for start in blocks]
+    front, back = (_shared(np.concatenate(side), places) for side in zip(*sides, strict=True))
+    return Light(placement.wind(front), placement.wind(back))
+
+
+def _shared(values: NDArray[np.float32], places: _Places) -> NDArray[np.float32]:
+    """(t, 3, 3) the means of corners that share their light, by area."""
+    areas = np.repeat(np.linalg.norm(places.across, axis=1), 3) + 1e-30
+    numbers = places.shared.ravel()
+    total = np.bincount(numbers, areas)
+    sums = [np.bincount(numbers, areas * channel) for channel in values.reshape(-1, 3).T]
+    means: NDArray[np.float64] = np.stack(sums, axis=1) / total[:, None]
+    return means[numbers].reshape(values.shape).astype(np.float32)
+
+
+def _block(
+    places: _Places, part: slice, layer: bpy.types.ViewLayer, near: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(t, 3, 3) by corner, on the front and on the back of some of the triangles."""
+    corners, normals, across = places.points[part], places.normals[part].astype(np.float64), places.across[part]
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)[:, None]
+    normals = np.where((normals != 0.0).any(axis=2, keepdims=True), normals, across)
+    # Of each corner (t, 3) three places, which wind as the normal says, and lie just off the leaf on that side.
+    spread = PLACES @ np.stack([np.roll(corners, -corner, axis=1) for corner in range(3)], axis=1)
+    against = (normals * across).sum(axis=2, keepdims=True) < 0.0
+    up = np.where(against, -across, across)[:, :, None] * (near / 16.0)
+    turned = spread[:, :, [0, 2, 1]]
+    front = np.where(against[..., None], turned, spread) + up
+    back = np.where(against[..., None], spread, turned) - up
+    baked = _baked(layer, np.stack([front, back]), np.repeat(np.stack([normals, -normals])[:, :, :, None], 3, axis=3))
+    lit = np.nan_to_num(baked.reshape(2, *front.shape).mean(axis=3), posinf=0.0)
+    return lit[0], lit[1]
+
+
+def _baked(
+    layer: bpy.types.ViewLayer, points: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """(places, 3) what white triangles at (…, 3, 3) points with such normals reflect, which nothing else sees."""
+    count = points.size // 3
+    mesh, white = bpy.data.meshes.new(_ATTRIBUTE), _white()
+    obj = bpy.data.objects.new(_ATTRIBUTE, mesh)
+    try:
+        mesh.vertices.add(count)
+        mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+        mesh.loops.add(count)
+        mesh.loops.foreach_set("vertex_index", np.arange(count, dtype=np.int32))
+        mesh.polygons.add(count // 3)
+        mesh.polygons.foreach_set("loop_start", np.arange(0, count, 3, dtype=np.int32))
+        mesh.materials.append(white)
+        mesh.color_attributes.active_color = mesh.color_attributes.new(_ATTRIBUTE, "FLOAT_COLOR", "CORNER")
+        mesh.update(calc_edges=True)
+        set_corner_normals(mesh, normals.reshape(-1, 3).astype(np.float32))
+        layer.id_data.collection.objects.link(obj)
+        for rays in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+            setattr(obj, f"visible_{rays}", False)  # Cycles does not know what is not seen at all.
+        clear_terminator(obj)
+        _bake(layer, obj)
+        colors = np.empty(4 * count, np.float32)
+        mesh.color_attributes[_ATTRIBUTE].data.foreach_get("color", colors)
+    finally:
+        bpy.data.objects.remove(obj)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.materials.remove(white)
+    return colors.reshape(-1, 4)[:, :3]
+
+
+def _bake(layer: bpy.types.ViewLayer, obj: bpy.types.Object) -> None:
+    obj.select_set(True, view_layer=layer)
+    layer.objects.active = obj
+    chosen = {"object": obj, "active_object": obj, "selected_objects": [obj], "selected_editable_objects": [obj]}
+    with bpy.context.temp_override(scene=layer.id_data, view_layer=layer, **chosen):
+        bpy.ops.object.bake(
+            type="DIFFUSE",
+            pass_filter={"DIRECT", "INDIRECT"},
+            target="VERTEX_COLORS",
+            use_selected_to_active=False,
+        )
+
+
+def _white() -> bpy.types.Material:
+    material, tree, output = _new_material(_ATTRIBUTE)
+    diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _new_material(name: str) -> tuple[bpy.types.Material, bpy.types.NodeTree, bpy.types.Node]:
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
+        material.use_nodes = True
+    output = output_of(material.node_tree)
+    assert output is not None  # as new materials have it
+    return material, material.node_tree, output
+
+
+@contextmanager
+def _without(sources: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Hides the objects from renders."""
+    hidden = [obj for obj in sources if not obj.hide_render]
+    for obj in hidden:
+        obj.hide_render = True
+    try:
+        yield
+    finally:
+        for obj in hidden:
+            obj.hide_render = False
+
+
+@contextmanager
+def _own_scene(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.ViewLayer]:
+    """The layer in a copy of its scene, whose objects it shares, with settings for the bake; Cycles' errors in words.
+
+    What bounces, and how often, is the scene's own, but for `LAYERS`.
+    """
+    scene = layer.id_data.copy()
+    try:
+        scene.render.engine = "CYCLES"
+        scene.render.bake.view_from = "ABOVE_SURFACE"
+        cycles = scene.cycles
+        cycles.device, cycles.samples, cycles.seed, cycles.use_animated_seed = "CPU", SAMPLES, SEED, False
+        cycles.use_denoising = cycles.use_adaptive_sampling = False
+        cycles.film_exposure, cycles.time_limit = 1.0, 0.0
+        cycles.transparent_max_bounces = LAYERS
+        own = scene.view_layers[layer.name]
+        own.material_override, own.samples = None, 0
+        yield own
+    except (RuntimeError, TypeError) as error:
+        raise SceneError(
+            f"the light of the scene {layer.id_data.name!r} could not be baked ({error}); enable the add-on Cycles "
+            f"Render Engine, wait for other renders to end, or leave the effect baked_light out"
+        ) from error
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+@contextmanager
+def _casting(
+    meshes: Sequence[bpy.types.Mesh], placement: Placement, layer: bpy.types.ViewLayer, near: float
+) -> Iterator[None]:
+    """Puts the meshes into the layer's scene, transparent to what is nearer."""
+    objects: list[bpy.types.Object] = []
+    materials: dict[bpy.types.Material | None, bpy.types.Material] = {}
+    try:
+        for mesh in meshes:
+            for number, material in enumerate(mesh.materials):
+                if material not in materials:
+                    materials[material] = _clear_when_near(material, near)
+                mesh.materials[number] = materials[material]
+            obj = bpy.data.objects.new(mesh.name, mesh)
+            objects.append(obj)
+            obj.matrix_world = placement.matrix.T.tolist()
+            layer.id_data.collection.objects.link(obj)
+        yield
+    finally:
+        for obj in objects:
+            bpy.data.objects.remove(obj)
+        for made in materials.values():
+            bpy.data.materials.remove(made)
+
+
+def _clear_when_near(material: bpy.types.Material | None, near: float) -> bpy.types.Material:
+    """A copy that light passes which has come from no farther."""
+    output = None if material is None or material.node_tree is None else output_of(material.node_tree)
+    if material is None or output is None:
+        copy, tree, output = _new_material(_ATTRIBUTE)
+    else:
+        copy = material.copy()
+        tree = copy.node_tree
+        output = tree.nodes[output.name]
+    path, less, clear, mix = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "Math", "BsdfTransparent", "MixShader")
+    )
+    less.operation, less.inputs[1].default_value = "LESS_THAN", near
+    tree.links.new(path.outputs["Ray Length"], less.inputs[0])
+    tree.links.new(less.outputs[0], mix.inputs[0])
+    for link in list(output.inputs["Surface"].links):
+        tree.links.new(link.from_socket, mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    return copy
