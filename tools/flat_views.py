@@ -88,7 +88,7 @@ def set_up_camera(side: int, radius: float) -> bpy.types.Object:
     scene.cycles.device, scene.cycles.samples = "CPU", 1
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-    scene.cycles.transparent_max_bounces = 64
+    scene.cycles.transparent_max_bounces = 1024
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = side
     scene.render.image_settings.compression = 0

@@ -127,7 +127,7 @@ def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool,
     camera = set_up_camera(SIZE * GRID, radius)
     cycles = bpy.context.scene.cycles
     cycles.max_bounces = cycles.diffuse_bounces = 0
-    cycles.transparent_max_bounces = 64
+    cycles.transparent_max_bounces = 1024
     light = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     light.data.energy, light.data.angle, light.data.use_shadow = 2.0, 0.0, shadows
     light.data.cycles.cast_shadow = shadows
