@@ -38,6 +38,7 @@ def test_billboards_show_what_they_showed() -> None:
         first, second = (chain.levels[number] for chain in shared)
         assert np.array_equal(first.base_color, second.base_color)
         assert first.alpha_cutoff == second.alpha_cutoff
+        assert first.ktx2("base_color") == second.ktx2("base_color")
         assert all(side % 4 == 0 for side in first.base_color.shape[:2])
         own = [chain.levels[number] for chain in chains]
         assert first.base_color.size <= 1.3 * sum(level.base_color.size for level in own)

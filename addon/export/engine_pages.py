@@ -31,12 +31,12 @@ def _engine_page(tree: bpy.types.NodeTree, level: leafcloud.Level) -> Iterator[N
     texture, threshold = tree.nodes[PAGE_NODE], tree.nodes[CUTOFF_NODE].inputs[1]
     page, own_cutoff = texture.image, threshold.default_value
     name = page.name
-    page.name = f"{name} in Blender"  # The file has the other by this name.
-    image = atlas_image(name, pixels)
-    texture.image, threshold.default_value = image, cutoff
+    page.name = "Leafcloud page in Blender"  # The file has the other by its name.
     try:
+        texture.image, threshold.default_value = atlas_image(name, pixels), cutoff
         yield
     finally:
+        if texture.image != page:
+            bpy.data.images.remove(texture.image)
         texture.image, threshold.default_value = page, own_cutoff
-        bpy.data.images.remove(image)
         page.name = name

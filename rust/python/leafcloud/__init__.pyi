@@ -412,7 +412,8 @@ def build_chain(
 def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     """The same chains, with their first levels on one page, their second ones on another, and so on: a forest needs one
     texture a level. Regions are carried over texel by texel onto the smallest page (whose sides are multiples of 4),
-    and all levels of a page get one ``alpha_cutoff``, at which just the same texels pass.
+    and all levels of a page get one ``alpha_cutoff``, at which just the same texels pass. Chains may have different
+    numbers of levels; a short one's cross then shares a page with the others' clouds.
 
     Raises ``LeafcloudError`` for levels of different channels, and for more than fits on 16384 × 16384 texels.
     """

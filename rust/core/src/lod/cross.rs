@@ -75,6 +75,7 @@ pub(super) fn build(
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
         judgement,
+        regions: sheet.regions().collect(),
         sheet,
         page,
         seconds: Seconds { fit: 0.0, pack: (packed - started).as_secs_f64(), bake: packed.elapsed().as_secs_f64() },

@@ -1,6 +1,6 @@
 //! One level: fitted to the one before, packed, baked, and judged against the leaves.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::{DVec3, Vec2};
@@ -63,6 +63,8 @@ pub struct Level {
     pub judgement: Judgement,
     /// Where the time went.
     pub seconds: Seconds,
+    /// Of the whole page, other trees' that share it, too.
+    pub(super) regions: Arc<[Region]>,
     pub(super) engine: OnceLock<(Image, f32)>,
 }
 
@@ -139,6 +141,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         judgement,
         cloud: Some(cloud),
         projection: Some(projection),
+        regions: sheet.regions().collect(),
         sheet,
         page,
         seconds: Seconds {
@@ -168,10 +171,9 @@ impl Level {
     /// The mip levels of a channel, of base colour as engines draw it. `None` for a channel that is not there or has none.
     #[must_use]
     pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
-        let regions: Vec<Region> = self.sheet.billboards.iter().map(|b| b.region).collect();
         if channel == "base_color" {
             let (image, cutoff) = self.for_engines();
-            return Some(mips::of_color(image, &regions, *cutoff));
+            return Some(mips::of_color(image, &self.regions, *cutoff));
         }
         self.page.levels(channel)
     }

@@ -3,9 +3,12 @@
 //! Regions are carried over with their gutters, texel by texel and unturned, onto the smallest page that holds them; nothing is drawn or
 //! filtered again. All get one cutoff, the mean of theirs: alpha is moved so that just the same texels pass.
 
+use std::sync::{Arc, OnceLock};
+
 use crate::error::{Error, Result};
+use crate::foliage::Image;
 use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
-use crate::textures::Page;
+use crate::textures::{Page, fill_gaps};
 
 use super::Level;
 
@@ -32,11 +35,15 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
         .collect();
     let cutoff = levels.iter().map(|level| level.alpha_cutoff).sum::<f32>() / levels.len() as f32;
     let page = shared(levels, &moves, size, cutoff);
+    let sheets = levels.iter().zip(&moves);
+    let regions: Arc<[Region]> =
+        sheets.flat_map(|(level, moves)| moved_billboards(&level.sheet, moves)).map(|b| b.region).collect();
     let moved = |(level, moves): (&&Level, &Vec<Move>)| Level {
         sheet: Sheet { size, gutter: level.sheet.gutter, billboards: moved_billboards(&level.sheet, moves) },
         page: page.clone(),
+        regions: Arc::clone(&regions),
         alpha_cutoff: cutoff,
-        engine: std::sync::OnceLock::new(),
+        engine: OnceLock::new(),
         ..(*level).clone()
     };
     Ok(levels.iter().zip(&moves).map(moved).collect())
@@ -49,8 +56,7 @@ fn check_channels(levels: &[&Level]) -> Result<()> {
     };
     match others.iter().position(|level| names(level) != names(first)) {
         Some(other) => Err(Error::invalid(format!(
-            "tree {} has the channels {}, but the first has {}; bake all with the same effects",
-            other + 2,
+            "a tree has the channels {}, but the first has {}; bake all with the same effects",
             names(others[other]),
             names(first)
         ))),
@@ -97,8 +103,17 @@ fn shared(levels: &[&Level], moves: &[Vec<Move>], size: PageSize, cutoff: f32) -
                 }
             }
         }
-        crate::textures::fill_gaps(size.width, &pixels)
+        match name {
+            "base_color" => fill_gaps(size.width, &pixels),
+            // Labels have no means.
+            "leaf_uv" | "leaf_id" => whole(size, pixels.into_iter().map(|pixel| pixel.unwrap_or([0, 0, 0, 255]))),
+            _ => fill_gaps(size.width, &pixels).mapped(|[r, g, b, _]| [r, g, b, 255]),
+        }
     })
+}
+
+fn whole(size: PageSize, pixels: impl Iterator<Item = [u8; 4]>) -> Image {
+    Image::new(size.width, size.height, pixels.collect::<Vec<_>>()).expect("a pixel for each texel")
 }
 
 /// Codes of alpha for another cutoff: linear on either side, and what passed still does.
@@ -110,7 +125,7 @@ fn alpha_table(old: f32, new: f32) -> [u8; 256] {
         if code >= before {
             (after + (code - before) / (255.0 - before).max(1.0) * (255.0 - after)).round() as u8
         } else {
-            (code / before * after).min(after - 1.0) as u8
+            (code * after / before).round().min(after - 1.0) as u8
         }
     })
 }
@@ -128,6 +143,7 @@ mod tests {
                 assert_eq!(passes(code, old), passes(table[code as usize], new), "{code} at {old} for {new}");
             }
             assert!(table.is_sorted());
+            assert!(old != new || table.iter().zip(0..=255u8).all(|(&moved, code)| moved == code));
         }
     }
 }

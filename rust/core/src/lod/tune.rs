@@ -116,9 +116,10 @@ pub fn matched(
     double_sided: bool,
     leaves: &Judge,
 ) -> Result<f32> {
+    // As a logarithm: of what is faint all over, all is drawn or nothing, and too much is better.
     let excess = |cutoff: f64| {
         let shown = billboards(sheet, frame, page.material(cutoff as f32, double_sided))?;
-        leaves.glance(&shown).map(|glance| glance.coverage - 1.0)
+        leaves.glance(&shown).map(|glance| libm::log(glance.coverage.max(1e-9)))
     };
     let mut here = (f64::from(cutoff), excess(f64::from(cutoff))?);
     let mut best = here;

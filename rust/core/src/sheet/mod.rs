@@ -1,6 +1,6 @@
 //! Where each billboard's outline lies on the atlas page.
 //!
-//! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of 2 %) at which all
+//! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of ¼ %) at which all
 //! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles, quadratic in the number of billboards), for more than
 //! [`MANY`] shelves.
 
@@ -185,6 +185,11 @@ impl Sheet {
             if p.back { front.mirrored() } else { front }
         });
         Self { size: settings.size, gutter: settings.gutter, billboards: billboards.collect() }
+    }
+
+    /// Where each billboard's texture lies.
+    pub fn regions(&self) -> impl Iterator<Item = Region> {
+        self.billboards.iter().map(|billboard| billboard.region)
     }
 
     /// Texels that lie in billboards.

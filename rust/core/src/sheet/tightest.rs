@@ -2,7 +2,7 @@
 
 use crunch::{Item, Rect, Rotation};
 
-use super::PageSize;
+use super::{MANY, PageSize, on_shelves};
 
 /// Widths that are tried, as shares of a square page's side without waste; heights grow by this factor until all fit.
 const WIDTHS: std::ops::RangeInclusive<u32> = 5..=20;
@@ -10,7 +10,7 @@ const GROWTH: f64 = 1.01;
 const LARGEST: usize = 16_384;
 
 /// Upper left corners of boxes (width, height) on a page whose sides are multiples of 4, as compressed textures want them. `None` when the
-/// largest page does not hold them. O(n²) for each page that is tried, some hundreds.
+/// largest page does not hold them. O(n²) for each page that is tried, some hundreds; beyond [`MANY`] boxes O(n log n), on shelves.
 #[must_use]
 pub fn tightest(boxes: &[(usize, usize)]) -> Option<(PageSize, Vec<(usize, usize)>)> {
     let area: usize = boxes.iter().map(|&(width, height)| width * height).sum();
@@ -35,6 +35,12 @@ fn in_fours(length: usize) -> usize {
 }
 
 fn places(boxes: &[(usize, usize)], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
+    if boxes.len() > MANY {
+        let items = boxes.iter().enumerate().map(|(number, &(w, h))| ((number, false), w, h)).collect();
+        let mut packed = on_shelves(items, PageSize { width, height })?;
+        packed.sort_by_key(|(number, _)| *number);
+        return Some(packed.iter().map(|(_, rect)| (rect.x, rect.y)).collect());
+    }
     let items = boxes.iter().enumerate().map(|(number, &(w, h))| Item::new(number, w, h, Rotation::None));
     let mut packed = crunch::pack(Rect::of_size(width, height), items).ok()?;
     packed.sort_by_key(|packed| packed.data);
@@ -56,6 +62,9 @@ mod tests {
     fn a_page_need_not_be_square() {
         let (size, _) = tightest(&[(400, 20), (400, 24)]).unwrap();
         assert_eq!((size.width, size.height), (400, 44));
+        let many = vec![(8, 8); MANY + 1];
+        let (size, places) = tightest(&many).unwrap();
+        assert!(size.texels() < 65 * 65 * 64 && places.len() == MANY + 1);
         assert!(tightest(&[(20_000, 1)]).is_none() && tightest(&[]).is_none());
     }
 }

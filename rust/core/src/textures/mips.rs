@@ -170,7 +170,7 @@ struct Order {
     texels: Vec<usize>,
     passing: usize,
     /// Alpha of the last that passes.
-    threshold: f64,
+    threshold: u8,
 }
 
 impl Order {
@@ -184,7 +184,7 @@ impl Order {
         // What shows anything at all does not vanish.
         let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
         let last = order.get(passing.saturating_sub(1)).or(order.first());
-        let threshold = last.map_or(0.0, |&last| f64::from(alpha(last)));
+        let threshold = last.map_or(0, |&last| alpha(last));
         Self { texels: order, passing, threshold }
     }
 }
@@ -193,18 +193,26 @@ impl Order {
 /// the cutoff, both to the power `exponent`.
 fn moved(level: &Image, orders: &[Order], cutoff: u8, exponent: f64) -> Vec<u8> {
     let mut alpha = level.alpha();
+    let mut tables: Vec<Option<[[u8; 256]; 2]>> = vec![None; 256];
     for Order { texels, passing, threshold } in orders {
-        let above = |code: f64| (code - threshold) / (255.0 - threshold).max(1.0);
-        let lift = |share: f64, codes: u8| (libm::pow(share.clamp(0.0, 1.0), exponent) * f64::from(codes)) as u8;
-        let passes: [u8; 256] = std::array::from_fn(|code| cutoff + lift(above(code as f64), 255 - cutoff));
-        let fails: [u8; 256] = std::array::from_fn(|code| lift(code as f64 / threshold, cutoff - 1));
+        let of_threshold = || lifting_tables(f64::from(*threshold), cutoff, exponent);
+        let [passes, fails] = tables[*threshold as usize].get_or_insert_with(of_threshold);
         for (rank, &texel) in texels.iter().enumerate() {
             // Where regions have shrunk into one another, the last has its say.
-            let table = if rank < *passing { &passes } else { &fails };
+            let table = if rank < *passing { &*passes } else { &*fails };
             alpha[texel] = table[level.pixels()[texel][3] as usize];
         }
     }
     alpha
+}
+
+/// Codes of alpha for those of texels that are to pass, and of those that are not.
+fn lifting_tables(threshold: f64, cutoff: u8, exponent: f64) -> [[u8; 256]; 2] {
+    let lift = |share: f64, codes: u8| (libm::pow(share.clamp(0.0, 1.0), exponent) * f64::from(codes)) as u8;
+    let above = |code: f64| (code - threshold) / (255.0 - threshold).max(1.0);
+    let passes = std::array::from_fn(|code| cutoff + lift(above(code as f64), 255 - cutoff));
+    let fails = std::array::from_fn(|code| lift(code as f64 / threshold.max(1.0), cutoff - 1));
+    [passes, fails]
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ pub fn bake<'a>(
     let places: Vec<ToPage> = sheet.billboards.iter().map(ToPage::new).collect();
     let place = |index: usize| {
         let drawn = drawn(sheet.billboards[index].plane);
-        drawn.iter().map(|d| places[index].place(d)).collect::<Vec<_>>()
+        drawn.iter().map(|d| places[index].place(d)).filter(ScreenTriangle::is_within).collect::<Vec<_>>()
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
     let channels = channels.list(sky);

@@ -4,7 +4,7 @@
 //! a level at all only where its texels are about a pixel or smaller, so its mips 0 to 3 count. Alpha is remapped by two lines through one
 //! pivot, which comes to lie at a new, lower cutoff; pivot and cutoff are chosen so that the area that passes stays at level 0 and, in the
 //! mean, at levels 1 to 3. (Full alpha for all that passes does no better, and has coarser edges.) Known limit: no cutoff serves all
-//! levels. The first ones become up to a tenth denser, the fourth is sparse, and beyond it thin leaves dissolve all the same.
+//! levels. The first ones become up to a quarter denser (needles more), the fourth is sparse, and beyond it thin leaves dissolve all the same.
 
 use crate::foliage::{Image, mask};
 

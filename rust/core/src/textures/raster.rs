@@ -34,6 +34,16 @@ pub struct ScreenTriangle<'a> {
     pub reach: f32,
 }
 
+impl ScreenTriangle<'_> {
+    /// Whether it may cover anything of its window.
+    pub(super) fn is_within(&self) -> bool {
+        let (low, high) = bounds(&self.corners);
+        let overlaps =
+            |low: f32, high: f32, pixels: &Range<usize>| high >= pixels.start as f32 && low <= pixels.end as f32;
+        overlaps(low.x, high.x, &self.window.columns) && overlaps(low.y, high.y, &self.window.rows)
+    }
+}
+
 /// A part of the canvas with a view of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
