@@ -9,6 +9,9 @@
 //! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
 //! Texels that only just pass leave gaps between them once they are filtered. So alpha on either side of the cutoff is lifted, by one
 //! exponent for a level, until as much area passes as at level 0 (see `foliage::mask`). O(texels · log texels).
+//!
+//! Gutters are too narrow for small levels: there a filter mixes regions that are neighbours. So texels on a region's rim have either no alpha
+//! or less than twice the cutoff: the mean of two of them passes only if both do, and no billboard shows the rim of another.
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -167,6 +170,7 @@ fn lifted(level: &Image, orders: &[Order], cutoff: u8, area: f64) -> Image {
 
 /// The texels of a region that show anything, those first that are to pass.
 struct Order {
+    region: Region,
     texels: Vec<usize>,
     passing: usize,
     /// Alpha of the last that passes.
@@ -185,7 +189,7 @@ impl Order {
         let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
         let last = order.get(passing.saturating_sub(1)).or(order.first());
         let threshold = last.map_or(0, |&last| alpha(last));
-        Self { texels: order, passing, threshold }
+        Self { region, texels: order, passing, threshold }
     }
 }
 
@@ -194,16 +198,27 @@ impl Order {
 fn moved(level: &Image, orders: &[Order], cutoff: u8, exponent: f64) -> Vec<u8> {
     let mut alpha = level.alpha();
     let mut tables: Vec<Option<[[u8; 256]; 2]>> = vec![None; 256];
-    for Order { texels, passing, threshold } in orders {
+    for Order { region, texels, passing, threshold } in orders {
         let of_threshold = || lifting_tables(f64::from(*threshold), cutoff, exponent);
         let [passes, fails] = tables[*threshold as usize].get_or_insert_with(of_threshold);
         for (rank, &texel) in texels.iter().enumerate() {
             // Where regions have shrunk into one another, the last has its say.
-            let table = if rank < *passing { &*passes } else { &*fails };
-            alpha[texel] = table[level.pixels()[texel][3] as usize];
+            let (passes_here, on_rim) = (rank < *passing, is_on_rim(texel, *region, level.width()));
+            let table = if passes_here { &*passes } else { &*fails };
+            let moved = table[level.pixels()[texel][3] as usize];
+            alpha[texel] = match (on_rim, passes_here) {
+                (false, _) => moved,
+                (true, true) => moved.min(cutoff.saturating_mul(2) - 1),
+                (true, false) => 0,
+            };
         }
     }
     alpha
+}
+
+fn is_on_rim(texel: usize, Region { x, y, width, height }: Region, columns: usize) -> bool {
+    let (column, row) = (texel % columns - x, texel / columns - y);
+    column == 0 || row == 0 || column + 1 == width || row + 1 == height
 }
 
 /// Codes of alpha for those of texels that are to pass, and of those that are not.
@@ -253,6 +268,23 @@ mod tests {
         });
         for level in of_color(&checkers, &regions, 0.5).iter().skip(1) {
             assert!(level.pixels().iter().all(|p| p[1] == 0), "green has no part in what is seen");
+        }
+    }
+
+    #[test]
+    fn no_region_shows_the_rim_of_its_neighbour() {
+        // A full region beside a sparse one, with a gutter of two texels, of which small levels know nothing.
+        let full = Region { x: 2, y: 2, width: 28, height: 60 };
+        let sparse = Region { x: 34, y: 2, width: 28, height: 60 };
+        let page = image(64, 64, |x, y| {
+            let shown = (2..30).contains(&x) && (2..62).contains(&y) || (46..50).contains(&x) && (30..34).contains(&y);
+            [50, 99, 20, if shown { 255 } else { 0 }]
+        });
+        for (number, level) in of_color(&page, &[full, sparse], 0.25).iter().enumerate().take(5).skip(1) {
+            let Region { x, .. } = smaller(sparse, 1 << number, level.width(), level.height());
+            let alpha = |x: usize, y: usize| u32::from(level.pixels()[y * level.width() + x][3]);
+            let between = (0..level.height()).filter(|&y| alpha(x - 1, y) + alpha(x, y) >= 2 * 64 && alpha(x, y) < 64);
+            assert_eq!(between.count(), 0, "level {number}");
         }
     }
 
