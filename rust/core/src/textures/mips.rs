@@ -11,7 +11,8 @@
 //! exponent for a level, until as much area passes as at level 0 (see `foliage::mask`). O(texels · log texels).
 //!
 //! Gutters are too narrow for small levels: there a filter mixes regions that are neighbours. So texels on a region's rim have either no alpha
-//! or less than twice the cutoff: the mean of two of them passes only if both do, and no billboard shows the rim of another.
+//! or less than twice the cutoff: the mean of two of them passes only if both do, and no billboard shows the rim of another. Regions of
+//! few texels keep plain means: a billboard seen edge-on shows these, and would be a line as long as it is.
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -42,7 +43,8 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
         let at_level = |region: &Region| smaller(*region, scale, means.width, means.height);
         let regions: Vec<(Region, f64)> = regions.iter().map(at_level).zip(shares.iter().copied()).collect();
         let order = |&(region, share): &(Region, f64)| Order::of(&level, region, share);
-        let orders: Vec<Order> = regions.par_iter().map(order).collect();
+        let large = regions.par_iter().filter(|(region, _)| region.width.min(region.height) >= FEW);
+        let orders: Vec<Order> = large.map(order).collect();
         levels.push(lifted(&level, &orders, cutoff, area));
     }
     levels
@@ -147,6 +149,9 @@ pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     let passing = texels(region, image.width()).filter(|&i| image.pixels()[i][3] >= cutoff).count();
     passing as f64 / (region.width * region.height) as f64
 }
+
+/// Regions with fewer texels along a side have no coverage to keep.
+const FEW: usize = 4;
 
 /// The exponents that lift alpha, as powers of two, and in how many halvings one is found.
 const LIFTS: (f64, f64) = (-5.0, 2.0);
@@ -280,7 +285,7 @@ mod tests {
             let shown = (2..30).contains(&x) && (2..62).contains(&y) || (46..50).contains(&x) && (30..34).contains(&y);
             [50, 99, 20, if shown { 255 } else { 0 }]
         });
-        for (number, level) in of_color(&page, &[full, sparse], 0.25).iter().enumerate().take(5).skip(1) {
+        for (number, level) in of_color(&page, &[full, sparse], 0.25).iter().enumerate().take(4).skip(1) {
             let Region { x, .. } = smaller(sparse, 1 << number, level.width(), level.height());
             let alpha = |x: usize, y: usize| u32::from(level.pixels()[y * level.width() + x][3]);
             let between = (0..level.height()).filter(|&y| alpha(x - 1, y) + alpha(x, y) >= 2 * 64 && alpha(x, y) < 64);
