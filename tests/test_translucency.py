@@ -325,7 +325,7 @@ def test_wood_in_the_cross_is_opaque(tmp_path: Path, gltf_issues: Callable[..., 
     cross = result.levels[2]
     color, through = (
         np.array(cross.object.active_material.node_tree.nodes[name].image.pixels).reshape(64, 64, 4)
-        for name in ("Image Texture", "Leafcloud Translucency")
+        for name in ("Leafcloud Page", "Leafcloud Translucency")
     )
     # Bark is the only thing that is as blue.
     bark = (color[..., 3] > 0.9) & (color[..., 2] > 0.6)
