@@ -38,8 +38,9 @@ def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_wood: bool) -> Bake
     """
     begin = time.perf_counter()
     casting = [tree.leaves] if tree.wood is None else [tree.leaves, tree.wood]
-    meshes = [geometry_mesh("leafcloud shadow", geometry) for geometry in casting]
+    meshes: list[bpy.types.Mesh] = []
     try:
+        meshes.extend(geometry_mesh("leafcloud shadow", geometry) for geometry in casting)
         around = Surroundings(layer, tree.sources, meshes)
         leaves, *wood = bake_light(casting if with_wood else casting[:1], Placement(tree.matrix), around)
     finally:

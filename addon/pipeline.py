@@ -141,12 +141,6 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     return Baked(prepared, chain, collection, tuple(built), switch_distances, view, effects, costs)
 
 
-def bake(tree: Tree, settings: BakeSettings, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
-    """The whole bake, without writing a file. The levels are in `scene` afterwards, for whose camera they are made."""
-    progress("prepare", 0.0)
-    return bake_prepared(prepare(tree, settings, layer_of(scene)), scene, name, progress)
-
-
 def bake_prepared(prepared: Prepared, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
     """What follows on `prepare`, and needs nothing of the tree's own scene but the camera."""
     chain = wait(start(prepared), progress)

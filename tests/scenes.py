@@ -8,7 +8,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from addon.baked import Baked
+from addon.pipeline import bake_prepared, layer_of, prepare
 from addon.scene.extract import Geometry, Tree, extract, world_positions
+from addon.settings import BakeSettings
 
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 TRIANGLE = SQUARE[:3]
@@ -59,3 +62,9 @@ def winding_normals(geometry: Geometry, matrix: np.ndarray) -> np.ndarray:
     a, b, c = world_positions(geometry, matrix)[geometry.triangles].transpose(1, 0, 2)
     cross = np.cross(b - a, c - a)
     return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+
+def bake(tree: Tree, settings: BakeSettings) -> Baked:
+    """The whole bake, without writing a file; the levels are in the scene afterwards."""
+    scene = bpy.context.scene
+    return bake_prepared(prepare(tree, settings, layer_of(scene)), scene, "tree", lambda stage, fraction: True)

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from command_line import bake as bake_file
 from node_trees import math_node, new_image, new_material, texture_node
-from scenes import add_mesh, read
+from renders import LUMINANCE, render
+from scenes import add_mesh, bake, read
 
 from addon.baked import Baked
 from addon.export.glb_file import read_glb
@@ -20,7 +21,7 @@ from addon.export.gltf import export_level
 from addon.export.report import report
 from addon.export.unlit import mean_light
 from addon.lighting import BakedLight, light_of
-from addon.pipeline import bake, prepare
+from addon.pipeline import prepare
 from addon.plan.effects import Facts, is_on, plan_channels, plan_effects
 from addon.scene import SceneError, light
 from addon.scene.extract import Tree
@@ -28,7 +29,6 @@ from addon.settings import EFFECTS, BakeSettings
 
 SKY = (0.2, 0.3, 0.4)
 GREEN = (0.1, 0.3, 0.05)
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def world(color: tuple[float, float, float]) -> None:
@@ -273,7 +273,7 @@ def field(material: bpy.types.Material, stacked: int = 1) -> bpy.types.Object:
 def baked(obj: bpy.types.Object, *others: bpy.types.Object, **settings: Any) -> Baked:
     tree = read([obj, *others], [obj.name])
     chosen = {"effects": "baked_light", "levels": 1, "cross": False, "texture_size": 256, **settings}
-    return bake(tree, BakeSettings(**chosen), bpy.context.scene, "tree", lambda stage, fraction: True)
+    return bake(tree, BakeSettings(**chosen))
 
 
 def seen(objects: list[bpy.types.Object], folder: Path, *, behind: bool) -> float:
@@ -283,21 +283,9 @@ def seen(objects: list[bpy.types.Object], folder: Path, *, behind: bool) -> floa
     for obj in scene.objects:
         if obj.type == "MESH":
             obj.hide_render = obj.name not in shown
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.location, camera.data.type, camera.data.ortho_scale = (2.0, 2.0, -5.0 if behind else 5.0), "ORTHO", 4.0
-    camera.rotation_euler[0] = math.pi if behind else 0.0
-    scene.collection.objects.link(camera)
-    scene.camera, scene.render.engine, scene.cycles.device = camera, "CYCLES", "CPU"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.render.film_transparent = 64, False, True
-    scene.render.resolution_x = scene.render.resolution_y = 32
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.filepath = str(folder / f"{objects[0].name}{behind}.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.empty(32 * 32 * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.objects.remove(camera)
-    return float((pixels.reshape(-1, 4)[:, :3] @ LUMINANCE).mean())
+    height, turn = (-5.0, math.pi) if behind else (5.0, 0.0)
+    pixels = render(folder, (2.0, 2.0, height), (turn, 0.0, 0.0), width=4.0)
+    return float((pixels[..., :3] @ LUMINANCE).mean())
 
 
 @pytest.mark.parametrize("strength", [1.0, 3.0])

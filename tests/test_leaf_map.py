@@ -14,7 +14,8 @@ import pytest
 from command_line import run
 from node_trees import new_image, new_material, texture_node
 from numpy.typing import NDArray
-from scenes import add_mesh, read
+from renders import render
+from scenes import add_mesh, bake, read
 
 import leafcloud
 from addon.baked import Baked
@@ -22,7 +23,6 @@ from addon.build.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, le
 from addon.build.materials import Page, atlas_image, atlas_material
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
-from addon.pipeline import bake
 from addon.scene.flatten import flat_material
 from addon.settings import BakeSettings
 
@@ -88,7 +88,7 @@ def trunk() -> bpy.types.Object:
 def baked(colors: dict[str, Color], effects: str, *others: bpy.types.Object, **shape: Any) -> Baked:
     obj = crown(colors)
     settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, **shape})
-    result = bake(read([obj, *others], [obj.name]), settings, bpy.context.scene, "tree", lambda stage, fraction: True)
+    result = bake(read([obj, *others], [obj.name]), settings)
     for made in (obj, *others, *(each for level in result.levels for each in (level.object, level.wood) if each)):
         made.hide_render = True
     return result
@@ -115,27 +115,20 @@ def show(material: bpy.types.Material, color: bpy.types.NodeSocket) -> None:
 
 def seen(obj: bpy.types.Object, folder: Path, width: float = 3.0) -> Pixels:
     """(SIDE, SIDE, 4) the base colour of an object's one material, unlit, seen along y; lowest row first."""
-    scene = bpy.context.scene
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.location, camera.rotation_euler = (0.0, -5.0, 0.0), (np.pi / 2.0, 0.0, 0.0)
-    camera.data.type, camera.data.ortho_scale = "ORTHO", width
-    scene.collection.objects.link(camera)
-    scene.camera, scene.render.engine, scene.cycles.device = camera, "CYCLES", "CPU"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.transparent_max_bounces = 16, False, 64
-    scene.cycles.pixel_filter_type, scene.render.film_transparent = "BOX", True
-    scene.render.resolution_x = scene.render.resolution_y = SIDE
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = str(folder / f"{len(bpy.data.images)}.exr")
     materials, own = obj.data.materials, obj.data.materials[0]
     with flat_material(own) as flat:
         materials[0], obj.hide_render = flat, False
-        bpy.ops.render.render(write_still=True)
+        pixels = render(
+            folder,
+            (0.0, -5.0, 0.0),
+            (np.pi / 2.0, 0.0, 0.0),
+            width=width,
+            size=(SIDE, SIDE),
+            samples=16,
+            pixel_filter="BOX",
+        )
         materials[0], obj.hide_render = own, True
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.empty(SIDE * SIDE * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.objects.remove(camera)
-    return pixels.reshape(SIDE, SIDE, 4)
+    return pixels
 
 
 def mean_color(pixels: Pixels) -> NDArray[np.float32]:

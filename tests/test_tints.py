@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from node_trees import new_image, new_material, texture_node
+from renders import render
 from scenes import SQUARE, add_mesh
 
 from addon.scene.describe import describe_materials
@@ -149,18 +150,8 @@ def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
     empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", source, (1.0, 0.0, 0.0)
     scene = bpy.context.scene
     scene.collection.objects.link(empty)
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.data.type, camera.data.ortho_scale, camera.location = "ORTHO", 2.0, (1.0, 0.5, 2.0)
-    scene.collection.objects.link(camera)
-    scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
-    scene.render.resolution_x, scene.render.resolution_y = 16, 8
-    scene.render.image_settings.file_format, scene.render.filepath = "OPEN_EXR", str(tmp_path / "seen.exr")
-    scene.view_settings.view_transform, scene.cycles.use_denoising = "Standard", False
-    scene.render.image_settings.color_depth, scene.render.image_settings.exr_codec = "32", "ZIP"
     geometry = extract(bpy.context.evaluated_depsgraph_get(), None, leaf_names=["Blätter", "twig"]).leaves
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    seen = np.array(image.pixels[:], np.float32).reshape(8, 16, 4)
+    seen = render(tmp_path, (1.0, 0.5, 2.0), width=2.0, size=(16, 8), samples=1)
     first, second = seen[4, 4, 0], seen[4, 12, 0]
     assert geometry.randoms is not None
     assert sorted(set(geometry.randoms.tolist())) == pytest.approx(sorted([first, second]), abs=2e-3)

@@ -13,12 +13,12 @@ import bpy
 import numpy as np
 import pytest
 from node_trees import new_image, new_material, texture_node
-from scenes import add_mesh, read
+from renders import LUMINANCE, render
+from scenes import add_mesh, bake, read
 
 from addon.baked import Baked
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
-from addon.pipeline import bake
 from addon.scene.describe import describe_material
 from addon.scene.flatten import flatten
 from addon.scene.surface import read_surface
@@ -27,7 +27,6 @@ from addon.settings import BakeSettings
 
 GREEN, YELLOW = (0.1, 0.3, 0.05), (0.3, 0.5, 0.1)
 """What the leaves reflect, and what shines through them."""
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def shader(tree: Any, kind: str, color: tuple[float, float, float]) -> bpy.types.Node:
@@ -75,7 +74,7 @@ def baked(material: bpy.types.Material, effects: str, *others: bpy.types.Object,
     obj = field(material)
     tree = read([obj, *others], ["leaves"])
     settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 128, **shape})
-    result = bake(tree, settings, bpy.context.scene, "tree", lambda stage, fraction: True)
+    result = bake(tree, settings)
     for source in (obj, *others):
         source.hide_render = True
     return result
@@ -86,24 +85,12 @@ def seen(result: Baked, shown: int, folder: Path, *, behind: bool) -> float:
     scene = bpy.context.scene
     for level in result.levels:
         level.object.hide_render = level.number != shown
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.location, camera.data.type, camera.data.ortho_scale = (2.0, 2.0, 5.0), "ORTHO", 4.0
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = math.pi, (math.pi if behind else 0.0, 0.0, 0.0)
-    for added in (camera, sun):
-        scene.collection.objects.link(added)
-    scene.camera, scene.render.engine, scene.cycles.device = camera, "CYCLES", "CPU"
-    scene.cycles.samples, scene.cycles.use_denoising = 64, False
-    scene.render.resolution_x = scene.render.resolution_y = 32
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.filepath = str(folder / f"{shown}{behind}.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.empty(32 * 32 * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    for added in (camera, sun):
-        bpy.data.objects.remove(added)
-    return float((pixels.reshape(-1, 4)[:, :3] @ LUMINANCE).mean())
+    scene.collection.objects.link(sun)
+    pixels = render(folder, (2.0, 2.0, 5.0), width=4.0)
+    bpy.data.objects.remove(sun)
+    return float((pixels[..., :3] @ LUMINANCE).mean())
 
 
 def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:

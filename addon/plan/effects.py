@@ -37,7 +37,8 @@ def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
     asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
     if settings.effects == "all":
-        return (*asked[:-1], replace(_BAKED_LIGHT, reason=f"{_BAKED_LIGHT.reason}, not by --effects all"))
+        left_out = replace(_BAKED_LIGHT, reason=f"{_BAKED_LIGHT.reason}, not by --effects all")
+        return tuple(left_out if effect.name == left_out.name else effect for effect in asked)
     return tuple(map(_under_baked_light, asked)) if "baked_light" in forced else asked
 
 

@@ -42,8 +42,8 @@ BLOCK = 200_000
 """Triangles at a time: Cycles needs some kilobytes for each."""
 
 LAYERS = 1024
-"""Of what is transparent, as many as Cycles can pass: at the 8 of a new scene, a pine of cards is a quarter darker, and
-no engine stops there."""
+"""Of what is transparent, as many as Cycles can pass: with the 8 of a new scene crowns of cards are darker, and no
+engine stops there."""
 
 _ATTRIBUTE = "leafcloud light"
 
@@ -266,7 +266,8 @@ def _casting(
         for mesh in meshes:
             for number, material in enumerate(mesh.materials):
                 if material not in materials:
-                    materials[material] = _clear_when_near(material, near)
+                    materials[material] = _copy(material)
+                    _clear_when_near(materials[material], near)
                 mesh.materials[number] = materials[material]
             obj = bpy.data.objects.new(mesh.name, mesh)
             objects.append(obj)
@@ -280,15 +281,18 @@ def _casting(
             bpy.data.materials.remove(made)
 
 
-def _clear_when_near(material: bpy.types.Material | None, near: float) -> bpy.types.Material:
-    """A copy that light passes which has come from no farther."""
-    output = None if material is None or material.node_tree is None else output_of(material.node_tree)
-    if material is None or output is None:
-        copy, tree, output = _new_material(_ATTRIBUTE)
-    else:
-        copy = material.copy()
-        tree = copy.node_tree
-        output = tree.nodes[output.name]
+def _copy(material: bpy.types.Material | None) -> bpy.types.Material:
+    """With an output node in any case."""
+    if material is None or material.node_tree is None or output_of(material.node_tree) is None:
+        return _new_material(_ATTRIBUTE)[0]
+    return material.copy()
+
+
+def _clear_when_near(material: bpy.types.Material, near: float) -> None:
+    """Lets light pass that has come from no farther."""
+    tree = material.node_tree
+    output = output_of(tree)
+    assert output is not None  # as copies have it
     path, less, clear, mix = (
         tree.nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "Math", "BsdfTransparent", "MixShader")
     )
@@ -299,4 +303,3 @@ def _clear_when_near(material: bpy.types.Material | None, near: float) -> bpy.ty
         tree.links.new(link.from_socket, mix.inputs[1])
     tree.links.new(clear.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
-    return copy

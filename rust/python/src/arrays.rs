@@ -110,6 +110,11 @@ pub fn image_array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, P
     flat.reshape([image.height(), image.width(), 4])
 }
 
+/// The same of a channel that a page may lack.
+pub fn image_or_none<'py>(py: Python<'py>, image: Option<&Image>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+    image.map(|image| image_array(py, image)).transpose()
+}
+
 /// Rows of three floats.
 pub fn vector_rows(py: Python<'_>, points: impl Iterator<Item = DVec3>) -> PyResult<Bound<'_, numpy::PyArray2<f64>>> {
     let flat: Vec<f64> = points.flat_map(|p| p.to_array()).collect();

@@ -11,7 +11,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::arrays::{image_array, point_groups, vector_rows};
+use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::errors::{Failure, guard};
 use crate::foliage::PyFoliage;
 
@@ -182,32 +182,32 @@ impl PyLevel {
 
     #[getter]
     fn normal<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.normal.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.normal.as_ref())
     }
 
     #[getter]
     fn gloss<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.gloss.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.gloss.as_ref())
     }
 
     #[getter]
     fn translucency<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.translucency.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.translucency.as_ref())
     }
 
     #[getter]
     fn visibility<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.visibility.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.visibility.as_ref())
     }
 
     #[getter]
     fn leaf_uv<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.leaf_uv.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.leaf_uv.as_ref())
     }
 
     #[getter]
     fn leaf_id<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        self.level().page.leaf_id.as_ref().map(|image| image_array(py, image)).transpose()
+        image_or_none(py, self.level().page.leaf_id.as_ref())
     }
 
     fn for_engines<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {

@@ -1,7 +1,7 @@
 //! How much a mask draws: the area where alpha, bilinear between the middles of texels, reaches the cutoff.
 //!
 //! Texels that pass are not that area: one that stands alone covers less than itself (at a cutoff of ½ 0.61 of it, if it is opaque), a gap of
-//! one is less than a texel wide. Counted texels make needles up to twice as wide as they are seen. Exact along rows, of which each texel
+//! one is less than a texel wide. Counted texels make needles wider than they are seen. Exact along rows, of which each texel
 //! has four; O(texels). Planes of alpha are rows of codes from the top, and repeat.
 
 use rayon::prelude::*;

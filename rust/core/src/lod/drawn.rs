@@ -2,7 +2,7 @@
 //!
 //! Those that morph onto it; or, as Décoret et al. draw them (2003, §4.4) to close the cracks between neighbouring billboards, beside them
 //! every other triangle as far as it lies within ε of the plane, clipped to that slab and to the billboard. Those are not stretched and do
-//! not morph: each leaf still has one parent. Crowns become denser by it (a maple by a third), which the cutoff takes back in part.
+//! not morph: each leaf still has one parent. Crowns become denser by it, which the cutoff takes back in part.
 
 use glam::DVec3;
 

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 use crate::error::{Error, Result};
 use crate::foliage::Image;
 use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
-use crate::textures::{Page, fill_gaps};
+use crate::textures::{Page, fill_gaps, mips};
 
 use super::Level;
 
@@ -118,8 +118,7 @@ fn whole(size: PageSize, pixels: impl Iterator<Item = [u8; 4]>) -> Image {
 
 /// Codes of alpha for another cutoff: linear on either side, and what passed still does.
 fn alpha_table(old: f32, new: f32) -> [u8; 256] {
-    let least = |cutoff: f32| (0..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255);
-    let (before, after) = (f32::from(least(old).max(1)), f32::from(least(new).max(1)));
+    let [before, after] = [old, new].map(|cutoff| f32::from(mips::code_at_least(cutoff)));
     std::array::from_fn(|code| {
         let code = code as f32;
         if code >= before {

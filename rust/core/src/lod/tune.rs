@@ -40,7 +40,7 @@ pub fn views_of_places(up: DVec3) -> Result<Views> {
     Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
 }
 
-/// By what it is judged how much there is of them: closer looks (half as close, a pine's leaves cover 1 % more), from more sides.
+/// By what it is judged how much there is of them: closer looks, from more sides.
 pub fn views_of_amounts(up: DVec3) -> Result<Views> {
     Ok(Views { count: 8, size: 64, samples: Samples::new(4)?, up, turn: 0.0 })
 }
@@ -99,7 +99,7 @@ pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, bef
 /// How far from the leaves' coverage a level may be.
 const COVERAGE_ERROR: f64 = 0.005;
 
-/// How coverage changes with the cutoff, about (of the measured trees −0.2 to −0.6), and how often the cutoff is moved.
+/// How the logarithm of coverage changes with the cutoff at first, about; secants correct it. How often the cutoff is moved.
 const SLOPE: f64 = -0.4;
 const MOVES: usize = 6;
 

@@ -49,9 +49,13 @@ pub fn spread(canvas: &mut Canvas) {
     for _ in 0..RINGS {
         let neighbour = |i: usize| {
             let (x, y) = (i % width, i / width);
-            let mut near = [(x > 0).then(|| i - 1), (x + 1 < width).then_some(i + 1)].into_iter();
-            let mut above = [(y > 0).then(|| i - width), (y + 1 < height).then_some(i + width)].into_iter();
-            near.by_ref().chain(above.by_ref()).flatten().find(|&j| known[j])
+            let sides = [
+                (x > 0).then(|| i - 1),
+                (x + 1 < width).then_some(i + 1),
+                (y > 0).then(|| i - width),
+                (y + 1 < height).then_some(i + width),
+            ];
+            sides.into_iter().flatten().find(|&side| known[side])
         };
         let found: Vec<(usize, Vec4)> = (0..known.len())
             .filter(|&i| !known[i])

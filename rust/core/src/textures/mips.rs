@@ -128,7 +128,7 @@ fn smaller(region: Region, scale: usize, width: usize, height: usize) -> Region 
 }
 
 /// The least code of alpha that passes.
-fn code_at_least(cutoff: f32) -> u8 {
+pub(crate) fn code_at_least(cutoff: f32) -> u8 {
     (1..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255)
 }
 
