@@ -1,21 +1,40 @@
 //! Levels to UASTC blocks, by the reference encoder.
+//!
+//! A block knows nothing of its neighbours, so strips of a level are compressed beside each other, each by an encoder of one thread. The encoder's
+//! own pool of threads sometimes never ends: it is told to stop without the lock that its threads wait with, so that one of them
+//! may miss it, most likely at levels so small that it has hardly begun.
 
 use basis_universal::{BasisTextureFormat, ColorSpace, Compressor, CompressorParams};
+use rayon::prelude::*;
 
 use crate::{Codes, Error, Level};
 
 /// Bytes of a block of 4 × 4 pixels.
 pub const BLOCK: usize = 16;
 
+/// Rows of pixels in a strip.
+const STRIP: usize = 64;
+
 /// The blocks of each level, rows from the top.
 ///
 /// # Errors
 /// The encoder fails, or its file is not what its header says.
 pub fn compress(levels: &[Level], codes: Codes) -> Result<Vec<Vec<u8>>, Error> {
-    levels.iter().map(|level| compress_one(level, codes)).collect()
+    let of_level = |level: &Level| {
+        let strips: Vec<Vec<u8>> =
+            strips(level).map(|strip| compress_strip(&strip, codes)).collect::<Result<_, _>>()?;
+        Ok(strips.concat())
+    };
+    levels.iter().map(of_level).collect()
 }
 
-fn compress_one(level: &Level, codes: Codes) -> Result<Vec<u8>, Error> {
+fn strips<'a>(level: &Level<'a>) -> impl IndexedParallelIterator<Item = Level<'a>> {
+    let width = level.width;
+    let strip = move |pixels: &'a [[u8; 4]]| Level { width, height: pixels.len() / width, pixels };
+    level.pixels.par_chunks(width * STRIP).map(strip)
+}
+
+fn compress_strip(level: &Level, codes: Codes) -> Result<Vec<u8>, Error> {
     let mut params = CompressorParams::new();
     params.set_basis_format(BasisTextureFormat::UASTC4x4);
     params.set_generate_mipmaps(false);
@@ -25,8 +44,7 @@ fn compress_one(level: &Level, codes: Codes) -> Result<Vec<u8>, Error> {
     });
     let side = |length: usize| u32::try_from(length).expect("sides were checked");
     params.source_image_mut(0).init(level.pixels.as_flattened(), side(level.width), side(level.height), 4);
-    let threads = std::thread::available_parallelism().map_or(1, |n| u32::try_from(n.get()).unwrap_or(1));
-    let mut compressor = Compressor::new(threads);
+    let mut compressor = Compressor::new(1);
     // SAFETY: the parameters are the wrapper's defaults and a picture whose size was checked against its data: what the encoder does not validate
     // (an unset quality level, pictures of other sizes than they say) cannot occur.
     #[allow(unsafe_code)]
@@ -53,4 +71,28 @@ fn only_slice(file: &[u8]) -> Option<&[u8]> {
     let description = number(65)?;
     let (start, size) = (number(description.checked_add(13)?)?, number(description.checked_add(17)?)?);
     file.get(start..start.checked_add(size)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_have_the_blocks_of_the_whole() {
+        // Alpha in the lower half only, a last strip of a few rows.
+        let pixel = |i: usize| [(i * 7) as u8, (i / 3) as u8, 30, if i < 72 * 72 { 255 } else { (i * 5) as u8 }];
+        let pixels: Vec<[u8; 4]> = (0..72 * 144).map(pixel).collect();
+        let level = Level { width: 72, height: 144, pixels: &pixels };
+        for codes in [Codes::Srgb, Codes::Linear] {
+            assert_eq!(compress(&[level], codes).unwrap(), [compress_strip(&level, codes).unwrap()]);
+        }
+    }
+
+    #[test]
+    fn tiny_pictures_come_to_an_end() {
+        let level = Level { width: 4, height: 4, pixels: &[[40, 120, 30, 255]; 16] };
+        for _ in 0..3000 {
+            compress(&[level], Codes::Srgb).unwrap();
+        }
+    }
 }
