@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Runs pytest in each of the given environments, in all of them even when one fails, and ends with their summaries.
+# Runs pytest in the given environments, two at a time (a test seldom uses more than one core), in all of them even when
+# one fails, and ends with their summaries.
 #
 #   tools/run_tests.sh ENVIRONMENT… [-- PYTEST_ARGUMENT…]
 #
-# The exit status is 0 when every run passed. The time limit is for Blenders that hang when they exit, which no limit
-# inside pytest can end.
+# What an environment says is shown when it is done. The exit status is 0 when every run passed. The time limit is for
+# Blenders that hang when they exit, which no limit inside pytest can end.
 set -uo pipefail
 
 environments=()
@@ -16,16 +17,27 @@ shift || true # the --
 
 logs=$(mktemp -d)
 trap 'rm -rf "$logs"' EXIT
-status=0
-summaries=
-for environment in "${environments[@]}"; do
+
+test_in() {
+    local environment=$1 log=$logs/$1 blender code
+    shift
     blender=$("$environment/bin/python" -c 'from importlib.metadata import version; print(version("bpy"))')
-    echo "leafcloud: testing in Blender $blender"
-    timeout --kill-after=10 1200 "$environment/bin/python" -m pytest "$@" 2>&1 | tee "$logs/$environment"
-    code=${PIPESTATUS[0]}
-    summary=$(grep -E '^=+ .* in [0-9.]+s.* =+$' "$logs/$environment" | tail -n 1)
-    summaries+=$'\n'"Blender $blender, exit status $code:"$'\n'"${summary:-pytest ended without a summary}"
-    [ "$code" = 0 ] || status=1
+    timeout --kill-after=10 2400 "$environment/bin/python" -m pytest "$@" >"$log" 2>&1
+    code=$?
+    echo "leafcloud: tested in Blender $blender"
+    cat "$log"
+    [ "$code" = 0 ] || touch "$logs/failed"
+    {
+        echo
+        echo "Blender $blender, exit status $code:"
+        grep -E '^=+ .* in [0-9.]+s.* =+$' "$log" | tail -n 1 || echo "pytest ended without a summary"
+    } >>"$logs/summaries"
+}
+
+for environment in "${environments[@]}"; do
+    [ "$(jobs -rp | wc -l)" -lt 2 ] || wait -n
+    test_in "$environment" "$@" &
 done
-echo "$summaries"
-exit $status
+wait
+cat "$logs/summaries"
+[ ! -e "$logs/failed" ]
