@@ -57,7 +57,7 @@ def _folder(name: str) -> Path:
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line. Raises `UsageError`; `--help` prints all flags and ends the program."""
-    from addon.settings import EFFECTS, ENGINES, BakeSettings
+    from addon.settings import CHAINS, EFFECTS, ENGINES, BakeSettings
 
     default = BakeSettings()
     parser = _Parser(
@@ -147,7 +147,24 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--chain",
         default=default.chain,
         metavar="NAME",
-        help="how the levels follow one another: billboards (default: %(default)s)",
+        help=f"how the levels follow one another: {', '.join(CHAINS)}; with pruning leaves get ever fewer until the "
+        "cross takes over, with both until a first cloud of those that are left does (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--prune-pixels",
+        type=float,
+        default=default.prune_pixels,
+        metavar="PIXELS",
+        help="with --chain pruning or both leaves are pruned where one is seen smaller than this "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
+        "--prune-half",
+        type=float,
+        default=default.prune_half,
+        metavar="SHARE",
+        help="half of the leaves are left at the distance where pruning begins, divided by this; "
+        "in (0, 0.5] (default: %(default)s)",
     )
     parser.add_argument(
         "--engine",

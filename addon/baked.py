@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import bpy
@@ -13,6 +14,7 @@ from .lighting import BakedLight
 from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
+from .plan.thinning import Thinning
 from .scene.extract import Tree
 from .scene.shading import Gloss
 from .scene.translucency import Translucent
@@ -36,6 +38,11 @@ class Prepared:
     """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
 
+    @property
+    def leaf_size(self) -> float:
+        """The side of a square as large as a leaf is in the mean, world units."""
+        return math.sqrt(self.foliage.area / self.foliage.leaf_count)
+
 
 @dataclass(frozen=True)
 class Baked:
@@ -47,5 +54,6 @@ class Baked:
     levels: tuple[BuiltLevel, ...]
     switch_distances: tuple[float, ...]
     view: View
+    thinning: Thinning
     effects: tuple[Effect, ...]
     costs: Costs

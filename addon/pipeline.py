@@ -23,10 +23,12 @@ from numpy.typing import NDArray
 import leafcloud
 
 from .baked import Baked, Prepared
+from .build.contrast import mean_color
 from .build.levels import Costs, Plan, build_levels
 from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.engine_pages import engine_pages
+from .export.plain_colors import plain_colors
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
@@ -35,7 +37,8 @@ from .job import Progress, wait
 from .lighting import light_of
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
-from .plan.reach import View, reaches, rising
+from .plan.reach import Reach, View, reaches, rising
+from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.light import Light
@@ -83,11 +86,14 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     return leafcloud.start_chain(
         prepared.foliage,
         wood=prepared.wood,
-        levels=settings.levels,
+        levels=0 if settings.chain == "pruning" else settings.levels,
         cross=settings.cross,
         texture_size=settings.texture_size,
         texture_height=settings.texture_height,
         close_cracks=settings.close_cracks,
+        keep=_keep_at_switch(prepared),
+        leaf_pixels=settings.prune_pixels,
+        prune_half=settings.prune_half,
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),
@@ -114,10 +120,16 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         max(seen(deviation, pixels), seen(level.texel_size, 1.0))
         for level, deviation in zip(levels, deviations, strict=True)
     ]
+    start = seen(prepared.leaf_size, prepared.settings.prune_pixels)
+    if prepared.settings.chain == "pruning":
+        distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
     switch_distances = rising([0.0, *distances])
     light = prepared.light
     transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
     morphs = [transitions and level.cloud is not None for level in levels]
+    reach = reaches(switch_distances, [*morphs, False])
+    thinning = _thinning(prepared, start, reach[0])
+    contrast = bool(is_on(prepared.effects, "contrast"))
     plan = Plan(
         name=name,
         placement=prepared.placement,
@@ -130,7 +142,11 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         transitions=transitions,
         pruning=pruning,
         switch_distances=switch_distances,
-        reaches=reaches(switch_distances, [*morphs, False]),
+        reaches=reach,
+        thinning=thinning,
+        growth=chain.growth,
+        contrast=chain.contrast if contrast else None,
+        mean_color=mean_color(prepared.foliage) if contrast else (0.0, 0.0, 0.0),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
     )
@@ -138,7 +154,34 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
-    return Baked(prepared, chain, collection, tuple(built), switch_distances, view, effects, costs)
+    return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
+
+
+def _keep_at_switch(prepared: Prepared) -> float | None:
+    """λ where level 1 takes over; None in the chain of billboards, where nothing is pruned before.
+
+    It depends on no camera: both distances are in proportion to the same.
+    """
+    settings = prepared.settings
+    if settings.chain == "billboards":
+        return None
+    if settings.chain == "pruning":
+        return 1.0
+    start = prepared.leaf_size / settings.prune_pixels
+    switch = settings.epsilon * prepared.foliage.radius / settings.pixels
+    return share_left(start, switch, settings.prune_half)
+
+
+def _thinning(prepared: Prepared, start: float, reach: Reach) -> Thinning:
+    """From where the leaves are pruned; where level 1 was made of some, so that just these are left when it takes over.
+
+    `start` is where a leaf gets small, `reach` that of the leaves.
+    """
+    half = prepared.settings.prune_half
+    keep = _keep_at_switch(prepared)
+    if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
+        return Thinning(start_for(keep, reach.vanish, half), half)
+    return Thinning(start if prepared.settings.chain == "pruning" else math.inf, half)
 
 
 def bake_prepared(prepared: Prepared, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
@@ -167,6 +210,7 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
             gltf.engine_attributes(baked.levels, engine),
             gltf.masked_leaves(baked.levels),
             mean_light(baked.levels),
+            plain_colors(baked.levels),
             engine_pages(clouds),
         ):
             for level in baked.levels:
@@ -236,6 +280,7 @@ def _foliage(
         back_colors=placement.wind(back),
         material_ids=geometry.material_ids,
         materials=[leafcloud.Material(**keywords) for keywords in described.materials],
+        protected=geometry.protected,
     )
     return foliage, described.messages
 

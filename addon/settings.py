@@ -12,7 +12,7 @@ Effort = Literal["literal", "default", "final", "best"]
 METHODS = get_args(Method)
 EFFORTS = get_args(Effort)
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
-CHAINS = ("billboards",)
+CHAINS = ("billboards", "pruning", "both")
 EFFECTS = (
     "transitions",
     "pruning",
@@ -23,6 +23,7 @@ EFFECTS = (
     "occlusion",
     "self_shadowing",
     "leaf_map",
+    "contrast",
     "baked_light",
 )
 MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")
@@ -71,7 +72,10 @@ class BakeSettings:
     bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
     effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
     engine: which engine the glTF files are meant for.
-    chain: how the levels follow one another.
+    chain: how the levels follow one another: "billboards", all leaves until level 1; "pruning", ever fewer leaves and
+        then the cross; "both", level 1 of the leaves that pruning has left.
+    prune_pixels: in the latter two leaves are pruned where one is seen smaller than this many pixels; > 0.
+    prune_half: half of the leaves are left at the distance where that begins, divided by this; in (0, ½].
     pixels: a level takes over where its greatest deviation is seen smaller than this many pixels; > 0.
 
     Raises `SettingsError` for a value outside its range.
@@ -103,6 +107,8 @@ class BakeSettings:
     effects: str = "auto"
     engine: str = "generic"
     chain: str = "billboards"
+    prune_pixels: float = 16.0
+    prune_half: float = 0.5
     pixels: float = 8.0
 
     def __post_init__(self) -> None:
@@ -139,9 +145,15 @@ class BakeSettings:
         self._require("bend_normals", 0.0 <= self.bend_normals <= 1.0, "from 0 to 1")
         self._require("engine", self.engine in ENGINES, f"one of {', '.join(ENGINES)}")
         self._require("chain", self.chain in CHAINS, f"one of {', '.join(CHAINS)}")
+        ends = self.chain != "pruning" or self.cross
+        self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
+        self._require("prune_pixels", 0.0 < self.prune_pixels < math.inf, "greater than 0 and finite")
+        self._require("prune_half", 0.0 < self.prune_half <= 0.5, "greater than 0 and at most 0.5")
         known = self.effects in EFFECT_CHOICES or set(effect_names(self.effects)) <= set(EFFECTS)
         choices = f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between"
         self._require("effects", known, choices)
+        prunes = self.chain == "billboards" or {"auto", "all", "pruning"} & set(effect_names(self.effects))
+        self._require("effects", bool(prunes), f"with pruning for --chain {self.chain}")
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:

@@ -136,7 +136,7 @@ def chain() -> SimpleNamespace:
     cross = FakeLevel(
         np.array([rectangle(0.5)]), nothing.reshape(0, 3, 3), nothing, nothing, np.zeros(1, np.float32), None
     )
-    return SimpleNamespace(levels=[first, second, cross], ranks=RANKS)
+    return SimpleNamespace(levels=[first, second, cross], ranks=RANKS, pivots=first.pivots, kept=None)
 
 
 def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True) -> Plan:

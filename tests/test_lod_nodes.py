@@ -370,8 +370,8 @@ def test_the_inputs_have_the_promised_names() -> None:
     sockets = [item for item in lod_group().interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
-        *("Geometry", "Start", "End", "Prune Start", "Prune Half", "Appear", "Vanish", "Centre"),
-        *("Manual", "Transition", "Keep"),
+        *("Geometry", "Start", "End", "Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast"),
+        *("Contrast of Few", "Appear", "Vanish", "Centre", "Manual", "Transition", "Keep"),
     ]
     assert all(socket.description for socket in sockets if socket.name != "Geometry")
 

@@ -17,12 +17,15 @@ import leafcloud
 
 from ..placement import Placement
 from ..plan.reach import Reach
-from ..scene.extract import Geometry, Tree
+from ..plan.thinning import Thinning
+from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from . import morphs
 from .baked_light import add_light, lit_material, parted, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
+from .contrast import contrast_material
 from .leaf_map import add_leaf_map
+from .leaf_moves import leaf_moves
 from .lod_nodes import NEVER, LodSettings, add_lod_modifier
 from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
@@ -67,6 +70,13 @@ class Plan:
     pruning: bool
     switch_distances: tuple[float, ...]
     reaches: tuple[Reach, ...]
+    thinning: Thinning = field(default_factory=Thinning)
+    growth: tuple[float, float] = (0.0, 0.0)
+    """Of pruned leaves beside what their area asks for, as `leafcloud.Chain.growth`."""
+    contrast: tuple[float, float] | None = None
+    """What pruned leaves keep of theirs, as `leafcloud.Chain.contrast`; None leaves it alone."""
+    mean_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of the leaves as they are seen, linear."""
     roughness: float = 1.0
     metallic: float = 0.0
     occlusion: bool = False
@@ -143,7 +153,6 @@ def _add_level(
 ) -> BuiltLevel:
     """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
-    reach = plan.reaches[number]
     members = [obj]
     if wood is not None:
         members.append(bpy.data.objects.new(f"{obj.name}_wood", wood))
@@ -151,7 +160,7 @@ def _add_level(
     for member in members:
         collection.objects.link(member)
         if plan.follows_camera:
-            settings = _lod_settings(reach, plan)
+            settings = _lod_settings(number, plan)
             wooden = replace(settings, start=NEVER, end=NEVER, prune_start=NEVER)
             add_lod_modifier(member, settings if member is obj else wooden)
         else:
@@ -160,16 +169,21 @@ def _add_level(
     return BuiltLevel(number, obj, members[1] if wood is not None else None, triangles)
 
 
-def _lod_settings(reach: Reach, plan: Plan) -> LodSettings:
-    """The node group's inputs. In the chain of billboards all leaves are kept until the level vanishes: d₀ is there."""
+def _lod_settings(number: int, plan: Plan) -> LodSettings:
+    """The node group's inputs. Leaves are pruned as planned; clouds keep all their billboards until they vanish."""
 
     def own(distance: float) -> float:
         return min(distance / plan.placement.scale, NEVER)
 
+    reach = plan.reaches[number]
+    thins = number == 0 and plan.thinning.start < reach.vanish
     return LodSettings(
         start=own(reach.start),
         end=own(reach.end),
-        prune_start=own(reach.vanish),
+        prune_start=own(plan.thinning.start if thins else reach.vanish),
+        prune_half=plan.thinning.half,
+        growth=plan.growth if thins else (0.0, 0.0),
+        contrast=plan.contrast if thins and plan.contrast is not None else (0.0, 0.0),
         appear=own(reach.appear),
         vanish=own(reach.vanish),
         centre=plan.centre,
@@ -187,25 +201,38 @@ def _leaf_object(
             add_light(mesh, shape.light)
             for number, material in enumerate(materials):
                 mesh.materials[number] = lit_material(material, plan.light_strength)
-    return _object(mesh, shape, {"level": 0, "switch_distance": 0.0}, plan.reaches[0], costs)
+    extras: dict[str, Any] = {"level": 0, "switch_distance": 0.0}
+    if plan.thinning.start < plan.reaches[0].vanish:
+        extras |= {"prune_start": plan.thinning.start, "prune_half": plan.thinning.half, "growth": list(plan.growth)}
+        if plan.contrast is not None:
+            with costs.spent_on("contrast", 0):
+                for number, material in enumerate(materials):
+                    mesh.materials[number] = contrast_material(material, plan.mean_color)
+            extras |= {"contrast": list(plan.contrast), "mean_color": list(plan.mean_color)}
+    return _object(mesh, shape, extras, plan.reaches[0], costs)
 
 
 def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan) -> _Shape:
     """The leaves by material, within each by rank, each leaf whole."""
-    level = chain.levels[0]
     leaf_ids = foliage.leaf_ids
     ranks = chain.ranks[leaf_ids]
     order = np.lexsort((leaf_ids, ranks, geometry.material_ids))
-    parents = _parents(level)[order] if plan.transitions else np.zeros(len(order), np.int32)
-    split = split_vertices(geometry.triangles[order], parents)
+    moves = None
+    if plan.transitions and chain.levels[0].cloud is not None:
+        corners = world_positions(geometry, plan.placement.matrix)[plan.placement.wind(geometry.triangles)]
+        moves = leaf_moves(chain, corners)
+    billboards = np.zeros(len(order), np.int32) if moves is None else moves.billboards[order]
+    split = split_vertices(geometry.triangles[order], billboards - billboards.min(initial=0))
     of_vertex = order[split.first // 3]
-    corner_of_vertex = 3 * of_vertex + split.first % 3
-    targets = plan.placement.wind(level.targets).reshape(-1, 3)
+    transition = None
+    if moves is not None:
+        targets = plan.placement.wind(moves.targets).reshape(-1, 3)[3 * of_vertex + split.first % 3]
+        transition = _transition(billboards[split.first // 3], targets, moves.pivot_targets[of_vertex], plan)
     return _Shape(
         surface=triangle_surface(geometry, order, split),
         ranks=ranks[order],
-        pruning=_pruning(ranks[of_vertex], level, of_vertex, plan),
-        transition=_transition(parents[split.first // 3], targets[corner_of_vertex], level, of_vertex, plan),
+        pruning=_pruning(ranks[of_vertex], chain.pivots[of_vertex], plan),
+        transition=transition,
         light=None if plan.light is None else plan.light.at(order),
     )
 
@@ -290,11 +317,15 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
     of_vertex = count * order[billboards] + corners // 3
     targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
+    transition = None
+    if plan.transitions:
+        pivot_targets = following.pivot_targets[of_vertex]
+        transition = _transition(keys.ravel()[faces.first // 3], targets[faces.first], pivot_targets, plan)
     return _Shape(
         surface=surface,
         ranks=ranks[faces.billboards],
-        pruning=_pruning(ranks[billboards], following, of_vertex, plan),
-        transition=_transition(keys.ravel()[faces.first // 3], targets[faces.first], following, of_vertex, plan),
+        pruning=_pruning(ranks[billboards], following.pivots[of_vertex], plan),
+        transition=transition,
     )
 
 
@@ -304,26 +335,16 @@ def _parents(level: leafcloud.Level) -> NDArray[np.int32]:
     return level.cloud.parents.astype(np.int32)
 
 
-def _pruning(
-    ranks: NDArray[np.float32], following: leafcloud.Level, triangles: NDArray[np.int64], plan: Plan
-) -> Pruning | None:
-    """For vertices with `ranks`, each on one of the `triangles` whose pivots `following` holds."""
-    if not plan.pruning:
-        return None
-    return Pruning(ranks, plan.placement.to_tree(following.pivots[triangles]))
+def _pruning(ranks: NDArray[np.float32], pivots: NDArray[np.float64], plan: Plan) -> Pruning | None:
+    """For vertices with `ranks` (v,), whose leaves have `pivots` (v, 3) in the world."""
+    return Pruning(ranks, plan.placement.to_tree(pivots)) if plan.pruning else None
 
 
 def _transition(
-    billboards: NDArray[np.int32],
-    targets: NDArray[np.float64],
-    following: leafcloud.Level,
-    triangles: NDArray[np.int64],
-    plan: Plan,
-) -> Transition | None:
-    if not plan.transitions:
-        return None
-    pivot_targets = plan.placement.to_tree(following.pivot_targets[triangles])
-    return Transition(billboards, plan.placement.to_tree(targets), pivot_targets)
+    billboards: NDArray[np.int32], targets: NDArray[np.float64], pivot_targets: NDArray[np.float64], plan: Plan
+) -> Transition:
+    """For vertices (v,) on `billboards` of the next level; `targets` and `pivot_targets` (v, 3) in the world."""
+    return Transition(billboards, plan.placement.to_tree(targets), plan.placement.to_tree(pivot_targets))
 
 
 def _object(

@@ -7,7 +7,12 @@ camera to the level's centre in the object's own coordinates:
     λ = min((d₀/d)^(log_h ½), 1)                                 share of leaves kept, d₀ = prune start, h = prune half
     r = clamp((λ − rank) / (λ·min(0.05, 1 − λ)), 0, 1)           ramp: the last leaves kept grow in and out
     s = √(ΣA / Σ(A·r²))                                          keeps the covered area, A the areas at rest
-    p' = pivot(a) + (p(a) − pivot(a))·s·r                        for leaves of rank below λ; the others are deleted
+    γ = λ^(c₁ + c₂ ln λ)                                         growth beside that, measured (`leafcloud.Chain.growth`)
+    p' = pivot(a) + (p(a) − pivot(a))·s·γ·r                      for leaves of rank below λ; the others are deleted
+    κ = min(1, λ^(k₁ + k₂ ln λ))                                 what colours keep of their distance to the mean
+
+Leaves of a negative rank are protected: they stay as they are, and do not count in the sums. 1 − κ is stored as the
+point attribute `leaf_mean_share`, which materials read, where there is any.
 
 The branches are switched, not multiplied by 0 or 1: at a = 0 and λ = 1 the output is the input, bit for bit and at no
 cost, and the sums over all faces are taken only where something is pruned.
@@ -35,13 +40,15 @@ NEVER = 1e9
 """A distance that no camera reaches."""
 
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 1
+_LAYOUT = 2
 """Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
 
 _RAMP = 0.05
 """ρ at most: the share of the leaves drawn that is growing in or out."""
 _BLOCK = 1024.0
 """Faces that are summed at a time."""
+MEAN_SHARE = "leaf_mean_share"
+"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
 _TINY = 1e-30
 """What stands for 0 in a divisor or a logarithm."""
 
@@ -53,6 +60,8 @@ class LodSettings:
     start, end: the transition a runs from 0 to 1 between them; a step at `start` when `end` is not greater. ≥ 0.
     prune_start: d₀, from where on leaves are pruned. > 0.
     prune_half: h in (0, ½]; half of the leaves are left at d₀/h.
+    growth: (c₁, c₂) of γ; finite.
+    contrast: (k₁, k₂) of κ; finite.
     appear, vanish: the level is drawn for appear ≤ distance < vanish.
     centre: the point that the distance to the camera is taken from, in the object's coordinates.
 
@@ -63,6 +72,8 @@ class LodSettings:
     end: float
     prune_start: float = NEVER
     prune_half: float = 0.5
+    growth: tuple[float, float] = (0.0, 0.0)
+    contrast: tuple[float, float] = (0.0, 0.0)
     appear: float = 0.0
     vanish: float = NEVER
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -72,8 +83,9 @@ class LodSettings:
             _require(name, getattr(self, name), lambda value: value >= 0.0, "at least 0")
         _require("prune_start", self.prune_start, lambda value: value > 0.0, "greater than 0")
         _require("prune_half", self.prune_half, lambda value: 0.0 < value <= 0.5, "greater than 0 and at most 0.5")
-        for coordinate in self.centre:
-            _require("centre", coordinate, math.isfinite, "finite")
+        for name, values in (("growth", self.growth), ("contrast", self.contrast), ("centre", self.centre)):
+            for value in values:
+                _require(name, value, math.isfinite, "finite")
 
 
 def lod_group() -> bpy.types.NodeTree:
@@ -98,6 +110,10 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
         "End": settings.end,
         "Prune Start": settings.prune_start,
         "Prune Half": settings.prune_half,
+        "Growth": settings.growth[0],
+        "Growth of Few": settings.growth[1],
+        "Contrast": settings.contrast[0],
+        "Contrast of Few": settings.contrast[1],
         "Appear": settings.appear,
         "Vanish": settings.vanish,
         "Centre": settings.centre,
@@ -149,6 +165,10 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(panel, "Prune Start", "Float", "Distance up to which all leaves are drawn", default_value=NEVER, **length)
     half = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 0.5, "default_value": 0.5}
     declare(panel, "Prune Half", "Float", "Half of the leaves are left at Prune Start divided by this", **half)
+    declare(panel, "Growth", "Float", "Exponent of the share kept: above 0 leaves grow less than their area asks for")
+    declare(panel, "Growth of Few", "Float", "How that exponent changes with the logarithm of the share kept")
+    declare(panel, "Contrast", "Float", "Exponent of the share kept: above 0 colours are pulled toward their mean")
+    declare(panel, "Contrast of Few", "Float", "How that exponent changes with the logarithm of the share kept")
 
     panel = interface.new_panel("Visibility")
     declare(panel, "Appear", "Float", "Distance from which the level is drawn", default_value=0.0, **length)
@@ -166,6 +186,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
     transition = _transition(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
     keep = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
+    mean_share = _mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), keep)
     point, pivot = _moved(Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
     growth = _growth(Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), keep)
 
@@ -180,6 +201,12 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     arm = section.vector("SUBTRACT", point, pivot, label="Point from pivot")
     grown = section.vector("MULTIPLY_ADD", arm, growth, pivot, label="Grow about pivot")
     pruned = section.result("GeometryNodeSetPosition", kept, None, grown, label="Move and grow")
+    stored = {"data_type": "FLOAT", "domain": "POINT"}
+    store = section.result(
+        "GeometryNodeStoreNamedAttribute", pruned, None, MEAN_SHARE, mean_share, label="1 − κ", **stored
+    )
+    pulling = section.compare(mean_share, "GREATER_THAN", 0.0, label="κ < 1")
+    pruned = section.switch("GEOMETRY", pulling, pruned, store, label="Tell materials where κ < 1")
     pruning = section.compare(keep, "LESS_THAN", 1.0, label="λ < 1")
     level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
 
@@ -233,6 +260,20 @@ def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSoc
     return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="λ")
 
 
+def _mean_share(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """1 − κ"""
+    kept = section.math("MINIMUM", _trend(section, keep, "Contrast"), 1.0, label="κ")
+    return section.math("SUBTRACT", 1.0, kept, label="1 − κ")
+
+
+def _trend(section: Section, keep: bpy.types.NodeSocket, name: str) -> bpy.types.NodeSocket:
+    """λ^(c₁ + c₂ ln λ) with the inputs `name` and `name` of Few."""
+    logarithm = section.math("LOGARITHM", section.math("MAXIMUM", keep, _TINY), math.e, label="ln λ")
+    first, second = section.group_input(name), section.group_input(f"{name} of Few")
+    exponent = section.math("MULTIPLY_ADD", second, logarithm, first, label=f"{name}: exponent")
+    return section.math("POWER", keep, exponent, label=name)
+
+
 def _moved(section: Section, transition: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """p(a) and pivot(a)."""
     position = section.result("GeometryNodeInputPosition")
@@ -244,19 +285,27 @@ def _moved(section: Section, transition: bpy.types.NodeSocket) -> tuple[bpy.type
 
 
 def _growth(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """s·r, with the ramp r per leaf and s = √(ΣA / Σ(A·r²)) over the faces of the geometry that comes in, at rest."""
+    """s·γ·r, with the ramp r per leaf and s = √(ΣA / Σ(A·r²)) over the faces of the geometry that comes in, at rest.
+
+    1 for protected leaves, which are left out of the sums.
+    """
+    rank = section.attribute("FLOAT", "leaf_rank")
+    protected = section.compare(rank, "LESS_THAN", 0.0, label="Protected?")
     rest = section.math("SUBTRACT", 1.0, keep, label="1 − λ")
     width = section.math("MULTIPLY", section.math("MINIMUM", rest, _RAMP, label="ρ"), keep, label="ρ·λ")
-    before_end = section.math("SUBTRACT", keep, section.attribute("FLOAT", "leaf_rank"), label="λ − rank")
+    before_end = section.math("SUBTRACT", keep, rank, label="λ − rank")
     ramp = section.math("DIVIDE", before_end, width, label="Ramp r", clamp=True)
 
-    area = section.result("GeometryNodeInputMeshFaceArea", label="A")
+    face_area = section.result("GeometryNodeInputMeshFaceArea")
+    area = section.switch("FLOAT", protected, face_area, 0.0, label="A of those that may be pruned")
     drawn_area = section.math("MULTIPLY", area, section.math("MULTIPLY", ramp, ramp, label="r²"), label="A·r²")
     areas = section.result("ShaderNodeCombineXYZ", area, drawn_area, label="A, A·r²")
     total = _sum_over_faces(section, areas)
     sums = section.node("ShaderNodeSeparateXYZ", total, label="ΣA, ΣA·r²").outputs
     scale = section.math("SQRT", section.math("DIVIDE", sums["X"], sums["Y"]), label="Scale s")
-    return section.math("MULTIPLY", scale, ramp, label="s·r")
+    grown = section.math("MULTIPLY", scale, _trend(section, keep, "Growth"), label="s·γ")
+    free = section.math("MULTIPLY", grown, ramp, label="s·γ·r")
+    return section.switch("FLOAT", protected, free, 1.0, label="Protected leaves stay as they are")
 
 
 def _sum_over_faces(section: Section, values: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

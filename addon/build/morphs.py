@@ -16,7 +16,8 @@ _FIELDS = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector"}
 
 @dataclass(frozen=True)
 class Pruning:
-    """Per vertex (v): the rank of its leaf in [0, 1), and the leaf's pivot (v, 3) in the tree's coordinates."""
+    """Per vertex (v): the rank of its leaf in [0, 1), below 0 if it is protected; and the leaf's pivot (v, 3) in the
+    tree's coordinates."""
 
     rank: NDArray[np.float32]
     pivot: NDArray[np.float32]
@@ -28,7 +29,7 @@ class Pruning:
 
 @dataclass(frozen=True)
 class Transition:
-    """Per vertex (v): its billboard on the next level, and where it and its leaf's pivot (v, 3) lie at a = 1."""
+    """Per vertex (v): its billboard on the next level, −1 for none; where it and its pivot (v, 3) lie at a = 1."""
 
     billboard: NDArray[np.int32]
     target: NDArray[np.float32]
@@ -70,7 +71,8 @@ def add_point_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDAr
 
 def _add_groups(obj: bpy.types.Object, billboard: NDArray[np.int32]) -> None:
     order = np.argsort(billboard, kind="stable")
-    ends = np.cumsum(np.bincount(billboard))
+    order = order[np.count_nonzero(billboard < 0) :]
+    ends = np.cumsum(np.bincount(billboard[order]))
     for number, members in enumerate(np.split(order, ends[:-1])):
         group = obj.vertex_groups.new(name=f"{GROUP_PREFIX}{number:03d}")
         group.add(members.tolist(), 1.0, "REPLACE")

@@ -33,7 +33,8 @@ def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
         read = (_normals(facts), _gloss(facts), _translucency(facts))
-        return (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP, _BAKED_LIGHT)
+        moving = (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP)
+        return (*moving, _contrast(settings, facts), _BAKED_LIGHT)
     forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
     asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
     if settings.effects == "all":
@@ -102,6 +103,12 @@ def _translucency(facts: Facts) -> Effect:
     return Effect("translucency", True, reason)
 
 
+def _contrast(settings: BakeSettings, facts: Facts) -> Effect:
+    if settings.chain == "billboards" or facts.leaves == 1:
+        return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
+    return Effect("contrast", True, "pruned leaves grow, and large leaves would make far crowns coarser than they are")
+
+
 _SKY = (
     Effect("occlusion", False, "the leaves have none of their own, so it would show where billboards take over"),
     Effect(
@@ -121,6 +128,8 @@ def _under_baked_light(effect: Effect) -> Effect:
     """Sides differ in their light; what only counts where light may move is left out, even if it is asked for."""
     if effect.name == "back_sides":
         return replace(effect, on=True, reason="the light is baked in, and differs on the two sides of a leaf")
+    if effect.name == "contrast":
+        return replace(effect, on=False, reason="the light is baked in, and would not be pulled toward a mean")
     if effect.name == "leaf_map":
         return replace(effect, on=False, reason="the light is baked into the page, and another texture would have none")
     if effect.name in _FOR_MOVING_LIGHT:

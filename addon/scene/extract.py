@@ -52,6 +52,8 @@ class Geometry:
     materials: list[bpy.types.Material | None]
     randoms: NDArray[np.float32] | None = None
     """(t,) what Blender's Object Info node calls Random; `None` counts as ½ everywhere."""
+    protected: NDArray[np.bool_] | None = None
+    """(t,) painted as leaves that are never pruned; `None` counts as none."""
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,7 @@ class _Reader:
             mesh.material_ids,
             materials,
             mesh.randoms,
+            mesh.protected,
         )
 
     def _realised(self, copies: Copies, indices: list[int], numbers: dict[_Material, int]) -> Triangles:
@@ -189,6 +192,7 @@ class _Reader:
             self._colors(copies, indices),
             numbers_of_slots[copies.slots],
             np.zeros(len(copies.triangles), np.float32),
+            copies.protected(),
         )
         chosen = used_only(source, wanted[copies.slots])
         placed = realise(chosen, relative(self.frame, copies.matrices), copies.randoms)

@@ -18,6 +18,9 @@ from .realise import are_singular, first_not_finite
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 _NONE = np.empty(0, np.float32)
 
+PROTECT = "Leafcloud Protect"
+"""The vertex group, or point attribute, in which an artist paints the leaves that are never pruned."""
+
 
 @dataclass(frozen=True)
 class Copies:
@@ -36,6 +39,8 @@ class Copies:
     """(n, 4, 4) to the world, none singular; equal to `owner_matrix` for an object that stands for itself."""
     randoms: NDArray[np.float32]
     """(n,) in [0, 1], what the Object Info node calls Random of each copy."""
+    protect_group: int = -1
+    """The number of the object's vertex group `PROTECT`, if it has one."""
 
     @property
     def owner_name(self) -> str:
@@ -88,6 +93,21 @@ class Copies:
             return None
         colors = _read(attribute.data, "color", 4, np.float32)
         return colors[self.triangles if attribute.domain == "POINT" else self.loops]
+
+    def protected(self) -> NDArray[np.bool_] | None:
+        """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
+        attribute = self.mesh.attributes.get(PROTECT)
+        if attribute is not None and attribute.domain == "POINT" and attribute.data_type in ("FLOAT", "BOOLEAN"):
+            painted = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5
+        elif self.protect_group >= 0:
+            painted = np.array([self._is_painted(vertex) for vertex in self.mesh.vertices], bool)
+        else:
+            return None
+        chosen: NDArray[np.bool_] = painted[self.triangles].any(axis=1)
+        return chosen
+
+    def _is_painted(self, vertex: bpy.types.MeshVertex) -> bool:
+        return any(member.group == self.protect_group and member.weight > 0.5 for member in vertex.groups)
 
     def loose(self) -> str | None:
         """What of the mesh belongs to no face, as a sentence."""
@@ -163,7 +183,9 @@ def _shown(
         key = (owner.original, obj.original, obj.data.as_pointer(), materials)
         if key not in found:
             own_matrix = np.array(owner.matrix_world, np.float64)
-            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, np.empty((0, 4, 4)), _NONE)
+            group = obj.vertex_groups.find(PROTECT)
+            places = np.empty((0, 4, 4))
+            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
         randoms.setdefault(key, []).append(random_of(instance))
     shown = [

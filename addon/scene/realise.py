@@ -29,6 +29,8 @@ class Triangles:
     """(t,)"""
     randoms: NDArray[np.float32]
     """(t,) what Blender's Object Info node calls Random."""
+    protected: NDArray[np.bool_] | None = None
+    """(t,) painted as leaves that are never pruned."""
 
 
 def first_not_finite(positions: NDArray[np.float32]) -> tuple[int, str] | None:
@@ -70,6 +72,7 @@ def used_only(source: Triangles, chosen: NDArray[np.bool_]) -> Triangles:
         None if source.colors is None else source.colors[chosen],
         source.material_ids[chosen],
         source.randoms[chosen],
+        None if source.protected is None else source.protected[chosen],
     )
 
 
@@ -101,6 +104,7 @@ def realise(source: Triangles, matrices: NDArray[np.float64], randoms: NDArray[n
         None if source.colors is None else _wound(_repeated(source.colors, count), mirrored),
         np.tile(source.material_ids, count),
         np.repeat(randoms, len(source.triangles)),
+        None if source.protected is None else np.tile(source.protected, count),
     )
 
 
@@ -115,7 +119,19 @@ def joined(blocks: list[Triangles]) -> Triangles:
         _joined_corners([block.colors for block in blocks], [len(block.triangles) for block in blocks], 4, 1.0),
         np.concatenate([block.material_ids for block in blocks]),
         np.concatenate([block.randoms for block in blocks]),
+        _joined_marks(blocks),
     )
+
+
+def _joined_marks(blocks: list[Triangles]) -> NDArray[np.bool_] | None:
+    """(t,) which are protected: none of a block that does not say."""
+    if all(block.protected is None for block in blocks):
+        return None
+    unpainted = (np.zeros(len(block.triangles), bool) for block in blocks)
+    marks = [
+        none if block.protected is None else block.protected for block, none in zip(blocks, unpainted, strict=True)
+    ]
+    return np.concatenate(marks)
 
 
 def _joined_corners(

@@ -39,7 +39,7 @@ impl Projection {
     /// The triangles of a leaf that share a plane move by one map; a leaf on several planes has one map for each.
     #[must_use]
     pub fn new(foliage: &Foliage, cloud: &Cloud, stretch: f64) -> Self {
-        let leaf_pivots: Vec<DVec3> = foliage.leaves().iter().map(|triangles| centroid(foliage, triangles)).collect();
+        let leaf_pivots = leaf_pivots(foliage);
         let pivots: Vec<DVec3> = foliage.leaf_ids().iter().map(|&leaf| leaf_pivots[leaf as usize]).collect();
         let parts = foliage.leaf_ids().iter().zip(&cloud.parents);
         let (part_of, part_count) = number_by_appearance(parts);
@@ -85,6 +85,12 @@ impl Projection {
         };
         (0..foliage.triangle_count()).map(motion).fold(0.0, f64::max)
     }
+}
+
+/// The pivot of each leaf, local: the centroid of its area.
+#[must_use]
+pub fn leaf_pivots(foliage: &Foliage) -> Vec<DVec3> {
+    foliage.leaves().iter().map(|triangles| centroid(foliage, triangles)).collect()
 }
 
 /// The centroid of the triangles' area; the mean of their corners when there is no area.

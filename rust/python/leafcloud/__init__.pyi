@@ -80,7 +80,7 @@ class Foliage:
     colour; ``back_colors`` likewise (…, 3), linear RGB in their place where a triangle is seen to wind clockwise, as
     light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any
     integers, equal within a leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex,
-    or an edge whose two ends coincide exactly.
+    or an edge whose two ends coincide exactly. ``protected`` (t,) bool: leaves with such a triangle are never pruned.
 
     Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays
     of the wrong shape, and when all triangles have zero area.
@@ -97,6 +97,7 @@ class Foliage:
         material_ids: ArrayLike | None = None,
         materials: Sequence[Material] | None = None,
         leaf_ids: ArrayLike | None = None,
+        protected: NDArray[np.bool_] | None = None,
     ) -> None: ...
     @property
     def centre(self) -> NDArray[np.float64]: ...
@@ -106,6 +107,9 @@ class Foliage:
     def triangle_count(self) -> int: ...
     @property
     def leaf_count(self) -> int: ...
+    @property
+    def area(self) -> float:
+        """Of all triangles, caller's units squared."""
     @property
     def leaf_ids(self) -> NDArray[np.uint32]:
         """(t,) the leaf of each triangle, 0 … leaf_count − 1 in order of first appearance."""
@@ -255,7 +259,23 @@ class Chain:
     def levels(self) -> list[Level]: ...
     @property
     def ranks(self) -> NDArray[np.float32]:
-        """(leaf_count,) each leaf's place in the pruning order, in [0, 1)."""
+        """(leaf_count,) each leaf's place in the pruning order, in [0, 1); −1 for a protected one."""
+    @property
+    def pivots(self) -> NDArray[np.float64]:
+        """(t, 3) the pivot of each triangle's leaf, caller's units: the centroid of its area."""
+    @property
+    def growth(self) -> tuple[float, float]:
+        """(c₁, c₂): a crown with the share λ of its leaves is as dense as before when these grow by s · γ, where
+        γ = exp(c₁ L + c₂ L²), L = ln λ. Measured by looking where ``keep`` was given, else (0, 0)."""
+    @property
+    def contrast(self) -> tuple[float, float]:
+        """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their distance
+        from the mean. Measured likewise."""
+    @property
+    def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
+        """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than at
+        first each is there, linearly. The first level's parents, targets and pivots have a row for each of them.
+        """
 
 class Job(Generic[_T]):
     """Work on a Rust thread. Never touches Python objects while it runs."""
@@ -366,6 +386,9 @@ def build_chain(
     texture_height: int | None = None,
     samples: int = 4,
     back_sides: bool | None = None,
+    keep: float | None = None,
+    leaf_pixels: float = 16.0,
+    prune_half: float = 0.5,
     close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,
@@ -402,6 +425,10 @@ def build_chain(
     many rows. ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
+    ``keep``: λ, the share of the leaves that is left where the first level takes over, in (0, 1]: all levels are made of
+    those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
+    ``leaf_pixels``: how many pixels a leaf is long where pruning begins, > 0; ``prune_half``: h of :func:`keep`. With
+    a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth``, ``contrast``).
     ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
@@ -429,6 +456,9 @@ def start_chain(
     texture_height: int | None = None,
     samples: int = 4,
     back_sides: bool | None = None,
+    keep: float | None = None,
+    leaf_pixels: float = 16.0,
+    prune_half: float = 0.5,
     close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,

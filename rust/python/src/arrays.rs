@@ -6,7 +6,7 @@ use leafcloud::textures::Samples;
 use numpy::ndarray::ArrayView2;
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayDescrMethods, PyArrayLike2, PyArrayLikeDyn,
-    PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+    PyArrayMethods, PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -47,6 +47,13 @@ pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
         return Err(refuse(format!("{name} has the shape {:?}; it must be (rows,)", view.shape())));
     }
     Ok(view.iter().copied().collect())
+}
+
+/// Rows of True or False.
+pub fn truths(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<bool>> {
+    let array: PyReadonlyArray1<'_, bool> =
+        value.extract().map_err(|_| refuse(format!("{name} must be a one-dimensional array of bool")))?;
+    Ok(array.as_array().iter().copied().collect())
 }
 
 fn integers<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyArrayLikeDyn<'py, i64, AllowTypeChange>> {

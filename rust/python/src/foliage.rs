@@ -72,7 +72,7 @@ pub struct PyFoliage(pub Arc<Foliage>);
 #[pymethods]
 impl PyFoliage {
     #[new]
-    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, back_colors = None, material_ids = None, materials = None, leaf_ids = None))]
+    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, back_colors = None, material_ids = None, materials = None, leaf_ids = None, protected = None))]
     #[allow(clippy::too_many_arguments)] // the Python signature
     fn new(
         py: Python<'_>,
@@ -85,6 +85,7 @@ impl PyFoliage {
         material_ids: Option<&Bound<'_, PyAny>>,
         materials: Option<&Bound<'_, PyAny>>,
         leaf_ids: Option<&Bound<'_, PyAny>>,
+        protected: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let positions = arrays::points(positions, "positions")?;
         let triangles = arrays::triangles(triangles)?;
@@ -98,6 +99,7 @@ impl PyFoliage {
                 .map_or(Ok(Vec::new()), |v| arrays::corner_values(v, "back_colors", &triangles).map(arrays::to_vec3))?,
             material_ids: material_ids.map_or(Ok(Vec::new()), material_indices)?,
             leaf_ids: leaf_ids.map_or(Ok(Vec::new()), |v| arrays::identifiers(v, "leaf_ids"))?,
+            protected: protected.map_or(Ok(Vec::new()), |v| arrays::truths(v, "protected"))?,
         };
         let materials: Vec<Bound<'_, PyMaterial>> =
             materials.map_or(Ok(Vec::new()), |v| read(v, "materials", "a list of Material"))?;
@@ -124,6 +126,12 @@ impl PyFoliage {
     #[getter]
     fn leaf_count(&self) -> usize {
         self.0.leaf_count()
+    }
+
+    #[getter]
+    fn area(&self) -> f64 {
+        let areas = (0..self.0.triangle_count()).map(|t| self.0.area_vector(t).length());
+        areas.sum::<f64>() * self.0.frame().radius.powi(2)
     }
 
     #[getter]

@@ -67,6 +67,9 @@ impl PyCloud {
     }
 }
 
+/// Numbers of triangles, and how much they have grown.
+type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
+
 #[pyclass(name = "Chain", module = "leafcloud", frozen)]
 pub struct PyChain {
     pub chain: Arc<Chain>,
@@ -86,6 +89,27 @@ impl PyChain {
     fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         self.chain.ranks.clone().into_pyarray(py)
     }
+
+    #[getter]
+    fn pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        vector_rows(py, self.chain.pivots.iter().copied())
+    }
+
+    #[getter]
+    fn growth(&self) -> (f64, f64) {
+        (self.chain.growth.first, self.chain.growth.second)
+    }
+
+    #[getter]
+    fn contrast(&self) -> (f64, f64) {
+        (self.chain.contrast.first, self.chain.contrast.second)
+    }
+
+    #[getter]
+    fn kept<'py>(&self, py: Python<'py>) -> Option<KeptArrays<'py>> {
+        let kept = self.chain.kept.as_ref()?;
+        Some((kept.triangles.clone().into_pyarray(py), kept.growth.clone().into_pyarray(py)))
+    }
 }
 
 /// The same chains with their levels of one number on one page; chains may have different numbers of levels.
@@ -99,7 +123,17 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 }
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
-    let empty = |chain: &Arc<Chain>| Chain { levels: Vec::new(), ranks: chain.ranks.clone() };
+    let empty = |chain: &Arc<Chain>| {
+        let Chain { ranks, pivots, growth, contrast, kept, .. } = chain.as_ref();
+        Chain {
+            levels: Vec::new(),
+            ranks: ranks.clone(),
+            pivots: pivots.clone(),
+            growth: *growth,
+            contrast: *contrast,
+            kept: kept.clone(),
+        }
+    };
     let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
     for number in 0..chains.iter().map(|chain| chain.levels.len()).max().unwrap_or(0) {
         let (owners, levels): (Vec<usize>, Vec<&Level>) =

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
-use leafcloud::lod::ChainSettings;
+use leafcloud::lod::{ChainSettings, PruneSettings};
 use leafcloud::sheet::PageSize;
 use leafcloud::textures::Channels;
 use pyo3::prelude::*;
@@ -118,6 +118,12 @@ impl<'py> Options<'py> {
         })
     }
 
+    fn pruning(&self) -> PyResult<Option<PruneSettings>> {
+        let (leaf_pixels, half) = (self.number("leaf_pixels", 16.0)?, self.number("prune_half", 0.5)?);
+        let keep: Option<f64> = self.some("keep", "a number or None")?;
+        Ok(keep.map(|keep| PruneSettings { keep, leaf_pixels, half }))
+    }
+
     pub fn chain(&self) -> PyResult<ChainSettings> {
         let default = ChainSettings::default();
         let sides = |v: &Bound<'py, PyAny>| read(v, "back_sides", "True, False or None");
@@ -138,6 +144,7 @@ impl<'py> Options<'py> {
                 leaf_map: self.flag("leaf_map", default.channels.leaf_map)?,
             },
             back_sides: self.take("back_sides", sides, default.back_sides)?,
+            pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
         })
     }

@@ -36,6 +36,26 @@ pub struct Attributes {
     pub material_ids: Vec<u32>,
     /// Any values, equal within a leaf; empty means connected components.
     pub leaf_ids: Vec<i64>,
+    /// Whether a triangle's leaf is never pruned; one triangle of a leaf is enough.
+    pub protected: Vec<bool>,
+}
+
+impl Attributes {
+    /// Those of some triangles.
+    fn at(&self, triangles: &[u32]) -> Self {
+        fn chosen<T: Copy>(values: &[T], triangles: &[u32]) -> Vec<T> {
+            if values.is_empty() { Vec::new() } else { triangles.iter().map(|&t| values[t as usize]).collect() }
+        }
+        Self {
+            uvs: chosen(&self.uvs, triangles),
+            normals: chosen(&self.normals, triangles),
+            colors: chosen(&self.colors, triangles),
+            back_colors: chosen(&self.back_colors, triangles),
+            material_ids: chosen(&self.material_ids, triangles),
+            leaf_ids: chosen(&self.leaf_ids, triangles),
+            protected: chosen(&self.protected, triangles),
+        }
+    }
 }
 
 /// Foliage in its local frame (centre of the bounding sphere at the origin, R = 1).
@@ -200,11 +220,24 @@ impl Foliage {
     /// When there are not as many entries as triangles.
     pub fn with_corners(&self, corners: &[[DVec3; 3]]) -> Result<Self> {
         assert_eq!(corners.len(), self.triangles.len(), "an entry for each triangle");
+        let all: Vec<u32> = (0..corners.len() as u32).collect();
+        self.part(&all, corners)
+    }
+
+    /// Some of the triangles, with their corners elsewhere; `corners` are local, one entry for each of `triangles`.
+    ///
+    /// # Errors
+    /// No triangles; all have zero area there.
+    ///
+    /// # Panics
+    /// When there are not as many entries as triangles.
+    pub fn part(&self, triangles: &[u32], corners: &[[DVec3; 3]]) -> Result<Self> {
+        assert_eq!(corners.len(), triangles.len(), "an entry for each triangle");
         let positions: Vec<DVec3> = corners.iter().flatten().map(|&p| self.frame.to_caller(p)).collect();
-        let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let leaf_ids = self.leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect();
-        let attributes = Attributes { leaf_ids, ..self.attributes.clone() };
-        let moved = Self::new(&positions, triangles, attributes, self.materials.to_vec())?;
+        let leaf_ids = triangles.iter().map(|&t| i64::from(self.leaf_ids[t as usize])).collect();
+        let attributes = Attributes { leaf_ids, ..self.attributes.at(triangles) };
+        let faces = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let moved = Self::new(&positions, faces, attributes, self.materials.to_vec())?;
         Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved })
     }
 
@@ -297,7 +330,7 @@ fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> R
 const FARTHEST_UV: f32 = 1_048_576.0;
 
 fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize) -> Result<()> {
-    let Attributes { uvs, normals, colors, back_colors, material_ids, leaf_ids } = attributes;
+    let Attributes { uvs, normals, colors, back_colors, material_ids, leaf_ids, protected } = attributes;
     let lengths = [
         ("uvs", uvs.len()),
         ("normals", normals.len()),
@@ -305,6 +338,7 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
         ("back_colors", back_colors.len()),
         ("material_ids", material_ids.len()),
         ("leaf_ids", leaf_ids.len()),
+        ("protected", protected.len()),
     ];
     if let Some((name, length)) = lengths.iter().find(|(_, length)| *length != 0 && *length != triangles) {
         return Err(Error::invalid(format!("{name} has {length} rows, but there are {triangles} triangles")));

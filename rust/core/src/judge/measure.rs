@@ -73,6 +73,20 @@ pub fn mean_color(pictures: &[Image]) -> [f64; 3] {
     sums.map(|sum| if covered > 0.0 { sum / covered } else { 0.0 })
 }
 
+/// The standard deviation of the linear luminance of pixels that are covered by more than half, all pictures together; 0 without any.
+pub fn spread(pictures: &[Image]) -> f64 {
+    let table = decode_table();
+    let luminance = |&[r, g, b, _]: &[u8; 4]| {
+        let [r, g, b] = [r, g, b].map(|code| f64::from(table[code as usize]));
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let seen: Vec<f64> =
+        pictures.iter().flat_map(Image::pixels).filter(|pixel| pixel[3] > 127).map(luminance).collect();
+    let count = seen.len().max(1) as f64;
+    let mean = seen.iter().sum::<f64>() / count;
+    (seen.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
 /// A code laid over mid-grey with its alpha.
 fn over_grey(code: u8, alpha: u8) -> u8 {
     let (code, alpha) = (u32::from(code), u32::from(alpha));

@@ -78,6 +78,15 @@ impl Judge {
         Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
     }
 
+    /// The standard deviation of the base's luminance over that of `level`; 1 where either does not vary.
+    ///
+    /// # Errors
+    /// A picture without pixels.
+    pub fn contrast(&self, level: &Foliage) -> Result<f64> {
+        let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.look_at(level)?));
+        Ok(if base > 1e-3 && other > 1e-3 { base / other } else { 1.0 })
+    }
+
     /// The mean linear colour of the base over that of `level`, channel by channel; 1 where either has none.
     ///
     /// # Errors

@@ -54,7 +54,7 @@ pub(super) fn build(
         triangles.iter().map(project).collect()
     });
     progress.tell("bake", 0.8)?;
-    let judges = Judges::new(parts, &frame, settings.up)?;
+    let judges = Judges::new(parts, parts, &frame, settings.up)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;

@@ -3,6 +3,7 @@
 mod cross;
 mod drawn;
 mod level;
+pub mod pruned_look;
 mod shared;
 mod sides;
 mod tune;
@@ -18,9 +19,10 @@ use crate::foliage::Foliage;
 use crate::geometry::Frame;
 use crate::judge::{Judge, Views};
 use crate::progress::Progress;
-use crate::prune;
+use crate::prune::{self, Kept, Thinned, Trend};
 use crate::sheet::PageSize;
 use crate::textures::{Channels, Samples, Sky};
+use crate::transition::leaf_pivots;
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
@@ -52,8 +54,44 @@ pub struct ChainSettings {
     pub channels: Channels,
     /// Textures of their own for the two sides; `None` lets each level decide by looking whether they differ.
     pub back_sides: Option<bool>,
+    /// How leaves are pruned before level 1 takes over; `None`: they are not.
+    pub pruning: Option<PruneSettings>,
     /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
     pub close_cracks: bool,
+}
+
+/// How leaves are pruned before level 1 takes over.
+#[derive(Clone, Copy, Debug)]
+pub struct PruneSettings {
+    /// λ where level 1 takes over, in (0, 1]: the levels are made of the leaves that are left there, as large as they are.
+    pub keep: f64,
+    /// How many pixels a leaf is long where pruning begins, > 0.
+    pub leaf_pixels: f64,
+    /// h of λ's law, in (0, ½].
+    pub half: f64,
+}
+
+impl PruneSettings {
+    fn check(&self) -> Result<()> {
+        let Self { keep, leaf_pixels, half } = *self;
+        let ranges = [
+            ("keep", keep, keep > 0.0 && keep <= 1.0, "greater than 0 and at most 1"),
+            ("leaf_pixels", leaf_pixels, leaf_pixels > 0.0 && leaf_pixels.is_finite(), "greater than 0 and finite"),
+            ("prune_half", half, half > 0.0 && half <= 0.5, "greater than 0 and at most 0.5"),
+        ];
+        match ranges.into_iter().find(|(.., holds, _)| !holds) {
+            Some((name, value, _, limit)) => Err(Error::invalid(format!("{name} is {value}; it must be {limit}"))),
+            None => Ok(()),
+        }
+    }
+
+    /// How many pixels across the crown is where the share `keep` of its leaves is left; not so few or many that there is nothing to see.
+    fn crown_pixels(&self, foliage: &Foliage, keep: f64) -> usize {
+        let area: f64 = (0..foliage.triangle_count()).map(|t| foliage.area_vector(t).length()).sum();
+        let leaf = (area / foliage.leaf_count() as f64).sqrt();
+        let nearer = libm::pow(keep, libm::log(self.half) / libm::log(0.5));
+        (2.05 / leaf * self.leaf_pixels * nearer).clamp(12.0, 192.0) as usize
+    }
 }
 
 impl Default for ChainSettings {
@@ -67,6 +105,7 @@ impl Default for ChainSettings {
             samples: Samples::default(),
             channels: Channels::default(),
             back_sides: None,
+            pruning: None,
             close_cracks: false,
         }
     }
@@ -84,6 +123,7 @@ impl ChainSettings {
         if self.levels == 0 && !self.cross {
             return Err(Error::invalid("levels is 0 without a cross; ask for one level at least, or for the cross"));
         }
+        self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
@@ -123,8 +163,16 @@ impl ChainSettings {
 pub struct Chain {
     /// The clouds, then the cross.
     pub levels: Vec<Level>,
-    /// Each leaf's place in the pruning order, in [0, 1).
+    /// Each leaf's place in the pruning order, see [`prune::order`].
     pub ranks: Vec<f32>,
+    /// The pivot of each triangle's leaf, caller's units.
+    pub pivots: Vec<DVec3>,
+    /// γ, by which leaves grow beside what their area asks for when they are pruned.
+    pub growth: Trend,
+    /// κ, by which their colours then keep their distance from the mean.
+    pub contrast: Trend,
+    /// Which of the leaves' triangles level 1 is made of; `None` when of all as they are.
+    pub kept: Option<Kept>,
 }
 
 /// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
@@ -141,7 +189,23 @@ pub fn build_chain(
     settings.check()?;
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
-    let judges = Judges::new(&[foliage], &frame, settings.up)?;
+    let ranks = prune::order(foliage, settings.fit.seed);
+    let pivots = pivots(foliage);
+    let (growth, contrast) = match &settings.pruning {
+        Some(pruning) => {
+            let growth = pruned_look::growth(foliage, &ranks, settings.up)?;
+            (growth, pruned_look::contrast(foliage, &ranks, growth, pruning, settings.up)?)
+        }
+        None => Default::default(),
+    };
+    let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
+    let thinned = keep.map(|keep| prune::thin(foliage, &ranks, keep, growth.factor(keep))).transpose()?;
+    let whole = foliage;
+    let (foliage, kept) = match &thinned {
+        Some(Thinned { foliage, kept }) => (foliage, Some(kept.clone())),
+        None => (foliage, None),
+    };
+    let judges = Judges::new(&[foliage], &[whole], &frame, settings.up)?;
     let channels = settings.channels.completed();
     let wood = wood.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&wood).collect();
@@ -182,7 +246,13 @@ pub fn build_chain(
         levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
     }
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, ranks: prune::order(foliage, settings.fit.seed) })
+    Ok(Chain { levels, ranks, pivots, growth, contrast, kept })
+}
+
+/// The pivot of each triangle's leaf, caller's units.
+fn pivots(foliage: &Foliage) -> Vec<DVec3> {
+    let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_caller(pivot)).collect();
+    foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
 }
 
 /// How far, in R of the leaves, the wood may reach from them.
@@ -206,10 +276,11 @@ struct Judges {
 }
 
 impl Judges {
-    fn new(base: &[&Foliage], frame: &Frame, up: DVec3) -> Result<Self> {
+    /// Levels are tuned to `left`, what pruning has left where the first takes over, and reported beside the whole.
+    fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, up: DVec3) -> Result<Self> {
         Ok(Self {
-            tuning: Judge::new(base, frame, tune::views_of_amounts(up)?)?,
-            report: Judge::new(base, frame, report_views(up))?,
+            tuning: Judge::new(left, frame, tune::views_of_amounts(up)?)?,
+            report: Judge::new(whole, frame, report_views(up))?,
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Laws at the ends of their ranges.
 
 use glam::Vec3;
-use leafcloud::prune::{SceneBudget, area_scale, contrast, keep, leaf_scale, toward_mean};
+use leafcloud::prune::{SceneBudget, Trend, area_scale, keep, leaf_scale, toward_mean};
 use leafcloud::transition::{switch_distance, transition};
 
 use crate::common::exact::{sum, ulps};
@@ -142,15 +142,11 @@ fn the_scene_budget() {
 
 #[test]
 fn contrast_kept() {
-    case(GROUP, "κ at λ = 1 and while leaves are larger than pixels", "closed form: 1")
-        .equals([contrast(1.0, 50.0), contrast(0.1, 0.5), contrast(0.5, 0.0)], [1.0; 3]);
-    case(GROUP, "κ far away", "closed form: √λ").holds((contrast(0.25, 1e9) - 0.5).abs(), 1e-15);
-    case(GROUP, "κ at λ = 0 and for infinitely many leaves", "definition: finite, in [0, 1]").equals(
-        [
-            contrast(0.0, 1e12).is_finite(),
-            (0.0..=1.0).contains(&contrast(0.3, f64::INFINITY)),
-            (0.0..=1.0).contains(&contrast(0.0, f64::INFINITY)),
-        ],
+    let wild = Trend { first: -3.0, second: 0.7 };
+    case(GROUP, "γ and κ at λ = 1, and everywhere without numbers", "closed form: 1")
+        .equals([wild.factor(1.0), Trend::default().factor(0.005), Trend::default().factor(1e-300)], [1.0; 3]);
+    case(GROUP, "γ and κ at λ down to the cut-off, however steep", "definition: finite, not negative").equals(
+        [1.0, 0.3, 0.005].map(|keep| wild.factor(keep).is_finite() && wild.factor(keep) >= 0.0),
         [true; 3],
     );
     let color = Vec3::new(0.1, 0.7, 0.3);

@@ -1,12 +1,18 @@
-//! Stochastic pruning: the laws of λ, the ramp and the scale, and the order in which leaves go.
+//! Stochastic pruning: the laws of λ, the ramp, the scale and the contrast; the order in which leaves go; what is left of them.
 //!
 //! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: of
 //! the leaves in one random order the first λN are drawn, grown so that the covered area stays. Area, not length, grows by 1/λ.
 
-use glam::{DVec3, Vec3};
+mod order;
+mod thin;
+mod trend;
 
-use crate::fit::Stream;
-use crate::foliage::Foliage;
+pub use order::{PROTECTED, order};
+pub use thin::{Kept, Thinned, thin};
+pub use trend::Trend;
+
+use glam::Vec3;
+
 use crate::sums::Total;
 
 /// The greatest share of the drawn leaves that is on its way in or out.
@@ -43,10 +49,11 @@ pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
 }
 
 /// s = √(ΣA / Σ A·r²): the linear factor for all drawn leaves that keeps the covered area. 1 when nothing is pruned or nothing
-/// is left to grow. O(n).
+/// is left to grow. Leaves of a negative rank are protected: they do not grow, and do not count. O(n).
 #[must_use]
 pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)> + Clone, keep: f64) -> f64 {
     let (mut all, mut drawn) = (Total::default(), Total::default());
+    let leaves = leaves.filter(|&(rank, _)| rank >= 0.0);
     let squared = |rank: f64| leaf_scale(rank, keep).powi(2);
     // As shares of the largest, so that no sum overflows and none vanishes.
     let largest = leaves.clone().map(|(_, area)| area).fold(0.0, f64::max);
@@ -94,53 +101,15 @@ impl SceneBudget {
     }
 }
 
-/// κ = √(max(1, λq) / max(1, q)) with q = `per_pixel` leaves in a pixel of the unpruned tree, ≥ 0 (after Cook et al.): how far
-/// colours keep their distance from the mean, so that fewer leaves do not mean more contrast. 1 while leaves are larger than pixels, √λ far away.
-#[must_use]
-pub fn contrast(keep: f64, per_pixel: f64) -> f64 {
-    if per_pixel == f64::INFINITY {
-        return keep.sqrt();
-    }
-    ((keep * per_pixel).max(1.0) / per_pixel.max(1.0)).sqrt()
-}
-
 /// c̄ + (c − c̄) κ.
 #[must_use]
 pub fn toward_mean(color: Vec3, mean: Vec3, contrast: f32) -> Vec3 {
     if contrast == 1.0 { color } else { mean + (color - mean) * contrast }
 }
 
-/// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
-/// first). A leaf at the rim of the crown (w = 1.5) is likelier to stay than one at its centre (w = 0.5), where others hide it.
-#[must_use]
-pub fn order(foliage: &Foliage, seed: u64) -> Vec<f32> {
-    let leaves = foliage.leaves();
-    let key = |leaf: usize| {
-        let triangles = leaves.get(leaf);
-        let sum: DVec3 = triangles.iter().flat_map(|&t| foliage.corners(t as usize)).sum();
-        let from_centre = (sum / (3.0 * triangles.len() as f64)).length();
-        let uniform = Stream::new(seed, 0, leaf).signed() * 0.5 + 0.5;
-        libm::log(uniform.max(f64::MIN_POSITIVE)) / (0.5 + from_centre)
-    };
-    let mut keyed: Vec<(f64, usize)> = (0..leaves.len()).map(|leaf| (key(leaf), leaf)).collect();
-    keyed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut ranks = vec![0.0; leaves.len()];
-    for (place, (_, leaf)) in keyed.iter().enumerate() {
-        ranks[*leaf] = rank(place, leaves.len());
-    }
-    ranks
-}
-
-/// place / count as f32, kept below 1 where rounding would reach it.
-fn rank(place: usize, count: usize) -> f32 {
-    const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
-    ((place as f64 / count as f64) as f32).min(BELOW_ONE)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::foliage::Attributes;
 
     #[test]
     fn half_the_leaves_at_start_over_half() {
@@ -173,28 +142,5 @@ mod tests {
         }
         assert_eq!(area_scale(leaves.iter().copied(), 1.0), 1.0);
         assert_eq!(area_scale(leaves.iter().copied(), 0.0), 1.0);
-    }
-
-    #[test]
-    fn the_order_is_a_permutation_that_keeps_the_rim() {
-        let place = |i: u32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400));
-        let positions: Vec<DVec3> =
-            (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1].map(|o| place(i) + o)).collect();
-        let triangles = (0..4000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
-        let ranks = order(&foliage, 7);
-        let mut sorted = ranks.clone();
-        sorted.sort_by(f32::total_cmp);
-        assert!(sorted.iter().enumerate().all(|(i, &r)| r == (i as f64 / 4000.0) as f32));
-        let mean = |inner: bool| {
-            let chosen: Vec<f64> = (0..4000)
-                .filter(|&t| (foliage.corners(t)[0].length() < 0.5) == inner)
-                .map(|t| f64::from(ranks[t]))
-                .collect();
-            chosen.iter().sum::<f64>() / chosen.len() as f64
-        };
-        assert!(mean(false) < mean(true) - 0.02);
-        assert_eq!(rank(9_999_999, 10_000_000).max(0.99), rank(9_999_999, 10_000_000));
-        assert!(rank(199_999_999, 200_000_000) < 1.0);
     }
 }

@@ -1,0 +1,68 @@
+//! The order in which leaves are pruned.
+
+use glam::DVec3;
+
+use crate::fit::Stream;
+use crate::foliage::Foliage;
+
+/// The rank of leaves that are never pruned.
+pub const PROTECTED: f32 = -1.0;
+
+/// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
+/// first). A leaf at the rim of the crown (w = 1.5) is likelier to stay than one at its centre (w = 0.5), where others hide it. Protected
+/// leaves have [`PROTECTED`], and no place among the others.
+#[must_use]
+pub fn order(foliage: &Foliage, seed: u64) -> Vec<f32> {
+    let leaves = foliage.leaves();
+    let key = |leaf: usize| {
+        let triangles = leaves.get(leaf);
+        let sum: DVec3 = triangles.iter().flat_map(|&t| foliage.corners(t as usize)).sum();
+        let from_centre = (sum / (3.0 * triangles.len() as f64)).length();
+        let uniform = Stream::new(seed, 0, leaf).signed() * 0.5 + 0.5;
+        libm::log(uniform.max(f64::MIN_POSITIVE)) / (0.5 + from_centre)
+    };
+    let protected = &foliage.attributes().protected;
+    let is_free = |leaf: &usize| protected.is_empty() || !leaves.get(*leaf).iter().any(|&t| protected[t as usize]);
+    let mut keyed: Vec<(f64, usize)> = (0..leaves.len()).filter(is_free).map(|leaf| (key(leaf), leaf)).collect();
+    keyed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut ranks = vec![PROTECTED; leaves.len()];
+    for (place, (_, leaf)) in keyed.iter().enumerate() {
+        ranks[*leaf] = rank(place, keyed.len());
+    }
+    ranks
+}
+
+/// place / count as f32, kept below 1 where rounding would reach it.
+fn rank(place: usize, count: usize) -> f32 {
+    const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+    ((place as f64 / count as f64) as f32).min(BELOW_ONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::foliage::Attributes;
+
+    #[test]
+    fn the_order_is_a_permutation_that_keeps_the_rim() {
+        let place = |i: u32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400));
+        let positions: Vec<DVec3> =
+            (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1].map(|o| place(i) + o)).collect();
+        let triangles = (0..4000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
+        let ranks = order(&foliage, 7);
+        let mut sorted = ranks.clone();
+        sorted.sort_by(f32::total_cmp);
+        assert!(sorted.iter().enumerate().all(|(i, &r)| r == (i as f64 / 4000.0) as f32));
+        let mean = |inner: bool| {
+            let chosen: Vec<f64> = (0..4000)
+                .filter(|&t| (foliage.corners(t)[0].length() < 0.5) == inner)
+                .map(|t| f64::from(ranks[t]))
+                .collect();
+            chosen.iter().sum::<f64>() / chosen.len() as f64
+        };
+        assert!(mean(false) < mean(true) - 0.02);
+        assert_eq!(rank(9_999_999, 10_000_000).max(0.99), rank(9_999_999, 10_000_000));
+        assert!(rank(199_999_999, 200_000_000) < 1.0);
+    }
+}
