@@ -28,7 +28,7 @@ from lod_scenes import (
 from mathutils import Euler, Matrix, Vector
 
 from addon.build.scene_nodes import GROUP_NAME, SceneSettings, add_scene_modifier, scene_group
-from addon.versions import set_modifier_input
+from addon.versions import set_corner_normals, set_modifier_input
 
 
 def add_trees(
@@ -339,6 +339,27 @@ def test_the_area_of_many_leaves_is_kept() -> None:
     add_camera((0.0, 0.0, 0.0))
     area = triangle_areas(points_of(evaluate(obj))).sum()
     assert area == pytest.approx(2.0 * leaves.areas.sum(), rel=3e-5)
+
+
+def test_what_the_trees_carry_survives() -> None:
+    meshes = []
+    for number, name in enumerate(("Spring", "Autumn")):
+        mesh = build(many_leaves(40))
+        mesh.materials.append(bpy.data.materials.new(name))
+        mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", np.full(240, 0.25 + 0.5 * number, np.float32))
+        set_corner_normals(mesh, np.tile(np.float32([0.6, 0.0, 0.8]), (120, 1)))
+        meshes.append(mesh)
+    places = [Matrix.Rotation(angle, 4, "Z") for angle in (0.0, math.pi / 2.0)]
+    obj, _ = add_scene(add_trees(meshes, places), SceneSettings(prune_start=20.0))
+    add_camera((0.0, 0.0, 40.0))
+
+    evaluated = evaluate(obj)
+    assert [material.name for material in evaluated.materials] == ["Spring", "Autumn"]
+    assert [face.material_index for face in evaluated.polygons] == [0] * 20 + [1] * 20
+    assert [corner.uv[0] for corner in evaluated.uv_layers["UVMap"].data] == [0.25] * 60 + [0.75] * 60
+    if bpy.app.version >= (4, 5, 0):  # Before, Blender's Delete Geometry node drops custom normals.
+        normals = np.array([normal.vector for normal in evaluated.corner_normals], np.float64)
+        np.testing.assert_allclose(normals, [[0.6, 0.0, 0.8]] * 60 + [[0.0, 0.6, 0.8]] * 60, atol=1e-6)
 
 
 def test_an_empty_collection_draws_nothing() -> None:

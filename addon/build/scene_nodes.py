@@ -27,7 +27,8 @@ Leaves of a negative rank, and meshes without ranks (the wood), are protected: n
 areas. They count in the budget, but it cannot remove them.
 
 Known limits: every tree is realised before it is pruned, each at every change of the camera, so memory and time follow
-the leaves of all trees. A collection inside the collection counts as one tree. Leaves do not move onto billboards.
+the leaves of all trees. Every object of the collection counts in n, the wood too; trees do not lie in collections of
+their own inside it. Leaves do not move onto billboards; their pivots and targets come out in the trees' coordinates.
 Blender 4.2's Delete Geometry node drops custom normals.
 """
 
