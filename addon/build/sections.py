@@ -69,6 +69,9 @@ class Section:
     def compare(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
         return self.result("FunctionNodeCompare", a, b, label=label, operation=operation)
 
+    def compare_integers(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
+        return self.result("FunctionNodeCompare", a, b, label=label, operation=operation, data_type="INT")
+
     def logic(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
         return self.result("FunctionNodeBooleanMath", a, b, label=label, operation=operation)
 
@@ -87,6 +90,36 @@ class Section:
         node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")
         value, exists = node.outputs["Attribute"], node.outputs["Exists"]
         return self.switch("VECTOR", exists, missing, value, label=f"{name}, if there")
+
+    def at_index(
+        self, value: bpy.types.NodeSocket, index: bpy.types.NodeSocket, label: str, **properties: Any
+    ) -> bpy.types.NodeSocket:
+        """The field `value` at another `index` of a domain; 0 outside. Blenders order its inputs differently."""
+        node = self._tree.nodes.new("GeometryNodeFieldAtIndex")
+        node.label = label
+        for key, setting in properties.items():
+            setattr(node, key, setting)
+        for socket in node.inputs:
+            if socket.enabled:
+                self._tree.links.new(index if socket.name == "Index" else value, socket)
+        self._place(node, (value, index))
+        return next(socket for socket in node.outputs if socket.enabled)
+
+    def capture(
+        self, geometry: bpy.types.NodeSocket, domain: str, label: str, **values: tuple[str, bpy.types.NodeSocket]
+    ) -> tuple[bpy.types.NodeSocket, ...]:
+        """The geometry with `values` (a kind, as FLOAT, and a field each) kept on its `domain`, and what reads each.
+
+        On instances each geometry is looked at by itself, unless the domain is INSTANCE.
+        """
+        node = self._tree.nodes.new("GeometryNodeCaptureAttribute")
+        node.label, node.domain = label, domain
+        self._tree.links.new(geometry, node.inputs["Geometry"])
+        for name, (kind, value) in values.items():
+            node.capture_items.new(kind, name)
+            self._tree.links.new(value, node.inputs[name])
+        self._place(node, (geometry, *(value for _, value in values.values())))
+        return (node.outputs["Geometry"], *(node.outputs[name] for name in values))
 
     def _place(self, node: bpy.types.Node, operands: tuple[Operand, ...]) -> None:
         used = [operand.node.name for operand in operands if isinstance(operand, bpy.types.NodeSocket)]

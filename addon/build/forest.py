@@ -1,0 +1,154 @@
+"""The variants of which `forest_nodes` makes a forest, from the levels of a bake.
+
+    LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross
+
+Leaves that are pruned for good need no ramp: each that is left grows by s = √(ΣA / ΣA of those left), which keeps the
+area as the law of the moving ones does. Meshes that are not pruned, and the wood, are those of the bake, shared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from ..plan.reach import halvings
+from .forest_nodes import MOST_VARIANTS, ForestSettings, add_forest_modifier
+from .levels import EXTRAS, BuiltLevel
+from .lod_nodes import NEVER
+from .rollback import removed_on_failure
+
+_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_pivot", "leaf_target", "leaf_pivot_target", "leaf_billboard")
+"""What moving and pruning read, and a variant that does neither need not carry."""
+
+
+@dataclass(frozen=True)
+class Forest:
+    """A collection of variants that is in no scene, and from where each but the first is drawn (world units)."""
+
+    variants: bpy.types.Collection
+    distances: tuple[float, ...]
+    centre: tuple[float, float, float]
+
+    def plant(self, obj: bpy.types.Object, *, width: float = 0.15, far: float = NEVER) -> bpy.types.NodesModifier:
+        """Draws a tree on every point of `obj`, whose scale is 1; `width` and `far` as in `ForestSettings`."""
+        return add_forest_modifier(obj, self.variants, ForestSettings(self.distances, self.centre, width, far))
+
+
+def build_forest(
+    levels: Sequence[BuiltLevel],
+    name: str,
+    *,
+    switch_distances: Sequence[float],
+    centre: tuple[float, float, float],
+    prune_start: float = NEVER,
+    prune_half: float = 0.5,
+) -> Forest:
+    """Makes the variants of a forest of one tree, of its baked `levels`, LOD 0 first.
+
+    switch_distances: one for each level, in world units; the first is 0. centre: of the foliage in the tree's
+    coordinates. prune_start, prune_half: d₀ > 0 in world units and h in (0, ½] of λ(d); half of the leaves are drawn
+    from d₀/h on, a quarter from d₀/h², down to 1/128, until LOD 1 takes over.
+
+    The variants stand with their foot in the origin, turned and scaled as the levels are. When anything fails, what was
+    made is removed again. Raises `ValueError` for more than 16 variants, and for a LOD 0 that has no ranks to prune by.
+    """
+    behind = [*switch_distances[1:], NEVER]
+    pruned = halvings(prune_start, prune_half, until=behind[0])
+    leaves = levels[0].object.data
+    if pruned and "leaf_rank" not in leaves.attributes:
+        raise ValueError(f"mesh {leaves.name!r} has no leaf_rank: bake it with the effect pruning, or do not prune it")
+    distances = (*(distance for _, distance in pruned), *switch_distances[1:])
+    if len(distances) >= MOST_VARIANTS:
+        raise ValueError(f"the forest would have {len(distances) + 1} variants, it may have {MOST_VARIANTS}")
+    with removed_on_failure():
+        variants = bpy.data.collections.new(name)
+        turn = levels[0].object.matrix_basis.to_3x3()
+        _add_variant(variants, levels[0], 1.0, turn)
+        for keep, _ in pruned:
+            _add_variant(variants, levels[0], keep, turn)
+        for level in levels[1:]:
+            _add_variant(variants, level, 1.0, turn)
+    return Forest(variants, distances, tuple(turn @ Vector(centre)))
+
+
+def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, keep: float, turn: Matrix) -> None:
+    """Adds the level, and its wood, as a collection of their own, in which both stand as they are to be drawn."""
+    name = f"{variants.name}_{len(variants.children):02d}"
+    variant = bpy.data.collections.new(name)
+    variants.children.link(variant)
+    mesh = level.object.data
+    members = {name: mesh if keep == 1.0 else pruned_mesh(mesh, keep, name)}
+    if level.wood is not None:
+        members[f"{name}_wood"] = level.wood.data
+    for member, data in members.items():
+        obj = bpy.data.objects.new(member, data)
+        obj.matrix_basis = turn.to_4x4()
+        variant.objects.link(obj)
+
+
+def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str) -> bpy.types.Mesh:
+    """A new mesh of the leaves of rank below `keep`, grown about their pivots so that they cover what all cover.
+
+    `mesh` has the point attributes `leaf_rank` and `leaf_pivot`; leaves of a negative rank are kept as they are. The
+    new one has its materials and layers, but nothing that only serves to move and prune it.
+    """
+    ranks, pivots = _read(mesh, "leaf_rank"), _read(mesh, "leaf_pivot")
+    points = np.empty((len(ranks), 3), np.float32)
+    mesh.vertices.foreach_get("co", points.ravel())
+    growing = (ranks >= 0.0) & (ranks < keep)
+    points[growing] = pivots[growing] + (points - pivots)[growing] * _scale(mesh, ranks, keep)
+
+    made = mesh.copy()
+    made.name = name
+    _forget_morphs(made)
+    made.vertices.foreach_set("co", points.ravel())
+    # By bmesh, which keeps all layers: the normals of Blender 4.2, too.
+    work = bmesh.new()
+    try:
+        work.from_mesh(made)
+        lost = ranks >= keep
+        bmesh.ops.delete(work, geom=list(compress(work.verts, lost)), context="VERTS")
+        work.to_mesh(made)
+    finally:
+        work.free()
+    return made
+
+
+def _scale(mesh: bpy.types.Mesh, ranks: NDArray[np.float32], keep: float) -> np.float32:
+    """s; 1 where no leaf is left to grow."""
+    areas, first = np.empty(len(mesh.polygons), np.float32), np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("area", areas)
+    mesh.polygons.foreach_get("loop_start", first)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    of_face = ranks[corners[first]]
+    whole, left = (areas[(of_face >= 0.0) & (of_face < limit)].sum(dtype=np.float64) for limit in (np.inf, keep))
+    return np.float32(np.sqrt(whole / left) if left > 0.0 else 1.0)
+
+
+def _read(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
+    """The point attribute: (v,) numbers or (v, 3) vectors."""
+    attribute = mesh.attributes[name]
+    numbers = attribute.data_type == "FLOAT"
+    values = np.empty(len(mesh.vertices) if numbers else (len(mesh.vertices), 3), np.float32)
+    attribute.data.foreach_get("value" if numbers else "vector", values.ravel())
+    return values
+
+
+def _forget_morphs(mesh: bpy.types.Mesh) -> None:
+    """Takes the shape keys, vertex groups, extras and attributes off that a mesh at rest has no use for."""
+    carrier = bpy.data.objects.new(mesh.name, mesh)
+    carrier.shape_key_clear()
+    carrier.vertex_groups.clear()
+    bpy.data.objects.remove(carrier)
+    mesh.pop(EXTRAS, None)
+    for name in _LIVE_ATTRIBUTES:
+        if (attribute := mesh.attributes.get(name)) is not None:
+            mesh.attributes.remove(attribute)

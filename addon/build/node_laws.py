@@ -1,0 +1,108 @@
+"""What node groups that look at many trees have in common: how they are declared, the camera, the share of leaves λ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from .lod_nodes import NEVER
+from .sections import Section
+
+TINY = 1e-30
+"""What stands for 0 in a divisor or a logarithm."""
+BLOCK = 1024.0
+"""Faces that are summed at a time."""
+
+LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
+SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
+
+
+def group_of_layout(name: str, key: str, layout: int, fill: Callable[[bpy.types.NodeTree], None]) -> bpy.types.NodeTree:
+    """The file's own modifier group whose property `key` is `layout`: the one that is there, else a new one, filled."""
+    for tree in bpy.data.node_groups:
+        if tree.library is None and tree.get(key) == layout:
+            return tree
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree[key] = layout
+    tree.is_modifier = True
+    fill(tree)
+    return tree
+
+
+def declare(tree: bpy.types.NodeTree, name: str, kind: str, description: str, panel: Any = None, **values: Any) -> None:
+    """Adds the input `name`, of the socket type `kind` ("Float"), with the values of its properties."""
+    socket = tree.interface.new_socket(
+        name, description=description, in_out="INPUT", socket_type=f"NodeSocket{kind}", parent=panel
+    )
+    for key, value in values.items():
+        setattr(socket, key, value)
+
+
+class Camera:
+    """The scene's active camera, as the object that has the modifier sees it."""
+
+    def __init__(self, section: Section) -> None:
+        active = section.result("GeometryNodeInputActiveCamera")
+        info = section.node("GeometryNodeObjectInfo", active, label="Camera seen from here", transform_space="RELATIVE")
+        # Only the Object Info of no object has the scale 0.
+        size = section.vector("LENGTH", info.outputs["Scale"])
+        self.location = info.outputs["Location"]
+        self._exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
+
+    def distance(
+        self, section: Section, place: bpy.types.NodeSocket, centre: bpy.types.NodeSocket, label: str
+    ) -> bpy.types.NodeSocket:
+        """From the camera's `place`, in any coordinates, to `centre` in the same, below `NEVER`.
+
+        0 without a camera, or with one whose place is not a number, so that everything is drawn whole.
+        """
+        distance = section.vector("DISTANCE", place, centre)
+        number = section.compare(distance, "GREATER_EQUAL", 0.0, label="Is it a number?")
+        near = section.math("MINIMUM", distance, NEVER * 0.99, label="Never is farther")
+        known = section.logic(self._exists, "AND", number)
+        return section.switch("FLOAT", known, 0.0, near, label=label)
+
+
+def keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """λ = min((d₀/d)^(log_h ½), 1), as (d₀ / max(d, d₀))^(log_h ½): exactly 1 up to d₀, and defined at d = 0.
+
+    Reads the inputs Prune Start d₀ and Prune Half h.
+    """
+    start = section.math("MAXIMUM", section.group_input("Prune Start"), TINY, label="d₀")
+    half = section.math("MAXIMUM", section.group_input("Prune Half"), TINY)
+    half = section.math("MINIMUM", half, 0.5, label="h")
+    exponent = section.math("LOGARITHM", 0.5, half, label="log_h ½")
+    nearness = section.math("DIVIDE", start, section.math("MAXIMUM", distance, start), label="d₀ / max(d, d₀)")
+    return section.math("POWER", nearness, exponent, label="λ")
+
+
+def declare_pruning(tree: bpy.types.NodeTree, panel: Any) -> None:
+    """The inputs that `keep` reads."""
+    declare(
+        tree, "Prune Start", "Float", "Distance up to which all leaves are drawn", panel, default_value=NEVER, **LENGTH
+    )
+    half = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 0.5, "default_value": 0.5}
+    declare(tree, "Prune Half", "Float", "Half of the leaves are left at Prune Start divided by this", panel, **half)
+
+
+def sum_over_faces(
+    section: Section, values: bpy.types.NodeSocket, tree: bpy.types.NodeSocket | None = None
+) -> bpy.types.NodeSocket:
+    """For each face the sum of `values` over all faces, or over those of its `tree`.
+
+    `tree` counts from 0 and rises with the index of the faces. Summed in blocks, because Accumulate Field adds one by
+    one in f32: off by 0.4 % over a million faces. The first of each block carries its sum to the sum of all blocks.
+    """
+    index = section.result("GeometryNodeInputIndex")
+    block = section.math("FLOOR", section.math("DIVIDE", index, BLOCK), label="Block")
+    # 1 for the first, because there is no block 0 before it. Rises with every block and every tree.
+    number = section.math("ADD", block, 1.0 if tree is None else section.math("ADD", tree, 1.0), label="Number")
+    previous = section.math("SUBTRACT", index, 1.0)
+    before = section.at_index(number, previous, "Of the face before", data_type="INT", domain="FACE")
+    first = section.compare(number, "GREATER_THAN", before, label="First of its block?")
+    faces = {"data_type": "FLOAT", "domain": "FACE"}
+    of_block = section.node("GeometryNodeAccumulateField", values, number, label="Sum of the block", **faces)
+    once = section.switch("FLOAT", first, 0.0, of_block.outputs["Total"], label="Each block once")
+    return section.node("GeometryNodeAccumulateField", once, tree, label="Sum of all blocks", **faces).outputs["Total"]
