@@ -210,7 +210,8 @@ function newLevel(object, parser) {
     // Mip levels would make the leaves' own textures thinner, and the first cloud, which keeps its coverage, a step.
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
-  return { number: level, object, morphs, start: morphs ? start : NEVER, end: morphs ? end : NEVER, uniforms, pruned, leafCount };
+  const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
+  return { number: level, object, morphs, ...reach, uniforms, pruned, leafCount };
 }
 
 function newUniforms() {

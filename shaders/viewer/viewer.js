@@ -1,11 +1,13 @@
 // The page: a tree, a camera that orbits it, what is drawn in figures, and the settings of leafcloud.js.
 //
-// ?tree=URL opens a file that the server has, &distance=D begins that far from its centre, &keep=λ with that share of its leaves.
+// ?tree=URL opens a file that the server has, &distance=D begins that far from its centre, &keep=λ with that share of
+// its leaves; any of SETTINGS may stand there, too.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import GUI from "three/addons/libs/lil-gui.module.min.js";
-import { Tree } from "./leafcloud.js";
+import { SETTINGS, Tree } from "./leafcloud.js";
 
+const FRONT = new THREE.Vector3(0.5, 0.15, 1);
 const wanted = new URLSearchParams(location.search);
 const readOut = document.querySelector("#read-out");
 const message = document.querySelector("#message");
@@ -63,20 +65,18 @@ function show(opened) {
   tree?.removeFromParent();
   tree = opened;
   scene.add(tree);
+  for (const name of Object.keys(SETTINGS)) if (wanted.has(name)) tree.settings[name] = Number(wanted.get(name));
   controls.target.copy(tree.centre);
-  lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius);
+  lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius, FRONT);
   const farthest = 4 * (tree.levels.at(-2)?.vanish ?? 10 * tree.radius);
   Object.assign(camera, { near: tree.radius / 100, far: 2 * farthest });
   camera.updateProjectionMatrix();
   fillPanel(farthest);
 }
 
-/** Keeps the direction from which it is looked. */
-function lookFrom(distance) {
-  const direction = camera.position.clone().sub(controls.target);
-  if (!tree.seen) direction.set(0.5, 0.15, 1);
-  tree.seen = true;
-  camera.position.copy(controls.target).add(direction.setLength(distance));
+/** Where nothing else is said, from where it is looked now. */
+function lookFrom(distance, direction = camera.position.clone().sub(controls.target)) {
+  camera.position.copy(controls.target).addScaledVector(direction, distance / direction.length());
 }
 
 function openButton() {

@@ -3,8 +3,9 @@
 // {tables: [{expression, rows}], shares}: the vec4 `expression` for each row of 16 numbers x0 … x3 (vec4). `shares` is the
 // table of areas. The answer has a list of four numbers for each row.
 //
-// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, covered, meshes: [{material,
-// count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex shader puts them.
+// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, covered,
+// meshes: [{material, count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex
+// shader puts them.
 import * as THREE from "three";
 import { DECLARATIONS, LAWS, Tree } from "/shaders/viewer/leafcloud.js";
 
