@@ -12,10 +12,11 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from command_line import QUICK, bake, saved
 from glb import Node, Primitive, read_glb
 from laws import KNOTS, Floats, drawn_share, kept, ramp, transition
 from lod_scenes import add_camera, evaluate, points_of
+from mathutils import Euler, Matrix, Vector
 
 from addon.export.gltf import y_up
 from addon.versions import set_modifier_input
@@ -122,10 +123,22 @@ def rest_of(node: Node) -> Rest:
     )
 
 
-@pytest.fixture(scope="module")
-def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def moved(tree: Path, folder: Path) -> Path:
+    """The tree in a scene of its own, turned, scaled and far from the origin."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(tree))
+    place = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))
+    for obj in bpy.context.scene.objects:
+        if obj.parent is None:
+            obj.matrix_world = place @ obj.matrix_world
+    return saved(folder / tree.with_suffix(".blend").name)
+
+
+@pytest.fixture(scope="module", params=["as it is", "moved"])
+def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source = shrub if request.param == "as it is" else moved(shrub, tmp_path_factory.mktemp("moved"))
     out = tmp_path_factory.mktemp("shrub")
-    bake(shrub, out, *QUICK)
+    bake(source, out, *QUICK)
     return out
 
 
