@@ -23,7 +23,7 @@ PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
 RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
 VALIDATOR := tests/gltf_validator
-THREE := tools/three
+THREE := shaders/viewer
 
 .PHONY: help
 help: ## list the targets
@@ -37,8 +37,9 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: setup $(VALIDATOR)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
+test: setup $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
 test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(environment)/.wheel)
+	@tools/prerequisites.sh chromium
 	cargo test --workspace --release
 	cargo test --package leafcloud --lib --test corpus
 	tools/same_bytes.sh
@@ -66,6 +67,11 @@ relit: setup ## light level 1 and its leaves with six suns in Cycles, and compar
 three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium
 	.venv/bin/python tools/three.py $(ARGS)
+
+.PHONY: viewer
+viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/viewer/
+	@tools/prerequisites.sh python
+	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 --directory shaders 8000
 
 .PHONY: stability
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md

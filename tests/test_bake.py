@@ -136,6 +136,14 @@ def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, 
         keep = np.arange(65, dtype=np.float32) / 64
         assert row["triangles"] == np.searchsorted(ranks[:, 0], keep).tolist()
         assert row["material"] == primitive.material["name"]
+    corners, ranks = (
+        np.concatenate([each.attributes[name][each.indices] for each in node.primitives])
+        for name in ("POSITION", "_LEAF_RANK")
+    )
+    sides = np.diff(corners.astype(float), axis=1)
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    expected = [areas[ranks[:, 0, 0] < (i / 64) ** 2].sum() / areas.sum() for i in range(65)]
+    np.testing.assert_allclose(extras["area_shares"], expected, atol=1e-6)
 
 
 def test_texture_coordinates_stand_in_for_rank_and_pivot(baked: tuple[Path, dict[str, Any]]) -> None:
@@ -163,10 +171,13 @@ def test_attributes_of_one_width_survive_blender_s_importer(baked: tuple[Path, d
 def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
     node = read_glb(baked[0] / "shrub.glb")["shrub_LOD0"]
     for primitive in node.primitives:
-        corners = primitive.attributes["POSITION"][primitive.indices]
-        pivots = primitive.attributes["_LEAF_PIVOT"][primitive.indices[:, 0]]
-        sizes = np.ptp(corners, axis=1).max(axis=1)
-        assert (np.abs(pivots - corners.mean(axis=1)).max(axis=1) <= 2.0 * sizes).all()
+        places = primitive.attributes["POSITION"]
+        targets = places + primitive.targets[0]["POSITION"]
+        for name, points in (("_LEAF_PIVOT", places), ("_LEAF_PIVOT_TARGET", targets)):
+            corners = points[primitive.indices]
+            pivots = primitive.attributes[name][primitive.indices[:, 0]]
+            sizes = np.ptp(corners, axis=1).max(axis=1)
+            assert (np.abs(pivots - corners.mean(axis=1)).max(axis=1) <= 2.0 * sizes).all()
 
 
 def test_the_blend_file_holds_the_levels_and_nothing_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
@@ -422,6 +433,7 @@ def test_godot_reads_rank_and_pivot_from_custom_attributes(
         attributes = primitive.attributes
         assert np.array_equal(attributes["_CUSTOM0"], attributes["_LEAF_RANK"])
         assert np.array_equal(attributes["_CUSTOM1"], attributes["_LEAF_PIVOT"])
+        assert np.array_equal(attributes["_CUSTOM2"], attributes["_LEAF_PIVOT_TARGET"])
         assert not [name for name in attributes if name.startswith(("TEXCOORD_1", "COLOR"))]
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 

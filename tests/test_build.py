@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from addon.build import levels as built_levels
 from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
-from addon.build.levels import Costs, Plan, build_levels, prefix_table
+from addon.build.levels import Costs, Plan, area_shares, build_levels, prefix_table
 from addon.placement import Placement
 from addon.plan.reach import reaches
 from addon.scene.extract import Geometry, Tree
@@ -327,6 +327,16 @@ def test_the_table_of_prefixes_names_the_materials() -> None:
     assert (leaf["material"], dry["material"]) == ("leaf", "dry leaf")
     assert [leaf["triangles"][step] for step in (0, 16, 17, 32, 33, 64)] == [0, 0, 1, 1, 3, 3]
     assert [dry["triangles"][step] for step in (0, 1)] == [0, 1]
+
+
+def test_the_table_of_areas_tells_few_leaves_apart_and_leaves_out_what_is_protected() -> None:
+    rng = np.random.default_rng(5)
+    ranks = np.concatenate([np.full(7, -1.0), rng.permutation(200) / 200, [1.0 / 64, (1.0 / 64) ** 2]]).astype("f4")
+    areas = rng.uniform(0.5, 2.0, len(ranks)).astype("f4")
+    pruned = np.where(ranks < 0.0, 0.0, areas.astype("f8"))
+    expected = [pruned[ranks < (i / 64) ** 2].sum() / pruned.sum() for i in range(65)]
+    np.testing.assert_allclose(area_shares(areas, ranks), expected, rtol=1e-12, atol=0.0)
+    assert area_shares(areas[:7], ranks[:7]) == [0.0] * 65
 
 
 # The levels behind

@@ -7,7 +7,7 @@
 #       lint       rustfmt and clippy
 #       blender    the system libraries that the bpy wheels load
 #       node       node and npm, for the glTF validator and three.js
-#       chromium   the browser in which three.js draws
+#       chromium   the browser in which three.js draws, and shaders are tested
 #   tools/prerequisites.sh --find-python
 #       prints the path of that Python
 #

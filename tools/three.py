@@ -16,26 +16,18 @@ import argparse
 import base64
 import json
 import math
-import queue
 import subprocess
 import sys
-import tempfile
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
+from browser import ROOT, BrowserError, ask
 from numpy.typing import NDArray
 
 import leafcloud
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 BAKED = ROOT / "target" / "three"
 LARGEST_FILE = 10_000_000
@@ -47,14 +39,6 @@ SHOWN = (256, 64)
 PATIENCE = 600.0
 """Seconds that a tree may take."""
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-
-# No sandbox, for root has none: the page is our own. SwiftShader draws without a graphics card, the same everywhere.
-CHROMIUM = [
-    *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox"),
-    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    *("--disable-quic", "--remote-debugging-port=0"),
-]
 
 Picture = NDArray[np.float32]
 
@@ -95,46 +79,12 @@ class Seen:
         return light / self.coverage(size) if self.coverage(size) else math.nan
 
 
-class Handler(SimpleHTTPRequestHandler):
-    """Serves the repository, and takes the page's answer."""
-
-    def __init__(self, *args: Any, answers: queue.Queue[bytes], **more: Any) -> None:
-        self.answers = answers
-        super().__init__(*args, directory=str(ROOT), **more)
-
-    def do_POST(self) -> None:
-        self.answers.put(self.rfile.read(int(self.headers["Content-Length"])))
-        self.send_response(204)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the console is the table's."""
-
-
-@contextmanager
-def serving(answers: queue.Queue[bytes]) -> Iterator[str]:
-    """The address under which the repository is served."""
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, answers=answers)) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
-
-
 def look(*looks: Look) -> list[Seen]:
     """What three.js shows of each."""
-    answers: queue.Queue[bytes] = queue.Queue()
-    with serving(answers) as address, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        page = f"{address}/tools/three/look.html#{quote(json.dumps([vars(wanted) for wanted in looks]))}"
-        command = [*CHROMIUM, f"--user-data-dir={profile}", page]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
-            try:
-                answer = json.loads(answers.get(timeout=PATIENCE))
-            except queue.Empty:
-                raise SystemExit(f"three.js saw nothing within {PATIENCE:.0f} s.") from None
-            finally:
-                browser.terminate()
-    if "error" in answer:
-        raise SystemExit(f"three.js failed: {answer['error']}")
+    try:
+        answer = ask("tools/three/look.html", [vars(wanted) for wanted in looks], patience=PATIENCE)
+    except BrowserError as error:
+        raise SystemExit(str(error)) from None
     return [to_seen(each) for each in answer["seen"]]
 
 

@@ -34,7 +34,7 @@ from .rollback import removed_on_failure
 EXTRAS = "leafcloud"
 """The custom property, and so the key in glTF's extras, of objects and meshes."""
 PREFIX_STEPS = 64
-"""The table of prefixes has one entry per λ = 0, 1/64 … 1."""
+"""The table of prefixes has one entry per λ = 0, 1/64 … 1, that of areas one per rank 0, (1/64)² … 1."""
 
 
 @dataclass
@@ -146,6 +146,19 @@ def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str,
         prefixes = triangles[np.searchsorted(ranks[faces], keep, side="left")]
         table.append({"material": int(material), "triangles": prefixes.tolist()})
     return table
+
+
+def area_shares(areas: NDArray[np.float32], ranks: NDArray[np.float32]) -> list[float]:
+    """The share of the area that has a rank below (i/64)², i = 0 … 64: what engines take the scale s from.
+
+    The squares tell few leaves apart, where s is large. `areas` and `ranks` (f,) are those of all faces; what is never
+    pruned, of a negative rank, does not count. All 0 where nothing has an area.
+    """
+    order = np.argsort(ranks, kind="stable")
+    below = np.concatenate([[0.0], np.cumsum(np.where(ranks < 0.0, 0.0, areas)[order], dtype=np.float64)])
+    knots = (np.arange(PREFIX_STEPS + 1, dtype=np.float32) / np.float32(PREFIX_STEPS)) ** 2
+    sums = below[np.searchsorted(ranks[order], knots, side="left")]
+    return (sums / (below[-1] or 1.0)).tolist()
 
 
 def _add_level(
@@ -364,10 +377,12 @@ def _object(
 
 
 def _pruning_extras(mesh: bpy.types.Mesh, shape: _Shape) -> dict[str, Any]:
-    """The table of prefixes with the materials' names instead of their numbers."""
+    """The tables of areas and of prefixes, with the materials' names instead of their numbers."""
     names = [material.name if material is not None else "" for material in mesh.materials]
-    table = prefix_table(shape.surface, shape.ranks)
-    return {"keep_steps": PREFIX_STEPS, "prefixes": [{**row, "material": names[row["material"]]} for row in table]}
+    prefixes = [{**row, "material": names[row["material"]]} for row in prefix_table(shape.surface, shape.ranks)]
+    areas = np.empty(len(mesh.polygons), np.float32)
+    mesh.polygons.foreach_get("area", areas)
+    return {"keep_steps": PREFIX_STEPS, "prefixes": prefixes, "area_shares": area_shares(areas, shape.ranks)}
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:

@@ -132,17 +132,24 @@ def y_up(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 def _add_engine_attributes(mesh: bpy.types.Mesh, engine: str) -> list[str]:
     rank = np.empty(len(mesh.vertices), np.float32)
     mesh.attributes["leaf_rank"].data.foreach_get("value", rank)
-    pivot = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.attributes["leaf_pivot"].data.foreach_get("vector", pivot)
-    pivot = y_up(pivot.reshape(-1, 3))
+    pivot = _vectors(mesh, "leaf_pivot")
     # The rank in all three components: Blender's importer (4.5, 5.0) fails at random on a mesh with attributes of
     # several widths, because it goes through their names in two orders.
     values = {"_LEAF_RANK": np.repeat(rank[:, None], 3, axis=1), "_LEAF_PIVOT": pivot}
+    if "leaf_pivot_target" in mesh.attributes:
+        values["_LEAF_PIVOT_TARGET"] = _vectors(mesh, "leaf_pivot_target")
     if engine == "godot":  # It drops all other names.
-        values |= {"_CUSTOM0": values["_LEAF_RANK"], "_CUSTOM1": pivot}
+        values |= {f"_CUSTOM{number}": vectors for number, vectors in enumerate(values.values())}
     for name, vectors in values.items():
         add_point_attribute(mesh, name, "FLOAT_VECTOR", vectors)
     return [*values] if engine == "godot" else [*values, *_add_fallback(mesh, np.column_stack([rank, pivot]))]
+
+
+def _vectors(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
+    """(v, 3) the attribute `name`, Y-up."""
+    vectors = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes[name].data.foreach_get("vector", vectors)
+    return y_up(vectors.reshape(-1, 3))
 
 
 def _add_fallback(mesh: bpy.types.Mesh, values: NDArray[np.float32]) -> list[str]:

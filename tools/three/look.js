@@ -1,6 +1,6 @@
-// Looks at GLB files as three.js shows them, unlit and without wood, and posts what it saw to /seen.
+// Looks at GLB files as three.js shows them, unlit and without wood, and posts what it saw.
 //
-// The page's hash is a JSON list of looks, each {url, ktx2, mips, sizes}: whether textures are taken from
+// The question is a JSON list of looks, each {url, ktx2, mips, sizes}: whether textures are taken from
 // KHR_texture_basisu, whether their mip levels are used, and as {size: grid} how many pixels the picture's side has, and
 // from how many places in each pixel, grid × grid, it is looked. All are framed by the bounding sphere of the first
 // look's model.
@@ -12,7 +12,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
 const VIEWS = 8;
-const TRANSCODER = "node_modules/three/examples/jsm/libs/basis/";
+const TRANSCODER = "/shaders/viewer/node_modules/three/examples/jsm/libs/basis/";
 
 const renderer = new THREE.WebGLRenderer({ antialias: false });
 renderer.setClearColor(0x000000, 0);
@@ -156,9 +156,10 @@ async function seen(looks) {
   return answers;
 }
 
+const answer = (content) => fetch("/answer", { method: "POST", body: JSON.stringify(content) });
 try {
-  const looks = JSON.parse(decodeURIComponent(location.hash.slice(1)));
-  await fetch("seen", { method: "POST", body: JSON.stringify({ seen: await seen(looks) }) });
+  const looks = await (await fetch("/question")).json();
+  await answer({ seen: await seen(looks) });
 } catch (error) {
-  await fetch("seen", { method: "POST", body: JSON.stringify({ error: `${error}\n${error.stack}` }) });
+  await answer({ error: `${error}\n${error.stack}` });
 }

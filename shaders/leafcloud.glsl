@@ -1,0 +1,100 @@
+// The laws of Leafcloud's levels: transition, pruning, contrast and fades, for any engine.
+//
+// Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
+// 3.30 and later, Blender's among them. The same laws move leaves in Blender (addon/build/lod_nodes.py) and stand in
+// rust/core/src/prune.rs; a leaf that one of them draws is drawn by all. Where each number is found in a GLB file says
+// docs/guide.md.
+//
+// Distances are from the camera to the centre of the leaves, all in one unit, of the tree's own scale (world distance / scale).
+// Shares lie in [0, 1]. A negative rank is that of a protected leaf: it is always drawn, does not grow, and its area is
+// not in the sums.
+
+// Entries of the table of areas, at the ranks (i / 64)². They tell few leaves apart, where the scale is large.
+const int LC_SHARES = 65;
+// ρ at most: the share of the leaves drawn that is growing in or out.
+const float LC_RAMP = 0.05;
+// What stands for 0 in a divisor.
+const float LC_TINY = 1e-30;
+
+// a = clamp((d − start) / (end − start), 0, 1): 0 at rest, 1 on the billboards. 0 ≤ start; a step at `start` when `end`
+// is not greater.
+float lc_transition(float distance, float start, float end) {
+    return clamp((distance - start) / max(end - start, LC_TINY), 0.0, 1.0);
+}
+
+// λ = min((d₀/d)^(log_h ½), 1): the share of leaves that is drawn. `start` d₀ > 0; `half_at` h in (0, ½]: λ(d₀/h) = ½.
+// Exactly 1 up to d₀. Below λ = 0.005 a cheaper level should stand in.
+float lc_keep(float distance, float start, float half_at) {
+    float nearness = start / max(distance, start);
+    return nearness < 1.0 ? exp2(-log2(nearness) / log2(half_at)) : 1.0;
+}
+
+// r = clamp((λ − rank) / (λ·ρ), 0, 1), ρ = min(0.05, 1 − λ): the last leaves drawn grow in and out. 0 for rank ≥ λ, 1
+// for a protected leaf.
+float lc_ramp(float rank, float keep) {
+    if (rank < 0.0) {
+        return 1.0;
+    }
+    float width = min(LC_RAMP, 1.0 - keep) * keep;
+    return rank < keep ? clamp((keep - rank) / max(width, LC_TINY), 0.0, 1.0) : 0.0;
+}
+
+// C(rank): the share of the leaves' area that has a lower rank, linear between the entries of the table. `rank` in
+// [0, 1].
+float lc_share_below(float rank, float shares[LC_SHARES]) {
+    int i = clamp(int(sqrt(rank) * float(LC_SHARES - 1)), 0, LC_SHARES - 2);
+    float below = float(i * i) / float((LC_SHARES - 1) * (LC_SHARES - 1));
+    float above = float((i + 1) * (i + 1)) / float((LC_SHARES - 1) * (LC_SHARES - 1));
+    return mix(shares[i], shares[i + 1], clamp((rank - below) / (above - below), 0.0, 1.0));
+}
+
+// s = √(ΣA / Σ(A·r²)), the factor of length that keeps the covered area, from the table `shares`:
+//
+//     s² = 1 / (C(λ(1−ρ)) + (C(λ) − C(λ(1−ρ))) / 3)
+//
+// for a ramp of length has a third of its area left. Areas are taken to be even over the ramp, so s² is off by at most the
+// share of the area that is not: with n equal leaves about 1/(λn) of it. 1 where nothing is pruned, or nothing left.
+float lc_area_scale(float keep, float shares[LC_SHARES]) {
+    float whole = lc_share_below(keep * (1.0 - min(LC_RAMP, 1.0 - keep)), shares);
+    float drawn = mix(whole, lc_share_below(keep, shares), 1.0 / 3.0);
+    return keep < 1.0 && drawn > 0.0 ? inversesqrt(drawn) : 1.0;
+}
+
+// s·r, by how much a leaf grows: 0 where it is not drawn, 1 for a protected leaf and where nothing is pruned. `scale` is s.
+float lc_growth(float rank, float keep, float scale) {
+    return rank < 0.0 ? 1.0 : scale * lc_ramp(rank, keep);
+}
+
+// p' = pivot(a) + (p(a) − pivot(a))·s·r: the leaf moved to its billboard by `transition` a, and grown about its pivot by
+// `growth` s·r. At a = 0 and s·r = 1 the position itself, bit for bit; at s·r = 0 the corners of a triangle are one
+// point, so that nothing is drawn.
+vec3 lc_place(vec3 position, vec3 target, vec3 pivot, vec3 pivot_target, float transition, float growth) {
+    vec3 point = mix(position, target, transition);
+    vec3 centre = mix(pivot, pivot_target, transition);
+    return growth == 1.0 ? point : centre + (point - centre) * growth;
+}
+
+// κ = √(max(1, λq) / max(1, q)): how far colours keep their distance from the mean, so that fewer leaves do not mean more
+// contrast. `per_pixel` q ≥ 0: leaves in a pixel of the unpruned tree.
+float lc_contrast(float keep, float per_pixel) {
+    return sqrt(max(1.0, keep * per_pixel) / max(1.0, per_pixel));
+}
+
+// c̄ + (c − c̄) κ, of linear colours. At κ = 1 the colour itself.
+vec3 lc_toward_mean(vec3 color, vec3 mean, float contrast) {
+    return contrast == 1.0 ? color : mean + (color - mean) * contrast;
+}
+
+// The share of a billboard that is shown where it is seen at a grazing angle: 0 edge-on, 1 from |cos| = `width` on,
+// smooth between. `cos_view`: of the angle between the billboard's normal and the direction to the viewer.
+// 0 ≤ width < 1; 0: no fade.
+float lc_grazing(float cos_view, float width) {
+    return width > 0.0 ? smoothstep(0.0, width, abs(cos_view)) : 1.0;
+}
+
+// Whether a pixel of what is shown to the `share` is one of those that are: a fade without blending. `pixel`:
+// gl_FragCoord.xy. Of two levels in one place, one shows the pixels where this holds, the other the rest. The pattern is
+// interleaved gradient noise (Jimenez 2014), which is even among any few neighbours.
+bool lc_shown(float share, vec2 pixel) {
+    return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) < share;
+}

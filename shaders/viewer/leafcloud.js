@@ -1,0 +1,336 @@
+// Trees with levels of detail in three.js: loads NAME.glb, and draws the level that the camera's distance asks for, morphed
+// and pruned by the laws of ../leafcloud.glsl.
+//
+//     const tree = await Tree.load("NAME.glb");
+//     scene.add(tree);
+//     … before each picture: tree.update(camera, heightInPixels);
+//
+// What the shaders need of a level are attributes of its geometry: lcTarget, lcRank, lcPivot, lcPivotTarget, and uniforms.
+import * as THREE from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+
+/** ../leafcloud.glsl, and after it what a vertex shader declares and where it puts a point. */
+export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
+export const DECLARATIONS = `
+uniform vec3 lcTransitionAt; // distance, start, end
+uniform vec3 lcKeepAt; // distance, prune start, prune half
+uniform float lcShares[LC_SHARES];
+in vec3 lcTarget;
+in float lcRank;
+in vec3 lcPivot;
+in vec3 lcPivotTarget;
+
+vec3 lcPlaced(vec3 point) {
+    float transition = lc_transition(lcTransitionAt.x, lcTransitionAt.y, lcTransitionAt.z);
+    float keep = lc_keep(lcKeepAt.x, lcKeepAt.y, lcKeepAt.z);
+    float growth = lc_growth(lcRank, keep, lc_area_scale(keep, lcShares));
+    return lc_place(point, lcTarget, lcPivot, lcPivotTarget, transition, growth);
+}
+`;
+
+const FRAGMENT_DECLARATIONS = `
+uniform vec3 lcKeepAt;
+uniform vec3 lcMean;
+uniform float lcPerPixel;
+uniform float lcGrazing;
+uniform float lcShare; // of the pixels that go to the next level, or
+uniform bool lcNext; // of those that this level, which is the next, takes
+in vec3 lcView;
+`;
+const FADE = `
+    if (lc_shown(lcShare, gl_FragCoord.xy) != lcNext) discard;
+    vec3 lcNormal = normalize(cross(dFdx(lcView), dFdy(lcView)));
+    if (!lc_shown(lc_grazing(dot(lcNormal, normalize(lcView)), lcGrazing), gl_FragCoord.xy)) discard;
+`;
+const CONTRAST = `
+    float lcKept = lc_keep(lcKeepAt.x, lcKeepAt.y, lcKeepAt.z);
+    diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcPerPixel));
+`;
+
+/** The a at which the next level takes over: at 1 itself leaves that overlap have next to no depth order left. */
+const HAND_OVER = 0.998;
+
+/**
+ * How a tree is drawn. Distances are in the tree's own units.
+ *
+ * pruneStart, pruneHalf: d₀ and h of the law of λ; without end, nothing is pruned.
+ * hysteresis: by which share a level is drawn longer when the camera comes back, so that it does not switch to and fro.
+ * fade: over which share of its distance a level that nothing morphs to fades in.
+ * grazing: billboards fade out from this |cos| between normal and view on.
+ * contrast: whether the colours of leaves that are left are drawn toward their mean.
+ * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
+ */
+export const SETTINGS = {
+  pruneStart: Infinity,
+  pruneHalf: 0.5,
+  hysteresis: 0.02,
+  fade: 0.1,
+  grazing: 0,
+  contrast: true,
+  byHand: null,
+};
+
+export class Tree extends THREE.Group {
+  /** The tree in the file at `url`, at rest. */
+  static async load(url) {
+    return new Tree(await new GLTFLoader().loadAsync(url));
+  }
+
+  constructor(gltf) {
+    super();
+    this.add(gltf.scene);
+    this.settings = { ...SETTINGS };
+    this.levels = levelsOf(gltf);
+    this.level = 0;
+    this.distance = 0;
+    const { center, radius } = boundsOf(this.levels[0], this);
+    this.centre = center;
+    this.radius = radius;
+    this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
+  }
+
+  /** Shows what the camera asks for. `height`, in pixels, tells how many leaves fall in one; 0: fewer than one. */
+  update(camera, height = 0) {
+    const place = this.worldToLocal(camera.getWorldPosition(new THREE.Vector3()));
+    this.distance = place.distanceTo(this.centre);
+    this.level = this.#levelAt(this.distance);
+    const share = this.#shareOfNext();
+    this.levels.forEach((level, number) => {
+      const next = number === this.level + 1;
+      level.object.visible = number === this.level || (next && share > 0);
+      if (!level.object.visible) return;
+      Object.assign(level.uniforms.lcShare, { value: share });
+      Object.assign(level.uniforms.lcNext, { value: next });
+      this.#move(level, this.#leavesInPixel(level, camera, height));
+    });
+  }
+
+  /** a, λ of what is drawn, as the shaders have them. */
+  get state() {
+    const [transition, keep] = this.#laws(this.levels[this.level]);
+    return { level: this.level, transition: transitionAt(...transition), keep: keepAt(...keep) };
+  }
+
+  #levelAt(distance) {
+    const { levels } = this;
+    let number = this.level;
+    while (number + 1 < levels.length && distance >= levels[number].vanish) number++;
+    while (number > 0 && distance < levels[number - 1].vanish * (1 - this.#delay(levels[number - 1]))) number--;
+    return number;
+  }
+
+  /** A fade has no need of it: it is the same to and fro. */
+  #delay(level) {
+    return level.morphs ? this.settings.hysteresis : 0;
+  }
+
+  /** Of the pixels, where the level that is drawn hands over to one that nothing morphs to. */
+  #shareOfNext() {
+    const { morphs, vanish } = this.levels[this.level];
+    return morphs || !isFinite(vanish) ? 0 : transitionAt(this.distance, vanish * (1 - this.settings.fade), vanish);
+  }
+
+  /** What lc_transition and lc_keep are called with. */
+  #laws({ start, end }) {
+    const { pruneStart, pruneHalf, byHand } = this.settings;
+    if (byHand) return [[byHand.transition, 0, 1], [1, byHand.keep, 0.5]];
+    return [[this.distance, start, end], [this.distance, Math.min(pruneStart, NEVER), pruneHalf]];
+  }
+
+  #move(level, perPixel) {
+    const [transition, keep] = this.#laws(level);
+    level.uniforms.lcTransitionAt.value.fromArray(transition);
+    level.uniforms.lcKeepAt.value.fromArray(keep);
+    level.uniforms.lcPerPixel.value = this.settings.contrast ? perPixel : 0;
+    level.uniforms.lcGrazing.value = level.number > 0 ? this.settings.grazing : 0;
+    for (const { geometry, prefixes } of level.pruned) {
+      const step = Math.min(Math.ceil(keepAt(...keep) * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
+      geometry.setDrawRange(0, 3 * prefixes[step]);
+    }
+  }
+
+  /** q, were the leaves spread over the disc that the crown fills. */
+  #leavesInPixel({ leafCount }, camera, height) {
+    const radius = (this.radius / this.distance) * (height / 2) * camera.projectionMatrix.elements[5];
+    return radius > 0 ? leafCount / (Math.PI * radius * radius) : 0;
+  }
+}
+
+/** A distance that no camera reaches. */
+const NEVER = 1e9;
+
+/** clamp((d − start) / (end − start), 0, 1), as in leafcloud.glsl. */
+function transitionAt(distance, start, end) {
+  return Math.min(Math.max((distance - start) / Math.max(end - start, 1e-30), 0), 1);
+}
+
+/** min((d₀/d)^(log_h ½), 1), as in leafcloud.glsl. */
+function keepAt(distance, start, half) {
+  return (start / Math.max(distance, start)) ** (Math.log(0.5) / Math.log(half));
+}
+
+async function text(url) {
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`${url}: ${response.status}`);
+  return response.text();
+}
+
+function levelsOf({ scene, parser }) {
+  const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
+  if (found.length === 0) throw new Error("No levels: this file is not one that Leafcloud wrote.");
+  const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
+  const levels = found.sort(byNumber).map((object) => newLevel(object, parser));
+  levels.forEach((level, i) => {
+    const switchDistance = levels[i + 1]?.object.userData.leafcloud.switch_distance ?? Infinity;
+    level.vanish = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
+  });
+  return levels;
+}
+
+function newLevel(object, parser) {
+  const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
+  const morphs = Number.isFinite(end);
+  const uniforms = newUniforms();
+  const pruned = [];
+  let leafCount = 0;
+  for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
+    const leaves = moves(mesh.geometry);
+    if (leaves) {
+      const table = tableOf(mesh, parser);
+      leafCount += new Set(mesh.geometry.attributes._leaf_rank?.array).size;
+      addAttributes(mesh.geometry);
+      mesh.frustumCulled = false; // Leaves grow out of the bounds.
+      mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
+      if (table) {
+        uniforms.lcShares.value = table.shares;
+        pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
+      }
+    }
+    mesh.material = patched(mesh.material, uniforms, leaves);
+    // Mip levels would make the leaves' own textures thinner, and the first cloud, which keeps its coverage, a step.
+    if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
+  }
+  const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
+  return { number: level, object, morphs, ...reach, uniforms, pruned, leafCount };
+}
+
+function newUniforms() {
+  return {
+    lcTransitionAt: { value: new THREE.Vector3(0, NEVER, NEVER) },
+    lcKeepAt: { value: new THREE.Vector3(0, NEVER, 0.5) },
+    lcShares: { value: Array.from({ length: 65 }, (_, i) => (i / 64) ** 2) },
+    lcPerPixel: { value: 0 },
+    lcGrazing: { value: 0 },
+    lcShare: { value: 0 },
+    lcNext: { value: false },
+  };
+}
+
+function objectsOf(root) {
+  const found = [];
+  root.traverse((object) => found.push(object));
+  return found;
+}
+
+function moves({ attributes, morphAttributes }) {
+  return "_leaf_rank" in attributes || "position" in morphAttributes;
+}
+
+/** The mesh's tables; from the file itself, for in `userData` a node's extras may replace its mesh's. */
+function tableOf(mesh, parser) {
+  const { meshes, primitives } = parser.associations.get(mesh);
+  const extras = parser.json.meshes[meshes].extras?.leafcloud;
+  return extras && { shares: extras.area_shares, prefixes: extras.prefixes[primitives].triangles };
+}
+
+/** Names what the shaders read; where the file has no ranks, all leaves are protected. */
+function addAttributes(geometry) {
+  const { position, _leaf_rank: rank, _leaf_pivot: pivot, _leaf_pivot_target: pivotTarget } = geometry.attributes;
+  geometry.setAttribute("lcTarget", targetsOf(geometry));
+  const ranks = (_, i) => (rank ? rank.getX(i) : -1);
+  geometry.setAttribute("lcRank", new THREE.BufferAttribute(Float32Array.from({ length: position.count }, ranks), 1));
+  geometry.setAttribute("lcPivot", pivot ?? position);
+  geometry.setAttribute("lcPivotTarget", pivotTarget ?? pivot ?? position);
+  ["_leaf_rank", "_leaf_pivot", "_leaf_pivot_target", "uv2", "uv3"].forEach((name) => geometry.deleteAttribute(name));
+}
+
+/** The morph target as places instead of offsets, as an attribute instead of a texture. */
+function targetsOf(geometry) {
+  const { position } = geometry.attributes;
+  const [offsets] = geometry.morphAttributes.position ?? [];
+  geometry.morphAttributes = {};
+  if (!offsets) return position;
+  return new THREE.BufferAttribute(position.array.map((value, i) => value + offsets.array[i]), 3);
+}
+
+/** Of a level's leaves, without its wood: distances are taken from there, as in Blender. */
+function boundsOf({ object }, root) {
+  root.updateWorldMatrix(true, true);
+  const meshes = objectsOf(object).filter(({ isMesh }) => isMesh);
+  const leaves = meshes.filter(({ geometry }) => "lcRank" in geometry.attributes);
+  const box = new THREE.Box3();
+  for (const { geometry, matrixWorld } of leaves.length ? leaves : meshes) {
+    const { position } = geometry.attributes;
+    for (let i = 0; i < position.count; i++) {
+      box.expandByPoint(new THREE.Vector3().fromBufferAttribute(position, i).applyMatrix4(matrixWorld));
+    }
+  }
+  return box.getBoundingSphere(new THREE.Sphere());
+}
+
+/** A material of the level's own that includes the laws. */
+function patched(original, uniforms, leaves) {
+  const material = original.clone();
+  material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
+  const own = { ...uniforms, lcMean: { value: meanColor(material) } };
+  material.customProgramCacheKey = () => `leafcloud ${leaves}`;
+  material.onBeforeCompile = (shader) => {
+    Object.assign(shader.uniforms, own);
+    shader.vertexShader = vertexShader(shader.vertexShader, leaves);
+    shader.fragmentShader = fragmentShader(shader.fragmentShader, leaves);
+  };
+  return material;
+}
+
+function vertexShader(source, leaves) {
+  const declarations = `out vec3 lcView;\n${leaves ? LAWS + DECLARATIONS : ""}`;
+  const placed = leaves ? replaced(source, "#include <begin_vertex>", "vec3 transformed = lcPlaced(position);") : source;
+  return before("void main()", declarations, after("#include <project_vertex>", "lcView = -mvPosition.xyz;", placed));
+}
+
+function fragmentShader(source, leaves) {
+  const faded = after("#include <clipping_planes_fragment>", FADE, source);
+  const shaded = leaves ? after("#include <color_fragment>", CONTRAST, faded) : faded;
+  return before("void main()", LAWS + FRAGMENT_DECLARATIONS, shaded);
+}
+
+function before(place, what, source) {
+  return replaced(source, place, `${what}\n${place}`);
+}
+
+function after(place, what, source) {
+  return replaced(source, place, `${place}\n${what}`);
+}
+
+/** Fails where three.js has changed its shaders, instead of drawing something else. */
+function replaced(source, place, what) {
+  if (!source.includes(place)) throw new Error(`three.js's shader has no ${place}`);
+  return source.replace(place, () => what);
+}
+
+/** c̄, linear: the mean of the texture's opaque texels times the base colour; of all of it, drawn on a leaf or not. */
+function meanColor({ map, color }) {
+  if (!map?.image) return color.clone();
+  const side = 64;
+  const context = new OffscreenCanvas(side, side).getContext("2d", { willReadFrequently: true });
+  context.drawImage(map.image, 0, 0, side, side);
+  const { data } = context.getImageData(0, 0, side, side);
+  const sum = new THREE.Color(0);
+  let weight = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const texel = new THREE.Color().setRGB(data[i] / 255, data[i + 1] / 255, data[i + 2] / 255, THREE.SRGBColorSpace);
+    sum.add(texel.multiplyScalar(data[i + 3]));
+    weight += data[i + 3];
+  }
+  return sum.multiplyScalar(1 / Math.max(weight, 1)).multiply(color);
+}

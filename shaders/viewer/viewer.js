@@ -1,0 +1,158 @@
+// The page: a tree, a camera that orbits it, what is drawn in figures, and the settings of leafcloud.js.
+//
+// ?tree=URL opens a file that the server has, &distance=D begins that far from its centre, &keep=λ with that share of
+// its leaves; any of SETTINGS may stand there, too.
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import GUI from "three/addons/libs/lil-gui.module.min.js";
+import { SETTINGS, Tree } from "./leafcloud.js";
+
+const FRONT = new THREE.Vector3(0.5, 0.15, 1);
+const wanted = new URLSearchParams(location.search);
+const readOut = document.querySelector("#read-out");
+const message = document.querySelector("#message");
+
+const renderer = new THREE.WebGLRenderer({ antialias: true });
+const scene = new THREE.Scene();
+// Vertically 50° and 1080 pixels high: what bake.py's switch distances are made for.
+const camera = new THREE.PerspectiveCamera(50);
+const controls = new OrbitControls(camera, renderer.domElement);
+const controlPanel = new GUI({ title: "Leafcloud" });
+
+let tree = null;
+
+function prepare() {
+  document.body.append(renderer.domElement);
+  scene.background = new THREE.Color(0xdfe7ee);
+  const sun = new THREE.DirectionalLight(0xfff4e0, 2.5);
+  sun.position.set(2, 3, 1);
+  scene.add(new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
+  window.addEventListener("resize", fit);
+  window.addEventListener("dragover", (event) => event.preventDefault());
+  window.addEventListener("drop", (event) => {
+    event.preventDefault();
+    openFile(event.dataTransfer.files[0]);
+  });
+  fit();
+}
+
+function fit() {
+  renderer.setPixelRatio(devicePixelRatio);
+  renderer.setSize(innerWidth, innerHeight);
+  camera.aspect = innerWidth / innerHeight;
+  camera.updateProjectionMatrix();
+}
+
+async function openFile(file) {
+  if (!file) return;
+  const url = URL.createObjectURL(file);
+  await open(url, file.name);
+  URL.revokeObjectURL(url);
+}
+
+async function open(url, name) {
+  message.textContent = `Reading ${name} …`;
+  try {
+    show(await Tree.load(url));
+    message.textContent = "";
+  } catch (error) {
+    message.textContent = `${name}: ${error.message}`;
+    throw error;
+  }
+}
+
+function show(opened) {
+  tree?.removeFromParent();
+  tree = opened;
+  scene.add(tree);
+  for (const name of Object.keys(SETTINGS)) if (wanted.has(name)) tree.settings[name] = Number(wanted.get(name));
+  controls.target.copy(tree.centre);
+  lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius, FRONT);
+  const farthest = 4 * (tree.levels.at(-2)?.vanish ?? 10 * tree.radius);
+  Object.assign(camera, { near: tree.radius / 100, far: 2 * farthest });
+  camera.updateProjectionMatrix();
+  fillPanel(farthest);
+}
+
+/** Where nothing else is said, from where it is looked now. */
+function lookFrom(distance, direction = camera.position.clone().sub(controls.target)) {
+  camera.position.copy(controls.target).addScaledVector(direction, distance / direction.length());
+}
+
+function openButton() {
+  const input = document.createElement("input");
+  Object.assign(input, { type: "file", accept: ".glb", onchange: () => openFile(input.files[0]) });
+  controlPanel.add({ open: () => input.click() }, "open").name("Open …");
+}
+
+function fillPanel(farthest) {
+  controlPanel.controllers.slice(1).forEach((controller) => controller.destroy());
+  controlPanel.folders.slice().forEach((folder) => folder.destroy());
+  addDistance(farthest);
+  addPruning(farthest);
+  addByHand();
+  const fades = controlPanel.addFolder("Fades");
+  fades.add(tree.settings, "grazing", 0, 0.5).name("grazing |cos|");
+  fades.add(tree.settings, "fade", 0, 0.5).name("into the cross");
+  fades.add(tree.settings, "hysteresis", 0, 0.2);
+}
+
+/** Doublings of the crown's radius, for near and far to be as easy to reach. */
+function addDistance(farthest) {
+  const state = {
+    get distance() {
+      return Math.log2(tree.distance / tree.radius);
+    },
+    set distance(doublings) {
+      lookFrom(tree.radius * 2 ** doublings);
+    },
+  };
+  controlPanel.add(state, "distance", 0, Math.log2(farthest / tree.radius)).name("distance (log₂ R)").listen();
+}
+
+function addPruning(farthest) {
+  const { settings } = tree;
+  const state = { prune: false, start: tree.levels[0].vanish / 4 };
+  const apply = () => (settings.pruneStart = state.prune ? state.start : Infinity);
+  const folder = controlPanel.addFolder("Pruning");
+  folder.add(state, "prune").name("by distance").onChange(apply);
+  folder.add(state, "start", tree.radius, farthest / 4).name("from d₀").onChange(apply);
+  folder.add(settings, "pruneHalf", 0.01, 0.5).name("half left at d₀ / h").onChange(apply);
+  folder.add(settings, "contrast").name("keep the contrast");
+}
+
+function addByHand() {
+  const values = { transition: 0, keep: Number(wanted.get("keep")) || 1 };
+  const state = { on: wanted.has("keep") };
+  const apply = () => (tree.settings.byHand = state.on ? values : null);
+  const folder = controlPanel.addFolder("By hand");
+  folder.add(state, "on").name("not by distance").onChange(apply);
+  folder.add(values, "transition", 0, 1).name("transition a");
+  folder.add(values, "keep", 0.005, 1).name("share of leaves λ");
+  apply();
+}
+
+function draw() {
+  controls.update();
+  tree?.update(camera, renderer.domElement.height);
+  renderer.render(scene, camera);
+  if (!tree) return;
+  const { level, transition, keep } = tree.state;
+  const figures = {
+    distance: `${tree.distance.toPrecision(4)}  (${(tree.distance / tree.radius).toFixed(1)} R)`,
+    level: `${level} of ${tree.levels.length - 1}`,
+    "transition a": transition.toFixed(3),
+    "leaves λ": keep.toFixed(3),
+    triangles: renderer.info.render.triangles.toLocaleString("en"),
+    "draw calls": renderer.info.render.calls,
+  };
+  readOut.hidden = false;
+  readOut.textContent = Object.entries(figures)
+    .map(([name, figure]) => `${name.padEnd(14)}${figure}`)
+    .join("\n");
+}
+
+prepare();
+openButton();
+renderer.setAnimationLoop(draw);
+if (wanted.has("tree")) await open(wanted.get("tree"), wanted.get("tree"));

@@ -1,0 +1,158 @@
+// Answers what leafcloud.glsl computes on this machine's WebGL 2, through transform feedback.
+//
+// {tables: [{expression, rows}], shares}: the vec4 `expression` for each row of 16 numbers x0 … x3 (vec4). `shares` is the
+// table of areas. The answer has a list of four numbers for each row.
+//
+// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, covered,
+// meshes: [{material, count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex
+// shader puts them.
+import * as THREE from "three";
+import { DECLARATIONS, LAWS, Tree } from "/shaders/viewer/leafcloud.js";
+
+const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
+const HEADER = "#version 300 es\nprecision highp float;\nout vec4 result;\n";
+
+function compiled(kind, source) {
+  const shader = gl.createShader(kind);
+  gl.shaderSource(shader, source);
+  gl.compileShader(shader);
+  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`${gl.getShaderInfoLog(shader)}\n${source}`);
+  return shader;
+}
+
+function linked(vertexSource) {
+  const program = gl.createProgram();
+  gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertexSource));
+  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"));
+  gl.transformFeedbackVaryings(program, ["result"], gl.SEPARATE_ATTRIBS);
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+  return program;
+}
+
+/** `result` for each of `count` points. */
+function computed(vertexSource, attributes, uniforms, count) {
+  const program = linked(vertexSource);
+  gl.useProgram(program);
+  for (const [name, values] of Object.entries(uniforms)) {
+    const set = name === "lcShares" ? gl.uniform1fv : gl.uniform3fv;
+    set.call(gl, gl.getUniformLocation(program, name), values);
+  }
+  gl.bindVertexArray(gl.createVertexArray());
+  for (const [name, { array, itemSize }] of Object.entries(attributes)) {
+    const location = gl.getAttribLocation(program, name);
+    if (location < 0) continue;
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, array, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(location);
+    gl.vertexAttribPointer(location, itemSize, gl.FLOAT, false, 0, 0);
+  }
+  return captured(count);
+}
+
+function captured(count) {
+  const results = new Float32Array(4 * count);
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, buffer);
+  gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, results.byteLength, gl.STREAM_READ);
+  gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, buffer);
+  gl.enable(gl.RASTERIZER_DISCARD);
+  gl.beginTransformFeedback(gl.POINTS);
+  gl.drawArrays(gl.POINTS, 0, count);
+  gl.endTransformFeedback();
+  gl.getBufferSubData(gl.TRANSFORM_FEEDBACK_BUFFER, 0, results);
+  if (gl.getError() !== gl.NO_ERROR) throw new Error("WebGL refused a call");
+  return results;
+}
+
+function tabulated({ expression, rows }, shares) {
+  const source = `${HEADER}${LAWS}
+    uniform float lcShares[LC_SHARES];
+    in vec4 x0; in vec4 x1; in vec4 x2; in vec4 x3;
+    void main() { result = ${expression}; }`;
+  const columns = [0, 4, 8, 12].map((from) => Float32Array.from(rows.flatMap((row) => row.slice(from, from + 4))));
+  const attributes = Object.fromEntries(columns.map((array, i) => [`x${i}`, { array, itemSize: 4 }]));
+  const results = computed(source, attributes, { lcShares: shares }, rows.length);
+  return rows.map((_, i) => [...results.subarray(4 * i, 4 * i + 4)]);
+}
+
+function placed(geometry, uniforms) {
+  const { position } = geometry.attributes;
+  if (!geometry.attributes.lcRank) return position.array;
+  const source = `${HEADER}${LAWS}${DECLARATIONS}in vec3 position;
+    void main() { result = vec4(lcPlaced(position), 1.0); }`;
+  const values = {
+    lcTransitionAt: uniforms.lcTransitionAt.value.toArray(),
+    lcKeepAt: uniforms.lcKeepAt.value.toArray(),
+    lcShares: uniforms.lcShares.value,
+  };
+  return computed(source, geometry.attributes, values, position.count).filter((_, i) => i % 4 < 3);
+}
+
+function encoded(floats) {
+  const bytes = new Uint8Array(floats.buffer, floats.byteOffset, floats.byteLength);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 1 << 15) text += String.fromCharCode(...bytes.subarray(i, i + (1 << 15)));
+  return btoa(text);
+}
+
+function meshesOf(level) {
+  const found = [];
+  level.object.traverse((object) => object.isMesh && !object.name.endsWith("_wood") && found.push(object));
+  return found.map(({ geometry, material }) => ({
+    material: material.name,
+    count: Math.min(geometry.drawRange.count, geometry.index.count),
+    places: encoded(placed(geometry, level.uniforms)),
+  }));
+}
+
+function newRenderer() {
+  const renderer = new THREE.WebGLRenderer();
+  renderer.setClearColor(0x000000, 0);
+  renderer.debug.onShaderError = (context, program, vertex, fragment) => {
+    throw new Error([vertex, fragment].map((shader) => context.getShaderInfoLog(shader)).join("\n"));
+  };
+  return renderer;
+}
+
+/** How many pixels of 64 × 64 something is drawn in. */
+function covered(renderer, scene, camera) {
+  const target = new THREE.WebGLRenderTarget(64, 64);
+  const pixels = new Uint8Array(4 * 64 * 64);
+  renderer.setRenderTarget(target);
+  renderer.render(scene, camera);
+  renderer.readRenderTargetPixels(target, 0, 0, 64, 64, pixels);
+  target.dispose();
+  return pixels.filter((value, i) => i % 4 === 3 && value > 0).length;
+}
+
+async function seen({ tree: url, settings, eyes }) {
+  const tree = await Tree.load(url);
+  Object.assign(tree.settings, settings);
+  const renderer = newRenderer();
+  const scene = new THREE.Scene().add(tree, new THREE.AmbientLight());
+  return eyes.map((eye) => {
+    const camera = new THREE.PerspectiveCamera(50, 1, tree.radius / 100, 1000 * tree.radius);
+    camera.position.fromArray(eye);
+    camera.lookAt(tree.centre);
+    // As wide as the crown, wherever it is.
+    camera.fov = (360 / Math.PI) * Math.atan(tree.radius / camera.position.distanceTo(tree.centre));
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    tree.update(camera, 64);
+    const level = tree.levels[tree.level];
+    const pixels = covered(renderer, scene, camera);
+    const { triangles } = renderer.info.render;
+    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, covered: pixels, meshes: meshesOf(level) };
+  });
+}
+
+const answer = (content) => fetch("/answer", { method: "POST", body: JSON.stringify(content) });
+try {
+  const question = await (await fetch("/question")).json();
+  if (question.tables) await answer({ tables: question.tables.map((table) => tabulated(table, question.shares)) });
+  else await answer({ seen: await seen(question) });
+} catch (error) {
+  await answer({ error: `${error}\n${error.stack}` });
+}

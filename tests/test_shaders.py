@@ -1,0 +1,203 @@
+"""The functions of leafcloud.glsl on WebGL 2 beside the laws in f64.
+
+Bounds come from what GLSL promises of single precision (as Vulkan states it, "Precision of GLSL.std.450"): sums and
+products are rounded once, quotients within 2.5 ulp, square roots and their inverses within some 3 ulp, log2 within 3
+ulp and within 2⁻²¹ on [½, 2], exp2(x) within 3 + 2|x| ulp. ULP here is 2⁻²³, at most one ulp as a share of the number.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from laws import KNOTS, Floats, drawn_share, kept, ramp, transition
+
+from tools.browser import ask
+
+PAGE = "tests/shaders/probe.html"
+PATIENCE = 120.0
+ULP = 2.0**-23
+KEEPS = np.float32([0.004, 0.005, 0.02, 0.1, 0.3, 0.5, 0.9, 0.94, 0.95, 0.97, 0.999, 1.0])
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of arguments (n, up to 16), what GLSL is to compute of them, the law and how far off GLSL may be."""
+
+    expression: str
+    arguments: Floats
+    expected: Floats
+    bound: Floats | float
+
+    @property
+    def rows(self) -> list[list[float]]:
+        return np.pad(self.arguments, ((0, 0), (0, 16 - self.arguments.shape[1]))).tolist()
+
+
+def grid(*axes: Any) -> Floats:
+    """All combinations, of values that f32 has, one a row."""
+    return (
+        np.stack(np.meshgrid(*(np.float32(axis) for axis in axes), indexing="ij"), -1)
+        .reshape(-1, len(axes))
+        .astype(float)
+    )
+
+
+def transition_table() -> Table:
+    arguments = grid([0.0, 1.0, 3.7, 99.0, 1e9], [0.0, 1.0, 3.0], [0.0, 1.0, 4.1, 250.0])
+    # Two differences, one quotient. Differences of a start and an end that are close are exact.
+    return Table("vec4(lc_transition(x0.x, x0.y, x0.z))", arguments, transition(*arguments.T), 4.0 * ULP)
+
+
+def keep_table() -> Table:
+    arguments = grid([0.0, 1.0, 10.0, 10.001, 13.0, 40.0, 300.0, 2e4], [1.0, 10.0], [0.5, 0.25, 0.1, 1e-3])
+    expected = kept(*arguments.T)
+    # log2 of the ratio, that of h, their quotient x, exp2(x): an error of x is a share ln 2 of λ.
+    x = np.abs(np.log2(expected))
+    absolute = 2.0**-21 / np.abs(np.log2(arguments[:, 2]))
+    bound = expected * (math.log(2.0) * (absolute + x * 10.0 * ULP) + (3.0 + 2.0 * x) * ULP)
+    return Table("vec4(lc_keep(x0.x, x0.y, x0.z))", arguments, expected, bound)
+
+
+def ramp_table() -> Table:
+    ranks = np.concatenate([[-1.0, 0.0], np.linspace(0.0, 0.999, 23), KEEPS * 0.97, KEEPS * 0.99999, KEEPS])
+    arguments = grid(ranks, KEEPS)
+    # A difference, that of λ from 1, the constant 0.05, a product, a quotient: 6 roundings.
+    return Table("vec4(lc_ramp(x0.x, x0.y))", arguments, ramp(*arguments.T), 6.0 * ULP)
+
+
+def growth_table() -> Table:
+    arguments = grid([-1.0, 0.0, 0.48, 0.49, 0.6], [0.5, 1.0], [1.0, 3.5])
+    rank, keep, scale = arguments.T
+    expected = np.where(rank < 0.0, 1.0, scale * ramp(rank, keep))
+    return Table("vec4(lc_growth(x0.x, x0.y, x0.z))", arguments, expected, 3.5 * 7.0 * ULP)
+
+
+def share_table(shares: Floats) -> Table:
+    ranks = np.concatenate(
+        [np.float32(KNOTS), np.nextafter(np.float32(KNOTS), np.float32(0.0)), np.linspace(0.0, 1.0, 200)]
+    )
+    arguments = grid(ranks)
+    # Knots are exact; the place between two, and the mean: 6 roundings of what is at most 1.
+    expected = np.interp(arguments[:, 0], KNOTS, shares)
+    return Table("vec4(lc_share_below(x0.x, lcShares))", arguments, expected, 6.0 * ULP)
+
+
+def scale_table(shares: Floats) -> Table:
+    arguments = grid(KEEPS)
+    drawn = drawn_share(arguments[:, 0], shares)
+    # λ(1−ρ) is off by 3 ulp of λ, where C rises by its slope; then the share itself and the root.
+    slope = np.array([np.max(np.diff(shares) / np.diff(KNOTS))])
+    error = (3.0 * slope * arguments[:, 0] + 8.0 * drawn) * ULP
+    bound = error / (2.0 * drawn**1.5) + 4.0 * ULP / np.sqrt(drawn)
+    return Table("vec4(lc_area_scale(x0.x, lcShares))", arguments, 1.0 / np.sqrt(drawn), bound)
+
+
+def place_table() -> Table:
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(60, 12)).astype("f4")
+    ways = grid([0.0, 0.3, 0.998, 1.0], [0.0, 0.5, 1.0, 7.0])
+    arguments = np.concatenate([np.hstack([points, np.tile(way, (60, 1))]) for way in ways]).astype(float)
+    position, target, pivot, pivot_target = arguments[:, :12].reshape(-1, 4, 3).transpose(1, 0, 2)
+    a, growth = arguments[:, 12:13], arguments[:, 13:14]
+    point, centre = (1.0 - a) * position + a * target, (1.0 - a) * pivot + a * pivot_target
+    expected = np.pad(centre + (point - centre) * growth, ((0, 0), (0, 1)))
+    # Each mean rounds four times and the difference once, which growth multiplies; then a product and a sum.
+    greatest = np.abs(arguments[:, :12]).max()
+    expression = "vec4(lc_place(x0.xyz, vec3(x0.w, x1.xy), vec3(x1.zw, x2.x), x2.yzw, x3.x, x3.y), 0.0)"
+    return Table(expression, arguments, expected, 10.0 * ULP * greatest * (1.0 + growth))
+
+
+def contrast_table() -> Table:
+    arguments = grid(KEEPS, [0.0, 0.5, 1.0, 3.0, 1000.0])
+    keep, per_pixel = arguments.T
+    expected = np.sqrt(np.maximum(1.0, keep * per_pixel) / np.maximum(1.0, per_pixel))
+    return Table("vec4(lc_contrast(x0.x, x0.y))", arguments, expected, 6.0 * ULP)
+
+
+def mean_table() -> Table:
+    rng = np.random.default_rng(4)
+    arguments = np.hstack([rng.uniform(size=(20, 6)), np.linspace(0.0, 1.0, 20)[:, None]]).astype("f4").astype(float)
+    color, mean, contrast = arguments[:, :3], arguments[:, 3:6], arguments[:, 6:]
+    expected = np.pad(mean + (color - mean) * contrast, ((0, 0), (0, 1)))
+    return Table("vec4(lc_toward_mean(x0.xyz, vec3(x0.w, x1.xy), x1.z), 0.0)", arguments, expected, 2.0 * ULP)
+
+
+def grazing_table() -> Table:
+    arguments = grid(np.linspace(-1.0, 1.0, 41), [0.0, 0.1, 0.5])
+    cosine, width = arguments.T
+    t = np.clip(np.abs(cosine) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
+    expected = np.where(width > 0.0, t * t * (3.0 - 2.0 * t), 1.0)
+    # 3 − 2t is at most 3, and t² (3 − 2t) changes by at most 1.5 times what t does.
+    return Table("vec4(lc_grazing(x0.x, x0.y))", arguments, expected, 12.0 * ULP)
+
+
+def shown_table() -> Table:
+    """Of 64 × 64 pixels, at each share; what is expected of it stands in its test."""
+    arguments = grid(np.arange(64) + 0.5, np.arange(64) + 0.5, [0.0, 0.1, 0.25, 0.5, 0.9, 1.0])
+    return Table("vec4(lc_shown(x0.z, x0.xy))", arguments, np.zeros(len(arguments)), 1.0)
+
+
+def uneven_shares() -> Floats:
+    """Of 500 leaves of several sizes, as f32: what a file holds."""
+    rng = np.random.default_rng(1)
+    areas = rng.uniform(0.2, 3.0, 500)
+    ranks = np.arange(500) / 500.0
+    return np.float32([areas[ranks < knot].sum() / areas.sum() for knot in KNOTS]).astype(float)
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, tuple[Table, Floats]]:
+    """By name the table, and what GLSL made of it (n, 4). One browser for all."""
+    shares = uneven_shares()
+    asked = {
+        "transition": transition_table(),
+        "keep": keep_table(),
+        "ramp": ramp_table(),
+        "growth": growth_table(),
+        "share": share_table(shares),
+        "scale": scale_table(shares),
+        "place": place_table(),
+        "contrast": contrast_table(),
+        "mean": mean_table(),
+        "grazing": grazing_table(),
+        "shown": shown_table(),
+    }
+    questions = [{"expression": table.expression, "rows": table.rows} for table in asked.values()]
+    answers = ask(PAGE, {"tables": questions, "shares": shares.tolist()}, patience=PATIENCE)["tables"]
+    return {name: (asked[name], np.array(answer, float)) for name, answer in zip(asked, answers, strict=True)}
+
+
+@pytest.mark.parametrize(
+    "name", ["transition", "keep", "ramp", "growth", "share", "scale", "place", "contrast", "mean", "grazing"]
+)
+def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], name: str) -> None:
+    table, found = tables[name]
+    columns = table.expected if table.expected.ndim == 2 else np.repeat(table.expected[:, None], 4, axis=1)
+    bound = np.broadcast_to(np.reshape(table.bound, (-1, 1)), columns.shape)
+    off = np.abs(found - columns)
+    worst = np.unravel_index(np.argmax(off - bound), off.shape)
+    assert np.isfinite(found).all()
+    assert (off <= bound).all(), (table.arguments[worst[0]], found[worst], columns[worst], bound[worst])
+
+
+def test_nothing_changes_at_rest(tables: dict[str, tuple[Table, Floats]]) -> None:
+    """Bit for bit: the position where a = 0 and nothing is pruned, one point where a leaf is not drawn."""
+    table, found = tables["place"]
+    a, growth = table.arguments[:, 12], table.arguments[:, 13]
+    assert np.array_equal(found[(a == 0.0) & (growth == 1.0), :3], table.arguments[(a == 0.0) & (growth == 1.0), :3])
+    assert np.array_equal(found[(a == 0.0) & (growth == 0.0), :3], table.arguments[(a == 0.0) & (growth == 0.0), 6:9])
+    for name in ("keep", "scale", "contrast", "grazing"):
+        table, found = tables[name]
+        assert (found[table.expected == 1.0] == 1.0).all()
+
+
+def test_a_fade_shows_its_share_of_the_pixels(tables: dict[str, tuple[Table, Floats]]) -> None:
+    table, found = tables["shown"]
+    for share in np.unique(table.arguments[:, 2]):
+        shown = found[table.arguments[:, 2] == share, 0].mean()
+        # Of an even sequence of n numbers; the pattern is one to a few in n along each row.
+        assert shown == pytest.approx(share, abs=0.01 if 0.0 < share < 1.0 else 0.0)

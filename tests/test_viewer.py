@@ -1,0 +1,285 @@
+"""The viewer of baked files beside the node group of the baked .blend: the same leaves in the same places."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from command_line import QUICK, bake, saved
+from glb import Node, Primitive, read_glb
+from laws import KNOTS, Floats, drawn_share, kept, ramp, transition
+from lod_scenes import add_camera, evaluate, points_of
+from mathutils import Euler, Matrix, Vector
+
+from addon.export.gltf import y_up
+from addon.versions import set_modifier_input
+from tools.browser import ask
+
+PAGE = "tests/shaders/probe.html"
+PATIENCE = 120.0
+HALF = 0.5
+"""h: half of the leaves are left at twice the distance at which pruning begins."""
+
+
+def by_leaf(ranks: Floats, rows: Floats) -> dict[float, Floats]:
+    """`rows` (n, …) by their `ranks` (n,)."""
+    order = np.argsort(ranks, kind="stable")
+    keys, first = np.unique(ranks[order], return_index=True)
+    return dict(zip(keys.tolist(), np.split(rows[order], first[1:]), strict=True))
+
+
+def attribute(primitive: Primitive, name: str) -> Floats:
+    """(v, 3), all 0 where the level does not have it."""
+    places = primitive.attributes["POSITION"]
+    return primitive.attributes.get(name, np.zeros_like(places)).astype(float)
+
+
+def pivots_of(primitive: Primitive) -> Floats:
+    """(v, 6) at rest, and on the billboard of each vertex: a leaf that lies on several has several."""
+    return np.hstack([attribute(primitive, "_LEAF_PIVOT"), attribute(primitive, "_LEAF_PIVOT_TARGET")])
+
+
+def drawn_by_shader(node: Node, meshes: list[dict[str, Any]]) -> dict[float, Floats]:
+    """Leaves of which a triangle is more than a point: by rank, of each corner the place and the pivots (n, 9)."""
+    ranks, rows = [], []
+    for primitive, mesh in zip(node.primitives, meshes, strict=True):
+        assert mesh["material"] == primitive.material["name"]
+        places = np.frombuffer(base64.b64decode(mesh["places"]), "<f4").reshape(-1, 3).astype(float)
+        triangles = primitive.indices[: mesh["count"] // 3]
+        triangles = triangles[(np.ptp(places[triangles], axis=1) > 0.0).any(axis=1)]
+        ranks.append(attribute(primitive, "_LEAF_RANK")[triangles, 0].ravel())
+        rows.append(np.hstack([places, pivots_of(primitive)])[triangles].reshape(-1, 9))
+    return by_leaf(np.concatenate(ranks), np.concatenate(rows))
+
+
+def drawn_by_nodes(obj: bpy.types.Object) -> dict[float, Floats]:
+    """By rank the points that the evaluated modifier leaves, in glTF's coordinates."""
+    mesh = evaluate(obj)
+    ranks = np.zeros(len(mesh.vertices), np.float32)
+    if "leaf_rank" in mesh.attributes:
+        mesh.attributes["leaf_rank"].data.foreach_get("value", ranks)
+    return by_leaf(ranks.astype(float), y_up(points_of(mesh)).astype(float)) if len(ranks) else {}
+
+
+def apart(one: Floats, other: Floats) -> float:
+    """The greatest distance from a point of either to the nearest of the other."""
+    distances = np.linalg.norm(one[:, None] - other[None], axis=2)
+    return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A level as it lies in its file: by leaf its greatest coordinate, how far its points lie from the pivot, how far
+    they move; of each triangle rank and area; the table of areas."""
+
+    reach: dict[float, tuple[float, float, float]]
+    ranks: Floats
+    areas: Floats
+    shares: Floats
+
+    def true_drawn_share(self, keep: float) -> float:
+        return float((self.areas * ramp(self.ranks, np.array(keep)) ** 2).sum() / self.areas.sum())
+
+    def unevenness(self, keep: float) -> float:
+        """The greatest difference over the ramp between the true share of area by rank, a step a leaf, and the table's:
+        by partial integration no ∫r²dC differs by more, for r² falls from 1 to 0."""
+        start = keep * (1.0 - min(0.05, 1.0 - keep))
+        at = np.concatenate([[start, keep], self.ranks[(self.ranks >= start) & (self.ranks < keep)]])
+        model = np.interp(at, [start, keep], np.interp([start, keep], KNOTS, self.shares))
+        below, upto = (
+            np.array([self.areas[compare(self.ranks, x)].sum() for x in at]) / self.areas.sum()
+            for compare in (np.less, np.less_equal)
+        )
+        return float(max(np.abs(below - model).max(), np.abs(upto - model).max()))
+
+
+def rest_of(node: Node) -> Rest:
+    ranks, rows = [], []
+    for primitive in node.primitives:
+        [target] = primitive.targets
+        ranks.append(attribute(primitive, "_LEAF_RANK")[primitive.indices, 0])
+        columns = [attribute(primitive, "POSITION"), target["POSITION"].astype(float), pivots_of(primitive)]
+        rows.append(np.hstack(columns)[primitive.indices])
+    corners = np.concatenate(rows)
+    sides = np.diff(corners[..., :3], axis=1)
+    return Rest(
+        reach={
+            rank: tuple(
+                float(np.linalg.norm(each, axis=1).max())
+                for each in (row[:, :3], row[:, :3] - row[:, 6:9], row[:, 3:6])
+            )
+            for rank, row in by_leaf(np.concatenate(ranks).ravel(), corners.reshape(-1, 12)).items()
+        },
+        ranks=np.concatenate(ranks)[:, 0],
+        areas=np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2.0,
+        shares=np.array(node.mesh_extras["leafcloud"]["area_shares"]),
+    )
+
+
+def moved(tree: Path, folder: Path) -> Path:
+    """The tree in a scene of its own, turned, scaled and far from the origin."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(tree))
+    place = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))
+    for obj in bpy.context.scene.objects:
+        if obj.parent is None:
+            obj.matrix_world = place @ obj.matrix_world
+    return saved(folder / tree.with_suffix(".blend").name)
+
+
+@pytest.fixture(scope="module", params=["as it is", "moved"])
+def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    source = shrub if request.param == "as it is" else moved(shrub, tmp_path_factory.mktemp("moved"))
+    out = tmp_path_factory.mktemp("shrub")
+    bake(source, out, *QUICK)
+    return out
+
+
+def vanishing(nodes: dict[str, Node]) -> list[float]:
+    """Where each level but the last hands over: a = 0.998, or the next level's distance."""
+    extras = [nodes[f"shrub_LOD{number}"].extras["leafcloud"] for number in range(4)]
+    return [
+        each["transition_start"] + 0.998 * (each["transition_end"] - each["transition_start"])
+        if "transition_end" in each
+        else following["switch_distance"]
+        for each, following in itertools.pairwise(extras)
+    ]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A baked tree: its file's nodes, by level the distance at which it hands over, and where pruning begins."""
+
+    folder: Path
+    nodes: dict[str, Node]
+    vanish: list[float]
+    centre: Floats
+
+    @property
+    def prune_start(self) -> float:
+        return 0.4 * self.vanish[0]
+
+    def eyes(self) -> list[tuple[int, Floats]]:
+        """In glTF's coordinates, from all around, with the level that is seen from each: none and all of the way along
+        transitions and pruning, close to each side of every switch, and where the last fades in. Nowhere is λ just the
+        rank of a leaf."""
+        first, second, third = self.vanish
+        near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999)]
+        middle = [(1, 1.001 * first), (1, 0.5 * (first + second)), (1, 0.999 * second)]
+        far = [(2, 1.001 * second), (2, 0.97 * third), (3, 1.001 * third), (3, 2.0 * third)]
+        angles = np.arange(12) * math.pi * (3.0 - math.sqrt(5.0))
+        directions = np.stack([np.cos(angles), np.linspace(-0.3, 0.8, 12), np.sin(angles)], -1)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        places = [
+            (level, self.centre + distance * way)
+            for (level, distance), way in zip(near + middle + far, directions, strict=True)
+        ]
+        return places
+
+
+@pytest.fixture(scope="module")
+def tree(baked: Path) -> Tree:
+    nodes = read_glb(baked / "shrub.glb")
+    points = np.concatenate([p.attributes["POSITION"] for p in nodes["shrub_LOD0"].primitives])
+    places = nodes["shrub_LOD0"].to_world(points)
+    return Tree(baked, nodes, vanishing(nodes), (places.min(axis=0) + places.max(axis=0)) / 2.0)
+
+
+@pytest.fixture(scope="module")
+def views(tree: Tree) -> list[dict[str, Any]]:
+    """What the viewer makes of each of the tree's eyes."""
+    question = {
+        "tree": "/files/shrub.glb",
+        "settings": {"pruneStart": tree.prune_start, "pruneHalf": HALF, "hysteresis": 0.0},
+        "eyes": [eye.tolist() for _, eye in tree.eyes()],
+    }
+    return ask(PAGE, question, patience=PATIENCE, files=tree.folder)["seen"]
+
+
+def open_blend(tree: Tree) -> list[bpy.types.Object]:
+    """The levels of the baked scene, pruned as the viewer prunes."""
+    bpy.ops.wm.open_mainfile(filepath=str(tree.folder / "shrub.blend"))
+    levels = [bpy.data.objects[f"shrub_LOD{number}"] for number in range(4)]
+    for obj in levels[:2]:
+        [modifier] = obj.modifiers
+        set_modifier_input(modifier, "Prune Start", tree.prune_start / obj.matrix_world.median_scale)
+        set_modifier_input(modifier, "Prune Half", HALF)
+    return levels
+
+
+def test_the_viewer_draws_the_leaves_of_the_node_group(tree: Tree, views: list[dict[str, Any]]) -> None:
+    levels = open_blend(tree)
+    camera = add_camera((0.0, 0.0, 0.0))
+    rests = [rest_of(tree.nodes[f"shrub_LOD{number}"]) for number in (0, 1)]
+    for (number, eye), view in zip(tree.eyes(), views, strict=True):
+        camera.location = (eye[0], -eye[2], eye[1])
+        bpy.context.view_layer.update()
+        by_nodes = [drawn_by_nodes(obj) for obj in levels]
+        assert [level for level, leaves in enumerate(by_nodes) if leaves] == [number]
+        assert view["level"] == number
+        node = tree.nodes[f"shrub_LOD{number}"]
+        by_shader = drawn_by_shader(node, view["meshes"])
+        assert by_shader.keys() == by_nodes[number].keys()
+        if number < 2:
+            distance = float(np.linalg.norm(eye - tree.centre))
+            assert_same_places(by_shader, by_nodes[number], rests[number], distance, node, tree.prune_start)
+        else:
+            assert all(apart(by_shader[rank][:, :3], by_nodes[number][rank]) == 0.0 for rank in by_shader)
+
+
+def assert_same_places(
+    shader: dict[float, Floats], nodes: dict[float, Floats], rest: Rest, distance: float, node: Node, prune_start: float
+) -> None:
+    """But for s, which the shader has from the table."""
+    extras = node.extras["leafcloud"]
+    a = float(transition(distance, extras["transition_start"], extras["transition_end"]))
+    keep = float(kept(distance, prune_start, HALF))
+    true, model = rest.true_drawn_share(keep), float(drawn_share(keep, rest.shares))
+    assert abs(true - model) <= rest.unevenness(keep) + 1e-6
+    for rank, rows in shader.items():
+        pivot = (1.0 - a) * rows[:, 3:6] + a * rows[:, 6:]
+        points = pivot + (rows[:, :3] - pivot) * math.sqrt(model / true)
+        off = apart(points, nodes[rank])
+        assert off <= tolerance(rest, rank, keep, distance, extras), (rank, a, keep, off)
+
+
+def tolerance(rest: Rest, rank: float, keep: float, distance: float, extras: dict[str, Any]) -> float:
+    """Distances are off by some 4 ulp of f32 on either side, and by what the centre is, 2 ulp; so λ is by 10 ulp of
+    it, r by 1/0.05 of that; points by 8 ulp of the coordinates, on either side too."""
+    ulp = 2.0**-23
+    greatest, arm, way = rest.reach[rank]
+    growth = 1.0 / math.sqrt(float(drawn_share(keep, rest.shares)))
+    span = extras["transition_end"] - extras["transition_start"]
+    by_points = 16.0 * ulp * (1.0 + growth) * (greatest + arm + way)
+    by_transition = 12.0 * ulp * distance / span * way * (1.0 + growth)
+    by_ramp = arm * growth * 10.0 * ulp / 0.05
+    return by_points + by_transition + by_ramp
+
+
+def test_the_viewer_draws_no_more_than_is_left(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """A prefix of the triangles, and something is seen of it."""
+    whole = sum(len(primitive.indices) for primitive in tree.nodes["shrub_LOD0"].primitives)
+    for (number, eye), view in zip(tree.eyes(), views, strict=True):
+        assert view["covered"] > 200
+        if number == 0:
+            keep = float(kept(float(np.linalg.norm(eye - tree.centre)), tree.prune_start, HALF))
+            drawn = sum(mesh["count"] // 3 for mesh in view["meshes"])
+            assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 2
+        wood = [tree.nodes[name] for name in tree.nodes[f"shrub_LOD{number}"].children]
+        others = sum(len(primitive.indices) for each in wood for primitive in each.primitives)
+        following = tree.nodes[f"shrub_LOD{number + 1}"].primitives if view["share"] > 0.0 else []
+        others += sum(len(primitive.indices) for primitive in following)
+        assert view["triangles"] == others + sum(mesh["count"] // 3 for mesh in view["meshes"])
+
+
+def test_only_the_cross_fades_in(tree: Tree, views: list[dict[str, Any]]) -> None:
+    shares = [view["share"] for view in views]
+    assert shares[9] == pytest.approx(0.7, abs=1e-3)  # from 0.9 of the distance on: 0.97 is seven tenths of the way
+    assert not any(shares[:9] + shares[10:])

@@ -1,0 +1,121 @@
+"""Asks a page something in Chromium, without a display: for what only an engine's own code can tell."""
+
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = "/files/"
+
+# No sandbox, for root has none: the page is our own. SwiftShader draws without a graphics card, the same everywhere.
+CHROMIUM = [
+    *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage"),
+    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--disable-quic", "--remote-debugging-port=0"),
+]
+
+
+class BrowserError(Exception):
+    """The page failed, or gave no answer in time. One line, and the page's stack."""
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    """Serves the repository, one more folder under `FILES`, and the question; takes the page's answer."""
+
+    def __init__(
+        self, *args: Any, question: bytes, answers: queue.Queue[bytes], files: Path | None, **more: Any
+    ) -> None:
+        self.question, self.answers, self.files = question, answers, files
+        super().__init__(*args, directory=str(ROOT), **more)
+
+    def translate_path(self, path: str) -> str:
+        if self.files is None or not path.startswith(FILES):
+            return super().translate_path(path)
+        self.directory = str(self.files)
+        return super().translate_path(path.removeprefix(FILES[:-1]))
+
+    def do_GET(self) -> None:
+        if self.path != "/question":
+            super().do_GET()
+            return
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(self.question)))
+        self.end_headers()
+        self.wfile.write(self.question)
+
+    def do_POST(self) -> None:
+        self.answers.put(self.rfile.read(int(self.headers["Content-Length"])))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the console is the caller's."""
+
+
+def ask(page: str, question: object, *, patience: float, files: Path | None = None) -> Any:
+    """What `page`, a path in the repository, posts to /answer; it finds the question (JSON) at /question.
+
+    `files` is a folder that it finds under `FILES`. Raises `BrowserError` for an answer {"error": …}, and for none
+    within `patience` seconds.
+    """
+    answers: queue.Queue[bytes] = queue.Queue()
+    handler = partial(_Handler, question=json.dumps(question).encode(), answers=answers, files=files)
+    with _serving(handler) as address, _browser(f"{address}/{page}") as browser:
+        answer = json.loads(_first(answers, browser, patience))
+    if "error" in answer:
+        raise BrowserError(f"{page} failed: {answer['error']}")
+    return answer
+
+
+def _first(answers: queue.Queue[bytes], browser: subprocess.Popen[bytes], patience: float) -> bytes:
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        try:
+            return answers.get(timeout=1.0)
+        except queue.Empty:
+            if browser.poll() is not None:
+                raise BrowserError(f"chromium ended with status {browser.returncode}") from None
+    raise BrowserError(f"the page said nothing within {patience:.0f} s")
+
+
+@contextmanager
+def _serving(handler: Any) -> Iterator[str]:
+    """The address of a server that lives as long as the block."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+
+
+@contextmanager
+def _browser(address: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Chromium at `address`, with a profile of its own; ended with the block."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        command = [*CHROMIUM, f"--user-data-dir={profile}", address]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
+            try:
+                yield browser
+            finally:
+                _end(browser)
+
+
+def _end(browser: subprocess.Popen[bytes]) -> None:
+    browser.terminate()
+    try:
+        browser.wait(timeout=10.0)
+    except subprocess.TimeoutExpired:
+        browser.kill()
