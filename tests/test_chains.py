@@ -18,7 +18,8 @@ from scenes import add_mesh, bake, read
 import leafcloud
 from addon.baked import Baked
 from addon.build.contrast import CONTRAST_NODE, contrast_material, mean_color
-from addon.build.lod_nodes import MEAN_SHARE, LodSettings, add_lod_modifier, set_manual
+from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
+from addon.build.node_laws import MEAN_SHARE
 from addon.export.gltf import export_level
 from addon.export.plain_colors import plain_colors
 from addon.pipeline import prepare

@@ -327,7 +327,7 @@ def test_a_pruned_variant_keeps_the_area_about_the_pivots() -> None:
     ranks[:20] = -1.0
     leaves = Leaves(leaves.points, leaves.targets, ranks, leaves.pivots, leaves.pivot_targets)
     mesh = leaf_mesh(leaves)
-    made = pruned_mesh(mesh, 0.25, "quarter")
+    made = pruned_mesh(mesh, 0.25, "quarter", (0.0, 0.0))
 
     kept, free = ranks < 0.25, ranks >= 0.0
     scale = math.sqrt(leaves.areas[free].sum() / leaves.areas[free & kept].sum())
@@ -347,12 +347,20 @@ def test_a_pruned_variant_keeps_the_area_about_the_pivots() -> None:
     assert np.array_equal(uvs, before[np.repeat(kept, 3)])
 
 
+def test_a_pruned_variant_grows_as_was_measured() -> None:
+    leaves = many_leaves(50)
+    plain, grown = (points_of(pruned_mesh(leaf_mesh(leaves), 0.25, "quarter", g)) for g in ((0.0, 0.0), (0.1, 0.02)))
+    pivots = np.repeat(leaves.pivots[leaves.ranks < 0.25], 3, axis=0)
+    factor = math.exp(math.log(0.25) * (0.1 + 0.02 * math.log(0.25)))
+    np.testing.assert_allclose(grown - pivots, factor * (plain - pivots), atol=1e-5)
+
+
 def test_a_pruned_variant_carries_nothing_that_only_moves_it() -> None:
     obj = place(leaf_mesh(many_leaves(40)))
     obj.shape_key_add(name="Basis")
     obj.shape_key_add(name="Billboards").points.foreach_set("co", np.zeros(360, np.float32))
     obj.vertex_groups.new(name="LC_000").add([0, 1, 2], 1.0, "REPLACE")
-    made = pruned_mesh(obj.data, 0.5, "half")
+    made = pruned_mesh(obj.data, 0.5, "half", (0.0, 0.0))
     assert made.shape_keys is None
     assert not [layer for layer in made.attributes if layer.name.startswith("leaf_")]
     assert "leafcloud" not in made
@@ -369,7 +377,7 @@ def test_a_pruned_variant_keeps_its_normals() -> None:
     set_corner_normals(mesh, normals)
     before = np.empty((120, 3), np.float32)
     mesh.corner_normals.foreach_get("vector", before.ravel())
-    made = pruned_mesh(mesh, 0.5, "half")
+    made = pruned_mesh(mesh, 0.5, "half", (0.0, 0.0))
     after = np.empty((60, 3), np.float32)
     made.corner_normals.foreach_get("vector", after.ravel())
     kept = np.repeat(many_leaves(40).ranks < 0.5, 3)

@@ -119,6 +119,22 @@ def test_four_leaves_grow_about_their_pivots_where_their_tree_stands() -> None:
     np.testing.assert_allclose(points_of(evaluate(obj)), carried(own, where), atol=1e-5)
 
 
+def test_growth_and_contrast_are_as_measured() -> None:
+    leaves, keep = many_leaves(300), 0.25
+    add_camera((0.0, 0.0, 40.0))
+    plain, told = (
+        add_scene(add_trees([build(leaves)], [Matrix()]), SceneSettings(prune_start=10.0, growth=g, contrast=c))[0]
+        for g, c in (((0.0, 0.0), (0.0, 0.0)), ((0.1, 0.0), (0.3, -0.02)))
+    )
+    plain, told = evaluate(plain), evaluate(told)
+    pivots = np.repeat(leaves.pivots[leaves.ranks < keep], 3, axis=0)
+    np.testing.assert_allclose(points_of(told) - pivots, keep**0.1 * (points_of(plain) - pivots), atol=1e-4)
+    pulled = np.empty(len(told.vertices), np.float32)
+    told.attributes["leaf_mean_share"].data.foreach_get("value", pulled)
+    np.testing.assert_allclose(pulled, 1.0 - keep ** (0.3 - 0.02 * math.log(keep)), atol=1e-5)
+    assert "leaf_mean_share" not in plain.attributes
+
+
 def test_one_tree_alone_and_trees_at_one_distance_lose_nothing_to_the_scene() -> None:
     settings = SceneSettings(prune_start=5.0, full_models=1.0, far=100.0, strength=1.0)
     leaves = many_leaves(100)
@@ -383,7 +399,8 @@ def test_the_inputs_have_the_promised_names() -> None:
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     inputs = [socket for socket in sockets if socket.in_out == "INPUT"]
     assert [socket.name for socket in inputs] == [
-        *("Trees", "Centre", "Prune Start", "Prune Half", "Full Models", "Far", "Strength", "Budget"),
+        *("Trees", "Centre", "Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast", "Contrast of Few"),
+        *("Full Models", "Far", "Strength", "Budget"),
     ]
     assert all(socket.description for socket in inputs)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import leafcloud
 
-from .lod_nodes import MEAN_SHARE
+from .node_laws import MEAN_SHARE
 
 CONTRAST_NODE = "Leafcloud Contrast"
 

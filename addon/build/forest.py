@@ -3,11 +3,13 @@
     LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross
 
 Leaves that are pruned for good need no ramp: each that is left grows by s = √(ΣA / ΣA of those left), which keeps the
-area as the law of the moving ones does. Meshes that are not pruned, and the wood, are those of the bake, shared.
+area as the law of the moving ones does, and by the same γ. Meshes that are not pruned, and the wood, are those of the
+bake, shared.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
@@ -18,10 +20,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from ..plan.reach import halvings
+from ..plan.thinning import halvings
 from .forest_nodes import MOST_VARIANTS, ForestSettings, add_forest_modifier
 from .levels import EXTRAS, BuiltLevel
-from .lod_nodes import NEVER
+from .node_laws import NEVER
 from .rollback import removed_on_failure
 
 _LIVE_ATTRIBUTES = ("leaf_rank", "leaf_pivot", "leaf_target", "leaf_pivot_target", "leaf_billboard")
@@ -49,12 +51,13 @@ def build_forest(
     centre: tuple[float, float, float],
     prune_start: float = NEVER,
     prune_half: float = 0.5,
+    growth: tuple[float, float] = (0.0, 0.0),
 ) -> Forest:
     """Makes the variants of a forest of one tree, of its baked `levels`, LOD 0 first.
 
     switch_distances: one for each level, in world units; the first is 0. centre: of the foliage in the tree's
     coordinates. prune_start, prune_half: d₀ > 0 in world units and h in (0, ½] of λ(d); half of the leaves are drawn
-    from d₀/h on, a quarter from d₀/h², down to 1/128, until LOD 1 takes over.
+    from d₀/h on, a quarter from d₀/h², down to 1/128, until LOD 1 takes over. growth: `leafcloud.Chain.growth`.
 
     The variants stand with their foot in the origin, turned and scaled as the levels are. When anything fails, what was
     made is removed again. Raises `ValueError` for more than 16 variants, and for a LOD 0 that has no ranks to prune by.
@@ -70,21 +73,20 @@ def build_forest(
     with removed_on_failure():
         variants = bpy.data.collections.new(name)
         turn = levels[0].object.matrix_basis.to_3x3()
-        _add_variant(variants, levels[0], 1.0, turn)
-        for keep, _ in pruned:
-            _add_variant(variants, levels[0], keep, turn)
+        meshes = [leaves, *(pruned_mesh(leaves, keep, name, growth) for keep, _ in pruned)]
+        for mesh in meshes:
+            _add_variant(variants, levels[0], mesh, turn)
         for level in levels[1:]:
-            _add_variant(variants, level, 1.0, turn)
+            _add_variant(variants, level, level.object.data, turn)
     return Forest(variants, distances, tuple(turn @ Vector(centre)))
 
 
-def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, keep: float, turn: Matrix) -> None:
-    """Adds the level, and its wood, as a collection of their own, in which both stand as they are to be drawn."""
+def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.types.Mesh, turn: Matrix) -> None:
+    """Adds the mesh, and the level's wood, as a collection of their own, in which both stand as they are drawn."""
     name = f"{variants.name}_{len(variants.children):02d}"
     variant = bpy.data.collections.new(name)
     variants.children.link(variant)
-    mesh = level.object.data
-    members = {name: mesh if keep == 1.0 else pruned_mesh(mesh, keep, name)}
+    members = {name: mesh}
     if level.wood is not None:
         members[f"{name}_wood"] = level.wood.data
     for member, data in members.items():
@@ -93,7 +95,7 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, keep: float,
         variant.objects.link(obj)
 
 
-def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str) -> bpy.types.Mesh:
+def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[float, float]) -> bpy.types.Mesh:
     """A new mesh of the leaves of rank below `keep`, grown about their pivots so that they cover what all cover.
 
     `mesh` has the point attributes `leaf_rank` and `leaf_pivot`; leaves of a negative rank are kept as they are. The
@@ -102,8 +104,10 @@ def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str) -> bpy.types.Mesh:
     ranks, pivots = _read(mesh, "leaf_rank"), _read(mesh, "leaf_pivot")
     points = np.empty((len(ranks), 3), np.float32)
     mesh.vertices.foreach_get("co", points.ravel())
+    logarithm = math.log(keep)
+    factor = math.exp(logarithm * (growth[0] + growth[1] * logarithm))
     growing = (ranks >= 0.0) & (ranks < keep)
-    points[growing] = pivots[growing] + (points - pivots)[growing] * _scale(mesh, ranks, keep)
+    points[growing] = pivots[growing] + (points - pivots)[growing] * (_scale(mesh, ranks, keep) * np.float32(factor))
 
     made = mesh.copy()
     made.name = name

@@ -24,8 +24,7 @@ from functools import reduce
 import bpy
 
 from ..versions import set_modifier_input
-from .lod_nodes import NEVER
-from .node_laws import LENGTH, SHARE, Camera, declare, group_of_layout
+from .node_laws import LENGTH, NEVER, SHARE, Camera, declare, group_of_layout
 from .sections import Section
 
 GROUP_NAME = "Leafcloud Forest"

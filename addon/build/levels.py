@@ -26,9 +26,10 @@ from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices,
 from .contrast import contrast_material
 from .leaf_map import add_leaf_map
 from .leaf_moves import leaf_moves
-from .lod_nodes import NEVER, LodSettings, add_lod_modifier
+from .lod_nodes import LodSettings, add_lod_modifier
 from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
+from .node_laws import NEVER
 from .rollback import removed_on_failure
 
 EXTRAS = "leafcloud"

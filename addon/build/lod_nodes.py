@@ -28,29 +28,35 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 
 from ..versions import InputValue, set_modifier_input
+from .node_laws import (
+    BLOCK,
+    LENGTH,
+    MEAN_SHARE,
+    NEVER,
+    SHARE,
+    TINY,
+    Camera,
+    declare,
+    declare_pruning,
+    declare_trend,
+    group_of_layout,
+    keep,
+    mean_share,
+    trend,
+)
 from .sections import Section
 
 GROUP_NAME = "Leafcloud LOD"
-NEVER = 1e9
-"""A distance that no camera reaches."""
-
 _LAYOUT_KEY = "leafcloud_lod_layout"
 _LAYOUT = 2
 """Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
 
 _RAMP = 0.05
 """ρ at most: the share of the leaves drawn that is growing in or out."""
-_BLOCK = 1024.0
-"""Faces that are summed at a time."""
-MEAN_SHARE = "leaf_mean_share"
-"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
-_TINY = 1e-30
-"""What stands for 0 in a divisor or a logarithm."""
 
 
 @dataclass(frozen=True)
@@ -90,15 +96,12 @@ class LodSettings:
 
 def lod_group() -> bpy.types.NodeTree:
     """The node group of this file: the one that is there, else a new one."""
-    for tree in bpy.data.node_groups:
-        if tree.library is None and tree.get(_LAYOUT_KEY) == _LAYOUT:
-            return tree
-    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
-    tree[_LAYOUT_KEY] = _LAYOUT
-    tree.is_modifier = True
-    _add_interface(tree)
-    _add_nodes(tree)
-    return tree
+
+    def fill(tree: bpy.types.NodeTree) -> None:
+        _add_interface(tree)
+        _add_nodes(tree)
+
+    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, fill)
 
 
 def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.NodesModifier:
@@ -142,53 +145,39 @@ def _require(name: str, value: float, holds: Callable[[float], bool], limit: str
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
     """Declares the group's inputs. Their names are a promise to files and scripts; their panels are not."""
-    interface = tree.interface
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    never = {"default_value": NEVER, **LENGTH}
 
-    def declare(panel: Any, name: str, kind: str, description: str, **properties: Any) -> None:
-        socket = interface.new_socket(
-            name, description=description, in_out="INPUT", socket_type=f"NodeSocket{kind}", parent=panel
-        )
-        for key, value in properties.items():
-            setattr(socket, key, value)
+    panel = tree.interface.new_panel("Transition to Billboards")
+    declare(tree, "Start", "Float", "Distance up to which leaves stay in place", panel, **never)
+    declare(tree, "End", "Float", "Distance from which leaves lie on billboards", panel, **never)
 
-    length = {"subtype": "DISTANCE", "min_value": 0.0}
-    share = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
+    panel = tree.interface.new_panel("Pruning")
+    declare_pruning(tree, panel)
+    declare_trend(tree, "Growth", "leaves grow less than their area asks for", panel)
+    declare_trend(tree, "Contrast", "colours are pulled toward their mean", panel)
 
-    interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    panel = tree.interface.new_panel("Visibility")
+    declare(tree, "Appear", "Float", "Distance from which the level is drawn", panel, default_value=0.0, **LENGTH)
+    declare(tree, "Vanish", "Float", "Distance from which the level is no longer drawn", panel, **never)
+    declare(tree, "Centre", "Vector", "Point that the distance to the camera is taken from", panel, subtype="XYZ")
 
-    panel = interface.new_panel("Transition to Billboards")
-    declare(panel, "Start", "Float", "Distance up to which leaves stay in place", default_value=NEVER, **length)
-    declare(panel, "End", "Float", "Distance from which leaves lie on billboards", default_value=NEVER, **length)
-
-    panel = interface.new_panel("Pruning")
-    declare(panel, "Prune Start", "Float", "Distance up to which all leaves are drawn", default_value=NEVER, **length)
-    half = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 0.5, "default_value": 0.5}
-    declare(panel, "Prune Half", "Float", "Half of the leaves are left at Prune Start divided by this", **half)
-    declare(panel, "Growth", "Float", "Exponent of the share kept: above 0 leaves grow less than their area asks for")
-    declare(panel, "Growth of Few", "Float", "How that exponent changes with the logarithm of the share kept")
-    declare(panel, "Contrast", "Float", "Exponent of the share kept: above 0 colours are pulled toward their mean")
-    declare(panel, "Contrast of Few", "Float", "How that exponent changes with the logarithm of the share kept")
-
-    panel = interface.new_panel("Visibility")
-    declare(panel, "Appear", "Float", "Distance from which the level is drawn", default_value=0.0, **length)
-    declare(panel, "Vanish", "Float", "Distance from which the level is no longer drawn", default_value=NEVER, **length)
-    declare(panel, "Centre", "Vector", "Point that the distance to the camera is taken from", subtype="XYZ")
-
-    panel = interface.new_panel("By Hand")
-    declare(panel, "Manual", "Bool", "Ignore the camera: always draw, with the two values below")
-    declare(panel, "Transition", "Float", "0: leaves in place, 1: on their billboards", default_value=0.0, **share)
-    declare(panel, "Keep", "Float", "Share of the leaves that is drawn", default_value=1.0, **share)
+    panel = tree.interface.new_panel("By Hand")
+    declare(tree, "Manual", "Bool", "Ignore the camera: always draw, with the two values below", panel)
+    moved = "0: leaves in place, 1: on their billboards"
+    declare(tree, "Transition", "Float", moved, panel, default_value=0.0, **SHARE)
+    declare(tree, "Keep", "Float", "Share of the leaves that is drawn", panel, default_value=1.0, **SHARE)
 
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     distance = _distance(Section(tree, "Distance d to the camera", (-2800.0, 0.0)))
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
     transition = _transition(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
-    keep = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
-    mean_share = _mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), keep)
+    kept_share = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
+    pulled = mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), kept_share)
     point, pivot = _moved(Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
-    growth = _growth(Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), keep)
+    growth = _growth(Section(tree, "Growth s·r of the leaves kept", (0.0, -900.0)), kept_share)
 
     section = Section(tree, "Only what is needed", (3200.0, 0.0))
     geometry = section.group_input("Geometry")
@@ -196,38 +185,25 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     moving = section.compare(transition, "GREATER_THAN", 0.0, label="a > 0")
     whole = section.switch("GEOMETRY", moving, geometry, moved, label="Move where a > 0")
 
-    lost = section.compare(section.attribute("FLOAT", "leaf_rank"), "GREATER_EQUAL", keep, label="rank ≥ λ")
+    lost = section.compare(section.attribute("FLOAT", "leaf_rank"), "GREATER_EQUAL", kept_share, label="rank ≥ λ")
     kept = section.result("GeometryNodeDeleteGeometry", geometry, lost, label="Prune", domain="POINT", mode="ALL")
     arm = section.vector("SUBTRACT", point, pivot, label="Point from pivot")
     grown = section.vector("MULTIPLY_ADD", arm, growth, pivot, label="Grow about pivot")
     pruned = section.result("GeometryNodeSetPosition", kept, None, grown, label="Move and grow")
     stored = {"data_type": "FLOAT", "domain": "POINT"}
-    store = section.result(
-        "GeometryNodeStoreNamedAttribute", pruned, None, MEAN_SHARE, mean_share, label="1 − κ", **stored
-    )
-    pulling = section.compare(mean_share, "GREATER_THAN", 0.0, label="κ < 1")
+    store = section.result("GeometryNodeStoreNamedAttribute", pruned, None, MEAN_SHARE, pulled, label="1 − κ", **stored)
+    pulling = section.compare(pulled, "GREATER_THAN", 0.0, label="κ < 1")
     pruned = section.switch("GEOMETRY", pulling, pruned, store, label="Tell materials where κ < 1")
-    pruning = section.compare(keep, "LESS_THAN", 1.0, label="λ < 1")
+    pruning = section.compare(kept_share, "LESS_THAN", 1.0, label="λ < 1")
     level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
 
     section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
 
 
 def _distance(section: Section) -> bpy.types.NodeSocket:
-    """d, in the object's coordinates, below `NEVER`.
-
-    0 without a camera, or with one whose place is not a number, so that the level is drawn whole and at rest.
-    """
-    camera = section.result("GeometryNodeInputActiveCamera")
-    info = section.node("GeometryNodeObjectInfo", camera, label="Camera seen from here", transform_space="RELATIVE")
-    # Only the Object Info of no object has the scale 0.
-    size = section.vector("LENGTH", info.outputs["Scale"])
-    exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
-    distance = section.vector("DISTANCE", info.outputs["Location"], section.group_input("Centre"))
-    number = section.compare(distance, "GREATER_EQUAL", 0.0, label="Is it a number?")
-    near = section.math("MINIMUM", distance, NEVER * 0.99, label="Never is farther")
-    known = section.logic(exists, "AND", number)
-    return section.switch("FLOAT", known, 0.0, near, label="Distance d")
+    """d, in the object's coordinates; 0 without a camera, so that the level is drawn whole and at rest."""
+    camera = Camera(section)
+    return camera.distance(section, camera.location, section.group_input("Centre"), label="Distance d")
 
 
 def _drawn(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
@@ -242,36 +218,16 @@ def _transition(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.N
     """a = clamp((d − start) / (end − start), 0, 1)"""
     start = section.group_input("Start")
     span = section.math("SUBTRACT", section.group_input("End"), start)
-    span = section.math("MAXIMUM", span, _TINY, label="A step at least")
+    span = section.math("MAXIMUM", span, TINY, label="A step at least")
     by_camera = section.math("DIVIDE", section.math("SUBTRACT", distance, start), span, label="By camera", clamp=True)
     by_hand = section.result("ShaderNodeClamp", section.group_input("Transition"), label="By hand")
     return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="a")
 
 
 def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """λ = min((d₀/d)^(log_h ½), 1), as (d₀ / max(d, d₀))^(log_h ½): exactly 1 up to d₀, and defined at d = 0."""
-    start = section.math("MAXIMUM", section.group_input("Prune Start"), _TINY, label="d₀")
-    half = section.math("MAXIMUM", section.group_input("Prune Half"), _TINY)
-    half = section.math("MINIMUM", half, 0.5, label="h")
-    exponent = section.math("LOGARITHM", 0.5, half, label="log_h ½")
-    nearness = section.math("DIVIDE", start, section.math("MAXIMUM", distance, start), label="d₀ / max(d, d₀)")
-    by_camera = section.math("POWER", nearness, exponent, label="By camera")
+    """λ"""
     by_hand = section.result("ShaderNodeClamp", section.group_input("Keep"), label="By hand")
-    return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="λ")
-
-
-def _mean_share(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """1 − κ"""
-    kept = section.math("MINIMUM", _trend(section, keep, "Contrast"), 1.0, label="κ")
-    return section.math("SUBTRACT", 1.0, kept, label="1 − κ")
-
-
-def _trend(section: Section, keep: bpy.types.NodeSocket, name: str) -> bpy.types.NodeSocket:
-    """λ^(c₁ + c₂ ln λ) with the inputs `name` and `name` of Few."""
-    logarithm = section.math("LOGARITHM", section.math("MAXIMUM", keep, _TINY), math.e, label="ln λ")
-    first, second = section.group_input(name), section.group_input(f"{name} of Few")
-    exponent = section.math("MULTIPLY_ADD", second, logarithm, first, label=f"{name}: exponent")
-    return section.math("POWER", keep, exponent, label=name)
+    return section.switch("FLOAT", section.group_input("Manual"), keep(section, distance), by_hand, label="λ")
 
 
 def _moved(section: Section, transition: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
@@ -303,7 +259,7 @@ def _growth(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocke
     total = _sum_over_faces(section, areas)
     sums = section.node("ShaderNodeSeparateXYZ", total, label="ΣA, ΣA·r²").outputs
     scale = section.math("SQRT", section.math("DIVIDE", sums["X"], sums["Y"]), label="Scale s")
-    grown = section.math("MULTIPLY", scale, _trend(section, keep, "Growth"), label="s·γ")
+    grown = section.math("MULTIPLY", scale, trend(section, keep, "Growth"), label="s·γ")
     free = section.math("MULTIPLY", grown, ramp, label="s·γ·r")
     return section.switch("FLOAT", protected, free, 1.0, label="Protected leaves stay as they are")
 
@@ -314,8 +270,8 @@ def _sum_over_faces(section: Section, values: bpy.types.NodeSocket) -> bpy.types
     In blocks, because Blender 4.2 adds one by one in f32: off by 0.4 % over a million faces, by 8 % over eight million.
     """
     index = section.result("GeometryNodeInputIndex")
-    block = section.math("FLOOR", section.math("DIVIDE", index, _BLOCK), label="Block")
-    first = section.compare(section.math("MODULO", index, _BLOCK), "LESS_THAN", 0.5, label="First of its block?")
+    block = section.math("FLOOR", section.math("DIVIDE", index, BLOCK), label="Block")
+    first = section.compare(section.math("MODULO", index, BLOCK), "LESS_THAN", 0.5, label="First of its block?")
     faces = {"data_type": "FLOAT_VECTOR", "domain": "FACE"}
     blocks = section.node("GeometryNodeAccumulateField", values, block, label="Sum of the block", **faces)
     operands = (section.group_input("Geometry"), first, blocks.outputs["Total"])

@@ -1,19 +1,24 @@
-"""What node groups that look at many trees have in common: how they are declared, the camera, the share of leaves λ."""
+"""What the node groups have in common: how they are declared, the camera, the share of leaves λ and what follows it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import bpy
 
-from .lod_nodes import NEVER
 from .sections import Section
 
+NEVER = 1e9
+"""A distance that no camera reaches."""
 TINY = 1e-30
 """What stands for 0 in a divisor or a logarithm."""
 BLOCK = 1024.0
 """Faces that are summed at a time."""
+
+MEAN_SHARE = "leaf_mean_share"
+"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
 
 LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
 SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
@@ -85,6 +90,26 @@ def declare_pruning(tree: bpy.types.NodeTree, panel: Any) -> None:
     )
     half = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 0.5, "default_value": 0.5}
     declare(tree, "Prune Half", "Float", "Half of the leaves are left at Prune Start divided by this", panel, **half)
+
+
+def trend(section: Section, share: bpy.types.NodeSocket, name: str) -> bpy.types.NodeSocket:
+    """λ^(c₁ + c₂ ln λ) for the `share` λ, with the inputs `name` and `name` of Few (`leafcloud.Chain.growth`)."""
+    logarithm = section.math("LOGARITHM", section.math("MAXIMUM", share, TINY), math.e, label="ln λ")
+    first, second = section.group_input(name), section.group_input(f"{name} of Few")
+    exponent = section.math("MULTIPLY_ADD", second, logarithm, first, label=f"{name}: exponent")
+    return section.math("POWER", share, exponent, label=name)
+
+
+def mean_share(section: Section, share: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """1 − κ with κ = min(1, λ^(k₁ + k₂ ln λ)), by the inputs Contrast."""
+    kept = section.math("MINIMUM", trend(section, share, "Contrast"), 1.0, label="κ")
+    return section.math("SUBTRACT", 1.0, kept, label="1 − κ")
+
+
+def declare_trend(tree: bpy.types.NodeTree, name: str, above: str, panel: Any) -> None:
+    """The inputs that `trend` reads; `above` says what happens where the exponent is above 0."""
+    declare(tree, name, "Float", f"Exponent of the share kept: above 0 {above}", panel)
+    declare(tree, f"{name} of Few", "Float", "How that exponent changes with the logarithm of the share kept", panel)
 
 
 def sum_over_faces(

@@ -21,7 +21,7 @@ drawn, as long as there is room, at a size of 0. So never more than the budget i
 
     r = clamp((1 − key/f) / min(0.05, 1 − f·λ′ᵢ), 0, 1)           ramp, by leaf
     s = √(ΣA / Σ(A·r²))                                           by tree, A the areas of its leaves in its coordinates
-    p' = pivot + (p − pivot)·s·r
+    p' = pivot + (p − pivot)·s·γ·r                                γ and the share of the mean 1 − κ as in `lod_nodes`
 
 Leaves of a negative rank, and meshes without ranks (the wood), are protected: never pruned, never grown, in no sum of
 areas. They count in the budget, but it cannot remove them.
@@ -41,8 +41,22 @@ from typing import NamedTuple
 import bpy
 
 from ..versions import set_modifier_input
-from .lod_nodes import NEVER
-from .node_laws import LENGTH, SHARE, TINY, Camera, declare, declare_pruning, group_of_layout, keep, sum_over_faces
+from .node_laws import (
+    LENGTH,
+    MEAN_SHARE,
+    NEVER,
+    SHARE,
+    TINY,
+    Camera,
+    declare,
+    declare_pruning,
+    declare_trend,
+    group_of_layout,
+    keep,
+    mean_share,
+    sum_over_faces,
+    trend,
+)
 from .sections import Section
 
 GROUP_NAME = "Leafcloud Scene"
@@ -63,6 +77,7 @@ class SceneSettings:
 
     prune_start: d₀, from where on leaves are pruned, in the trees' own units (world distance / scale). > 0.
     prune_half: h in (0, ½]; half of the leaves are left at d₀/h.
+    growth, contrast: of pruned leaves, as measured (`leafcloud.Chain`), the same for all trees; finite.
     full_models: m, of how many trees the loss is linear in the distance; more lose more. > 0.
     far: z, the distance up to which trees count, in units of the object with the modifier. > 0.
     strength: a, what the farthest trees lose at most, in [0, 1]; at 0 each tree is pruned by its own distance alone.
@@ -74,6 +89,8 @@ class SceneSettings:
 
     prune_start: float = NEVER
     prune_half: float = 0.5
+    growth: tuple[float, float] = (0.0, 0.0)
+    contrast: tuple[float, float] = (0.0, 0.0)
     full_models: float = 10.0
     far: float = 1000.0
     strength: float = 0.5
@@ -88,11 +105,13 @@ class SceneSettings:
             "far": (self.far > 0.0, "greater than 0"),
             "strength": (0.0 <= self.strength <= 1.0, "in [0, 1]"),
             "budget": (0 <= self.budget < 2**31, "at least 0 and below 2³¹"),
+            "growth": (all(map(math.isfinite, self.growth)), "finite"),
+            "contrast": (all(map(math.isfinite, self.contrast)), "finite"),
             "centre": (all(map(math.isfinite, self.centre)), "finite"),
         }
         for name, (holds, limit) in limits.items():
             value = getattr(self, name)
-            if not (holds and (name == "centre" or math.isfinite(value))):
+            if not (holds and (isinstance(value, tuple) or math.isfinite(value))):
                 raise ValueError(f"{name} is {value}, it must be {limit}")
 
 
@@ -141,6 +160,10 @@ def add_scene_modifier(
         "Trees": trees,
         "Prune Start": settings.prune_start,
         "Prune Half": settings.prune_half,
+        "Growth": settings.growth[0],
+        "Growth of Few": settings.growth[1],
+        "Contrast": settings.contrast[0],
+        "Contrast of Few": settings.contrast[1],
         "Full Models": settings.full_models,
         "Far": settings.far,
         "Strength": settings.strength,
@@ -158,7 +181,10 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Trees", "Collection", "Meshes of leaves with ranks and pivots, and wood")
     declare(tree, "Centre", "Vector", "Point of a tree that the distance to the camera is taken from", subtype="XYZ")
 
-    declare_pruning(tree, tree.interface.new_panel("Pruning"))
+    panel = tree.interface.new_panel("Pruning")
+    declare_pruning(tree, panel)
+    declare_trend(tree, "Growth", "leaves grow less than their area asks for", panel)
+    declare_trend(tree, "Contrast", "colours are pulled toward their mean", panel)
 
     panel = tree.interface.new_panel("Scene")
     models = "Number of trees of which the loss is linear in the distance; more trees lose more"
@@ -204,7 +230,13 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pruned = section.compare(drawn_keep, "LESS_THAN", 1.0, label="f·λ′ < 1")
     leaf = section.compare(trees.rank, "GREATER_EQUAL", 0.0, label="Not protected")
     growing = section.logic(pruned, "AND", leaf, label="Leaves of pruned trees")
-    section.node("NodeGroupOutput", section.result("GeometryNodeSetPosition", within, growing, grown, label="Grow"))
+    pulled = mean_share(section, drawn_keep)
+    pulling = section.logic(growing, "AND", section.compare(pulled, "GREATER_THAN", 0.0), label="κ < 1")
+    stored = {"data_type": "FLOAT", "domain": "POINT"}
+    told = section.result(
+        "GeometryNodeStoreNamedAttribute", within, pulling, MEAN_SHARE, pulled, label="1 − κ", **stored
+    )
+    section.node("NodeGroupOutput", section.result("GeometryNodeSetPosition", told, growing, grown, label="Grow"))
 
 
 def _distances(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
@@ -340,7 +372,7 @@ def _growth(
     factor: bpy.types.NodeSocket,
     drawn_keep: bpy.types.NodeSocket,
 ) -> bpy.types.NodeSocket:
-    """s·r. The sum of what is drawn is taken over the geometry that it is asked on, after pruning."""
+    """s·γ·r. The sum of what is drawn is taken over the geometry that it is asked on, after pruning."""
     share = section.math("DIVIDE", key, factor, label="rank / (f·λ′)")
     rest = section.math("SUBTRACT", 1.0, drawn_keep, label="1 − f·λ′")
     width = section.math("MAXIMUM", section.math("MINIMUM", rest, _RAMP, label="ρ"), TINY)
@@ -348,7 +380,8 @@ def _growth(
     drawn = section.math("MULTIPLY", trees.area, section.math("MULTIPLY", ramp, ramp, label="r²"), label="A·r²")
     drawn_area = sum_over_faces(section, drawn, trees.tree)
     scale = section.math("SQRT", section.math("DIVIDE", trees.all_area, drawn_area), label="Scale s")
-    return section.math("MULTIPLY", scale, ramp, label="s·r")
+    grown = section.math("MULTIPLY", scale, trend(section, drawn_keep, "Growth"), label="s·γ")
+    return section.math("MULTIPLY", grown, ramp, label="s·γ·r")
 
 
 def _pivot(section: Section, instances: bpy.types.NodeSocket, tree: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

@@ -13,8 +13,6 @@ START_SHARE = 0.5
 
 LEAST_STEP = 1.25
 """A level takes over at least this many times as far away as the one before."""
-CUT_OFF = 0.005
-"""The share of leaves below which pruning gains nothing any more."""
 
 
 @dataclass(frozen=True)
@@ -59,20 +57,4 @@ def rising(distances: Sequence[float]) -> tuple[float, ...]:
     result: list[float] = []
     for distance in distances:
         result.append(max(distance, LEAST_STEP * result[-1]) if result else distance)
-    return tuple(result)
-
-
-def halvings(prune_start: float, prune_half: float, until: float) -> tuple[tuple[float, float], ...]:
-    """The shares ½, ¼ … of the leaves, and from where each is drawn: where λ(d) has fallen to it, nearer than `until`.
-
-    λ(d₀/hⁿ) = ½ⁿ, with d₀ = `prune_start` > 0 and h = `prune_half` in (0, ½]. The shares end at the cut-off.
-    Raises `ValueError` for values outside.
-    """
-    if not (prune_start > 0.0 and 0.0 < prune_half <= 0.5):
-        raise ValueError(f"prune_start is {prune_start}, prune_half {prune_half}: they must be above 0, and in (0, ½]")
-    result = []
-    keep, distance = 0.5, prune_start / prune_half
-    while keep >= CUT_OFF and distance < until:
-        result.append((keep, distance))
-        keep, distance = keep / 2.0, distance / prune_half
     return tuple(result)

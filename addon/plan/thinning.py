@@ -44,3 +44,19 @@ def start_for(share: float, distance: float, half: float) -> float:
 def cut_off_distance(start: float, half: float) -> float:
     """Where λ reaches `CUT_OFF`."""
     return float(start * CUT_OFF ** (-1.0 / power(half)))
+
+
+def halvings(prune_start: float, prune_half: float, until: float) -> tuple[tuple[float, float], ...]:
+    """The shares ½, ¼ … of the leaves, and from where each is drawn: where λ(d) has fallen to it, nearer than `until`.
+
+    λ(d₀/hⁿ) = ½ⁿ, with d₀ = `prune_start` > 0 and h = `prune_half` in (0, ½]. The shares end at the cut-off.
+    Raises `ValueError` for values outside.
+    """
+    if not (prune_start > 0.0 and 0.0 < prune_half <= 0.5):
+        raise ValueError(f"prune_start is {prune_start}, prune_half {prune_half}: they must be above 0, and in (0, ½]")
+    result = []
+    keep, distance = 0.5, prune_start / prune_half
+    while keep >= CUT_OFF and distance < until:
+        result.append((keep, distance))
+        keep, distance = keep / 2.0, distance / prune_half
+    return tuple(result)

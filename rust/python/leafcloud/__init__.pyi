@@ -269,12 +269,12 @@ class Chain:
         γ = exp(c₁ L + c₂ L²), L = ln λ. Measured by looking where ``keep`` was given, else (0, 0)."""
     @property
     def contrast(self) -> tuple[float, float]:
-        """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their distance
-        from the mean. Measured likewise."""
+        """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their
+        distance from the mean. Measured likewise."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
-        """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than at
-        first each is there, linearly. The first level's parents, targets and pivots have a row for each of them.
+        """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than
+        at first each is there, linearly. The first level's parents, targets and pivots have a row for each of them.
         """
 
 class Job(Generic[_T]):
@@ -425,10 +425,11 @@ def build_chain(
     many rows. ``wood`` is seen by the
     cross only.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
-    ``keep``: λ, the share of the leaves that is left where the first level takes over, in (0, 1]: all levels are made of
-    those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
+    ``keep``: λ, the share of the leaves that is left where the first level takes over, in (0, 1]: all levels are made
+    of those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
     ``leaf_pixels``: how many pixels a leaf is long where pruning begins, > 0; ``prune_half``: h of :func:`keep`. With
-    a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth``, ``contrast``).
+    a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth`` and
+    ``contrast``).
     ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
