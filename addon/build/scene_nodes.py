@@ -230,13 +230,22 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pruned = section.compare(drawn_keep, "LESS_THAN", 1.0, label="f·λ′ < 1")
     leaf = section.compare(trees.rank, "GREATER_EQUAL", 0.0, label="Not protected")
     growing = section.logic(pruned, "AND", leaf, label="Leaves of pruned trees")
-    pulled = mean_share(section, drawn_keep)
-    pulling = section.logic(growing, "AND", section.compare(pulled, "GREATER_THAN", 0.0), label="κ < 1")
+    told = _told(section, within, growing, mean_share(section, drawn_keep))
+    section.node("NodeGroupOutput", section.result("GeometryNodeSetPosition", told, growing, grown, label="Grow"))
+
+
+def _told(
+    section: Section, geometry: bpy.types.NodeSocket, growing: bpy.types.NodeSocket, pulled: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
+    """The geometry with the share of the mean for materials, where the group's user asks for contrast at all."""
+    numbers = ("Contrast", "Contrast of Few")
+    first, second = (section.compare(section.group_input(name), "NOT_EQUAL", 0.0) for name in numbers)
+    asked = section.logic(first, "OR", second, label="Contrast?")
     stored = {"data_type": "FLOAT", "domain": "POINT"}
     told = section.result(
-        "GeometryNodeStoreNamedAttribute", within, pulling, MEAN_SHARE, pulled, label="1 − κ", **stored
+        "GeometryNodeStoreNamedAttribute", geometry, growing, MEAN_SHARE, pulled, label="1 − κ", **stored
     )
-    section.node("NodeGroupOutput", section.result("GeometryNodeSetPosition", told, growing, grown, label="Grow"))
+    return section.switch("GEOMETRY", asked, geometry, told, label="Tell materials")
 
 
 def _distances(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
