@@ -51,12 +51,18 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
-	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit)
+	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
+	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight)
 
 .PHONY: fidelity
 fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
+
+.PHONY: flight
+flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and see whether anything pops (an hour)
+	@mkdir -p docs/bench
+	PYTHONPATH=$(CURDIR) .venv/bin/python tools/flight.py $(ARGS)
 
 .PHONY: relit
 relit: setup ## light level 1 and its leaves with six suns in Cycles, and compare
