@@ -35,7 +35,7 @@ from .job import Progress, wait
 from .lighting import light_of
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
-from .plan.reach import View, reaches, rising
+from .plan.reach import WOOD_PIXELS, View, reaches, rising, wood_errors
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.light import Light
@@ -54,7 +54,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
     gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
-    facts = Facts(engine=settings.engine, glossy=gloss.varies, translucent=translucent.material)
+    branches = 0 if tree.wood is None else len(tree.wood.triangles)
+    facts = Facts(engine=settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(plan_effects(settings, facts), "baked_light") and layer is not None
@@ -116,8 +117,10 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     ]
     switch_distances = rising([0.0, *distances])
     light = prepared.light
-    transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
+    following = ("transitions", "pruning", "trunk_levels")
+    transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     morphs = [transitions and level.cloud is not None for level in levels]
+    reached = reaches(switch_distances, [*morphs, False])
     plan = Plan(
         name=name,
         placement=prepared.placement,
@@ -129,8 +132,9 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
         pruning=pruning,
+        wood_errors=wood_errors(deviations, reached, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
         switch_distances=switch_distances,
-        reaches=reaches(switch_distances, [*morphs, False]),
+        reaches=reached,
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
     )
