@@ -69,6 +69,11 @@ relit: setup ## light level 1 and its leaves with six suns in Cycles, and compar
 	@mkdir -p docs/bench
 	.venv/bin/python tools/relit.py $(ARGS)
 
+.PHONY: wood
+wood: setup ## measure the wood beside each level: triangles, error, what it covers
+	@mkdir -p docs/bench
+	.venv/bin/python tools/wood.py $(ARGS)
+
 .PHONY: three
 three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from .build.levels import geometry_mesh
+from .build.wood import geometry_mesh
 from .placement import Placement
 from .scene.extract import Tree
 from .scene.light import Light, Surroundings, bake_light

@@ -37,7 +37,7 @@ from .job import Progress, wait
 from .lighting import light_of
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
-from .plan.reach import Reach, View, reaches, rising
+from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
@@ -57,7 +57,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
     gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
-    facts = Facts(engine=settings.engine, glossy=gloss.varies, translucent=translucent.material)
+    branches = 0 if tree.wood is None else len(tree.wood.triangles)
+    facts = Facts(engine=settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(plan_effects(settings, facts), "baked_light") and layer is not None
@@ -125,10 +126,11 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
     switch_distances = rising([0.0, *distances])
     light = prepared.light
-    transitions, pruning = (bool(is_on(prepared.effects, effect)) for effect in ("transitions", "pruning"))
+    following = ("transitions", "pruning", "trunk_levels")
+    transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     morphs = [transitions and level.cloud is not None for level in levels]
-    reach = reaches(switch_distances, [*morphs, False])
-    thinning = _thinning(prepared, start, reach[0])
+    reached = reaches(switch_distances, [*morphs, False])
+    thinning = _thinning(prepared, start, reached[0])
     contrast = bool(is_on(prepared.effects, "contrast"))
     plan = Plan(
         name=name,
@@ -141,8 +143,9 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
         pruning=pruning,
+        wood_errors=wood_errors(deviations, reached, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
         switch_distances=switch_distances,
-        reaches=reach,
+        reaches=reached,
         thinning=thinning,
         growth=chain.growth,
         contrast=chain.contrast if contrast else None,

@@ -17,6 +17,7 @@ EFFECTS = (
     "transitions",
     "pruning",
     "back_sides",
+    "trunk_levels",
     "normals",
     "gloss",
     "translucency",

@@ -48,7 +48,7 @@ def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> Non
     assert [level["level"] for level in report["levels"]] == [0, 1, 2, 3]
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "stochastic", "cross"]
     for level in report["levels"]:
-        assert set(level) == LEVEL_KEYS
+        assert set(level) == {*LEVEL_KEYS, "wood"}
         assert set(level["seconds"]) == {"fit", "pack", "bake", "write"}
     assert report["levels"][0]["triangles"] == report["input"]["triangles"]
     for level, epsilon in zip(report["levels"][1:3], (0.04, 0.1), strict=True):
@@ -442,14 +442,16 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
     assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
-        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["normals", "on"], ["gloss", "off"],
-        ["translucency", "off"], ["occlusion", "off"], ["self_shadowing", "off"], ["leaf_map", "off"],
+        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["trunk_levels", "on"],
+        ["normals", "on"], ["gloss", "off"], ["translucency", "off"], ["occlusion", "off"],
+        ["self_shadowing", "off"], ["leaf_map", "off"],
         ["baked_light", "off"],
     ]  # fmt: skip
     plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
     assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == [
-        ("transitions", False), ("pruning", True), ("back_sides", False), ("normals", False), ("gloss", False),
-        ("translucency", False), ("occlusion", False), ("self_shadowing", False), ("leaf_map", False),
+        ("transitions", False), ("pruning", True), ("back_sides", False), ("trunk_levels", False),
+        ("normals", False), ("gloss", False), ("translucency", False), ("occlusion", False),
+        ("self_shadowing", False), ("leaf_map", False),
         ("baked_light", False),
     ]  # fmt: skip
     assert not (tmp_path / "out").exists()

@@ -24,6 +24,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "transitions": True,
         "pruning": True,
         "back_sides": None,
+        "trunk_levels": False,
         "normals": True,
         "gloss": False,
         "translucency": False,

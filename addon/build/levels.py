@@ -31,6 +31,7 @@ from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
 from .node_laws import NEVER
 from .rollback import removed_on_failure
+from .wood import Wood, simplified, whole
 
 EXTRAS = "leafcloud"
 """The custom property, and so the key in glTF's extras, of objects and meshes."""
@@ -84,6 +85,8 @@ class Plan:
     share: float = 0.0
     light: Light | None = None
     light_strength: float = 1.0
+    wood_errors: tuple[float, ...] = ()
+    """How far the wood of each level behind the leaves may lie from what came, world units; empty: it is what came."""
     gloss_for: str = "gloss"
     """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
 
@@ -94,12 +97,17 @@ class Plan:
 
 @dataclass(frozen=True)
 class BuiltLevel:
-    """One level in Blender. `triangles` counts those of the object, without the wood."""
+    """One level in Blender. `triangles` counts those of the object, without the wood.
+
+    wood_error: how far the wood lies from that of LOD 0, world units.
+    """
 
     number: int
     object: bpy.types.Object
     wood: bpy.types.Object | None
     triangles: int
+    wood_triangles: int = 0
+    wood_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -124,14 +132,29 @@ def build_levels(
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
-        wood = None if tree.wood is None else geometry_mesh(f"{plan.name}_wood", tree.wood)
-        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, wood, plan)]
+        woods = _woods(tree, chain, plan, costs)
+        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, woods[0], plan)]
         behind = chain.levels
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
             _add_leaf_map(obj, level, tree, costs)
-            levels.append(_add_level(collection, obj, number, wood if level.cloud is not None else None, plan))
+            levels.append(_add_level(collection, obj, number, woods[number], plan))
     return collection, levels
+
+
+def _woods(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list[Wood | None]:
+    """The wood of every level, the leaves first; the cross shows it in its textures and has none."""
+    clouds = [level for level in chain.levels if level.cloud is not None]
+    crosses = [None] * (len(chain.levels) - len(clouds))
+    if tree.wood is None:
+        return [None, *(None for _ in clouds), *crosses]
+    first = whole(f"{plan.name}_wood", tree.wood)
+    if not plan.wood_errors:
+        return [first, *(first for _ in clouds), *crosses]
+    with costs.spent_on("trunk_levels", 0):
+        coarser = simplified(first, tree.wood, plan.placement, plan.wood_errors[: len(clouds)])
+    costs.bytes["trunk_levels"] = sum({id(wood): wood.nbytes for wood in coarser if wood is not first}.values())
+    return [first, *coarser, *crosses]
 
 
 def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
@@ -163,13 +186,13 @@ def area_shares(areas: NDArray[np.float32], ranks: NDArray[np.float32]) -> list[
 
 
 def _add_level(
-    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: bpy.types.Mesh | None, plan: Plan
+    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: Wood | None, plan: Plan
 ) -> BuiltLevel:
     """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
     members = [obj]
-    if wood is not None:
-        members.append(bpy.data.objects.new(f"{obj.name}_wood", wood))
+    if wood is not None and wood.mesh is not None:
+        members.append(bpy.data.objects.new(f"{obj.name}_wood", wood.mesh))
         members[1].parent = obj
     for member in members:
         collection.objects.link(member)
@@ -180,7 +203,8 @@ def _add_level(
         else:
             member.hide_viewport = member.hide_render = number > 0
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
-    return BuiltLevel(number, obj, members[1] if wood is not None else None, triangles)
+    built = BuiltLevel(number, obj, members[1] if len(members) > 1 else None, triangles)
+    return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
 
 
 def _lod_settings(number: int, plan: Plan) -> LodSettings:
@@ -384,11 +408,3 @@ def _pruning_extras(mesh: bpy.types.Mesh, shape: _Shape) -> dict[str, Any]:
     areas = np.empty(len(mesh.polygons), np.float32)
     mesh.polygons.foreach_get("area", areas)
     return {"keep_steps": PREFIX_STEPS, "prefixes": prefixes, "area_shares": area_shares(areas, shape.ranks)}
-
-
-def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
-    """The geometry as it is, with its materials and what these read."""
-    order = np.arange(len(geometry.triangles))
-    split = split_vertices(geometry.triangles, np.zeros(len(order), np.int32))
-    surface = triangle_surface(geometry, order, split)
-    return create_mesh(name, surface, geometry.materials, layer_names(geometry.materials))

@@ -11,7 +11,7 @@ import leafcloud
 
 from ..baked import Baked
 from ..build.levels import BuiltLevel
-from ..plan.effects import Effect
+from ..plan.effects import Effect, is_on
 from ..settings import BakeSettings
 
 BYTES_PER_TEXEL = 4
@@ -27,6 +27,10 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
     for level, built, seconds in zip(baked.chain.levels, baked.levels[1:], write_seconds[1:], strict=True):
         distance = baked.switch_distances[built.number]
         levels.append(_level(level, built, prepared.settings, distance, seconds))
+    if prepared.tree.wood is not None and is_on(baked.effects, "trunk_levels"):
+        for row, built in zip(levels, baked.levels, strict=True):
+            # The cross has none beside it: its textures show it.
+            row["wood"] = None if row["method"] == "cross" else _wood(built, prepared.foliage.radius)
     return {
         "leafcloud": leafcloud.__version__,
         "blender": bpy.app.version_string,
@@ -88,6 +92,11 @@ def _level(
         "switch_distance": switch_distance,
         "seconds": {**level.seconds, "write": write_seconds},
     }
+
+
+def _wood(built: BuiltLevel, radius: float) -> dict[str, Any]:
+    """The trunk and branches beside a level, and how far they lie from those beside the leaves."""
+    return {"triangles": built.wood_triangles, "error": built.wood_error / radius}
 
 
 def billboard_count(level: leafcloud.Level) -> int:

@@ -19,10 +19,12 @@ class Effect:
 
 @dataclass(frozen=True)
 class Facts:
-    """What the plan looks at: the engine that will draw the leaves, how many could be pruned, what lights do there."""
+    """What the plan looks at: the engine that draws the tree, how much there is of it, what lights do there."""
 
     engine: str
     leaves: int = 0
+    wood: int = 0
+    """Triangles of trunk and branches."""
     glossy: str | None = None
     """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
     translucent: str | None = None
@@ -32,9 +34,9 @@ class Facts:
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
     if settings.effects == "auto":
+        seen = (_transitions(facts), _pruning(facts), _back_sides(), _trunk_levels(facts))
         read = (_normals(facts), _gloss(facts), _translucency(facts))
-        moving = (_transitions(facts), _pruning(facts), _back_sides(), *read, *_SKY, _LEAF_MAP)
-        return (*moving, _contrast(settings, facts), _BAKED_LIGHT)
+        return (*seen, *read, *_SKY, _LEAF_MAP, _contrast(settings, facts), _BAKED_LIGHT)
     forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
     asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
     if settings.effects == "all":
@@ -84,6 +86,13 @@ def _pruning(facts: Facts) -> Effect:
 
 def _back_sides() -> Effect:
     return Effect("back_sides", None, "each level keeps a texture of its own for the back where the two sides differ")
+
+
+def _trunk_levels(facts: Facts) -> Effect:
+    if facts.wood == 0:
+        return Effect("trunk_levels", False, "there is no wood beside the leaves")
+    reason = f"{_free_camera(facts.engine)}, so it may see {facts.wood} triangles of wood from far away"
+    return Effect("trunk_levels", True, reason)
 
 
 def _normals(facts: Facts) -> Effect:

@@ -14,6 +14,9 @@ START_SHARE = 0.5
 LEAST_STEP = 1.25
 """A level takes over at least this many times as far away as the one before."""
 
+WOOD_PIXELS = 2.0
+"""How far from where it lay a level's wood may be seen where the level appears."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -50,6 +53,16 @@ def reaches(switch_distances: Sequence[float], morphs: Sequence[bool]) -> tuple[
         result.append(reach)
         appear = reach.vanish
     return tuple(result)
+
+
+def wood_errors(deviations: Sequence[float], reached: Sequence[Reach], unit: float) -> tuple[float, ...]:
+    """How far the wood of each level behind the leaves may lie from what came: as far as its leaves do, which have the
+    `deviations`, but no farther than `WOOD_PIXELS` where the level appears. A length of 1 is seen so large from `unit`.
+
+    Leaves slide onto their billboards, wood changes at once: what leaves may deviate would be seen to jump.
+    """
+    behind = zip(deviations, reached[1:], strict=True)
+    return tuple(min(deviation, reach.appear / unit) for deviation, reach in behind)
 
 
 def rising(distances: Sequence[float]) -> tuple[float, ...]:

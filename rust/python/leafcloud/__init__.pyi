@@ -488,6 +488,46 @@ def start_chain(
     image_epsilon: float | None = None,
     viewing_distance: float | None = None,
 ) -> Job[Chain]: ...
+
+class Simplified:
+    """What :func:`simplify` leaves of a mesh of ``t`` triangles: ``n`` ≤ ``t`` triangles."""
+    @property
+    def corners(self) -> NDArray[np.uint32]:
+        """(n, 3) the corners of the input that are those of each triangle: corner c is corner c % 3 of triangle c // 3.
+        ``triangles.ravel()[corners]`` are their vertices, ``uvs.reshape(-1, 2)[corners]`` their texture coordinates
+        where these came per corner, ``material_ids[corners[:, 0] // 3]`` the materials. Connected parts stay together.
+        """
+    @property
+    def error(self) -> float:
+        """The greatest distance that was measured between input and result, either way, or of a part that was left out
+        its radius, whichever is more; caller's units, at most the ``error`` that was asked for."""
+
+def simplify(
+    positions: ArrayLike,
+    triangles: ArrayLike,
+    *,
+    error: float,
+    uvs: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+    material_ids: ArrayLike | None = None,
+) -> Simplified:
+    """Trunks and branches, or any mesh, with as few triangles as were found within ``error``, a length above 0 in the
+    units of ``positions``.
+
+    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner (t,
+    3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4); ``material_ids`` (t,) any integers.
+
+    Corners of the result are corners of the input, nothing is computed anew. Texture seams and the borders between
+    materials and colours stay apart. What came out is measured against what went in, both ways, at samples half of
+    ``error`` apart (at most 17 to an edge). Connected parts (by vertices, or edges whose ends coincide) that fit into
+    a sphere of the radius ``error`` are left out: there may be no triangles left, (0, 3).
+
+    The same bytes on any number of threads; another kind of processor may round otherwise (``meshopt``, which orders
+    the collapses, is C++). Raises ``LeafcloudError`` as :class:`Foliage` does, and for an ``error`` that is not above 0
+    and finite.
+    """
+
 def render(
     parts: Sequence[Foliage],
     direction: Sequence[float],

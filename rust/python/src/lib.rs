@@ -10,6 +10,7 @@ mod job;
 mod levels;
 mod options;
 mod tools;
+mod wood;
 
 use pyo3::prelude::*;
 
@@ -23,11 +24,13 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<levels::PyChain>()?;
     module.add_class::<job::PyJob>()?;
+    module.add_class::<wood::PySimplified>()?;
     module.add_function(wrap_pyfunction!(job::fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::build_chain, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_chain, module)?)?;
     module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
+    module.add_function(wrap_pyfunction!(wood::simplify, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;

@@ -1,0 +1,91 @@
+//! Corners as vertices: one for all that lie at one place and look the same there.
+
+use glam::{DVec3, Vec3};
+use leafcloud::Foliage;
+use leafcloud::groups::number_by_appearance;
+
+/// What the simplifier is given of each vertex beside its place: texture coordinates, normal, colour.
+pub const ATTRIBUTES: usize = 9;
+
+/// The vertices of a part, v of them, whose triangles, t of them, have 3 t corners.
+pub struct Vertices {
+    /// (3 t) the vertex of each corner.
+    pub of_corner: Vec<u32>,
+    /// (v) a corner of each vertex: the first.
+    pub corners: Vec<u32>,
+    /// (v) in the local frame.
+    pub places: Vec<[f32; 3]>,
+    /// (v) texture coordinates, unit normal, colour; zeros for what there is none of.
+    pub attributes: Vec<[f32; ATTRIBUTES]>,
+    /// (v) whether at its place texture coordinates, colours or materials differ.
+    pub on_seam: Vec<bool>,
+}
+
+/// A corner of a triangle of the wood: the triangle, and which of its three.
+type Corner = (usize, usize);
+
+impl Vertices {
+    /// Those of `triangles` of `wood`, whose corners lie at `places` (3 t).
+    pub fn new(wood: &Foliage, triangles: &[u32], places: &[DVec3]) -> Self {
+        let in_wood = |corner: usize| (triangles[corner / 3] as usize, corner % 3);
+        // Adding zero makes one zero of both.
+        let place = |corner: usize| (places[corner].as_vec3() + Vec3::ZERO).to_array();
+        let key =
+            |corner: usize| (bits(place(corner)), bits(look(wood, in_wood(corner))), material(wood, in_wood(corner)));
+        let (of_corner, count) = number_by_appearance((0..places.len()).map(key));
+        let corners = first_of_each(&of_corner, count);
+        let of_vertex = || corners.iter().map(|&corner| corner as usize);
+        let seams: Vec<_> = of_vertex().map(|corner| seam(wood, in_wood(corner))).collect();
+        Self {
+            places: of_vertex().map(place).collect(),
+            attributes: of_vertex().map(|corner| look(wood, in_wood(corner))).collect(),
+            on_seam: differing(of_vertex().map(|corner| bits(place(corner))), &seams),
+            corners,
+            of_corner,
+        }
+    }
+}
+
+/// For each item whether another with the same key has another value.
+fn differing<K: std::hash::Hash + Eq, V: PartialEq>(keys: impl Iterator<Item = K>, values: &[V]) -> Vec<bool> {
+    let (groups, count) = number_by_appearance(keys);
+    let first = first_of_each(&groups, count);
+    let mut differ = vec![false; count];
+    for (value, &group) in values.iter().zip(&groups) {
+        differ[group as usize] |= *value != values[first[group as usize] as usize];
+    }
+    groups.iter().map(|&group| differ[group as usize]).collect()
+}
+
+/// What must not be joined across where it differs: texture coordinates, colour, material.
+fn seam(wood: &Foliage, corner: Corner) -> ([u32; 6], u32) {
+    let [u, v, _, _, _, r, g, b, a] = look(wood, corner);
+    (bits([u, v, r, g, b, a]), material(wood, corner))
+}
+
+fn material(wood: &Foliage, (triangle, _): Corner) -> u32 {
+    wood.attributes().material_ids.get(triangle).copied().unwrap_or(0)
+}
+
+fn look(wood: &Foliage, (triangle, k): Corner) -> [f32; ATTRIBUTES] {
+    let attributes = wood.attributes();
+    let [u, v] = attributes.uvs.get(triangle).map_or([0.0; 2], |t| t[k].to_array());
+    let [x, y, z] = attributes.normals.get(triangle).map_or([0.0; 3], |t| t[k].normalize_or_zero().to_array());
+    let [r, g, b, a] = attributes.colors.get(triangle).map_or([0.0; 4], |t| t[k].to_array());
+    [u, v, x, y, z, r, g, b, a].map(|value| value + 0.0)
+}
+
+fn bits<const N: usize>(values: [f32; N]) -> [u32; N] {
+    values.map(f32::to_bits)
+}
+
+/// (count) where each of the numbers, which count by appearance, is seen first.
+fn first_of_each(numbers: &[u32], count: usize) -> Vec<u32> {
+    let mut first = Vec::with_capacity(count);
+    for (i, &number) in (0u32..).zip(numbers) {
+        if number as usize == first.len() {
+            first.push(i);
+        }
+    }
+    first
+}

@@ -1,0 +1,262 @@
+"""Trunks and branches beside the levels: fewer triangles from level to level, within an error, made of what came."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+import command_line
+import numpy as np
+import pytest
+from glb import read_glb
+from numpy.typing import NDArray
+from scenes import add_mesh, bake, material, read
+
+import leafcloud
+from addon.baked import Baked
+from addon.build.wood import simplified, whole
+from addon.placement import Placement
+from addon.plan.effects import Facts, is_on, plan_effects
+from addon.plan.reach import WOOD_PIXELS, Reach, wood_errors
+from addon.scene.extract import Geometry
+from addon.settings import BakeSettings
+
+QUICK = ("--candidates", 50, "--texture-size", 128)
+
+
+def grid(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """The unit square in the plane z = 0 as n × n squares of two triangles."""
+    x, y = np.meshgrid(np.arange(n + 1) / n, np.arange(n + 1) / n)
+    positions = np.stack([x.ravel(), y.ravel(), np.zeros((n + 1) ** 2)], axis=1)
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    quads = np.stack([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1], axis=1)
+    return positions, quads.reshape(-1, 3).astype(np.int32)
+
+
+def tube(sides: int, rings: int, height: float = 8.0) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """A tube of the radius 1 about the z axis, open at both ends."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    z = np.repeat(np.arange(rings + 1) / rings * height, sides)
+    positions = np.stack([np.tile(np.cos(angle), rings + 1), np.tile(np.sin(angle), rings + 1), z], axis=1)
+    i, ring = np.tile(np.arange(sides), rings), np.repeat(np.arange(rings), sides) * sides
+    a, b = ring + i, ring + (i + 1) % sides
+    return positions, np.stack([a, b, b + sides, a, b + sides, a + sides], axis=1).reshape(-1, 3).astype(np.int32)
+
+
+# The function
+
+
+def test_a_finely_tessellated_square_becomes_two_triangles() -> None:
+    positions, triangles = grid(16)
+    result = leafcloud.simplify(positions, triangles, error=1e-3)
+    assert (result.corners.shape, result.corners.dtype) == ((2, 3), np.uint32)
+    a, b, c = positions[triangles.ravel()[result.corners]].transpose(1, 0, 2)
+    assert np.cross(b - a, c - a)[:, 2].sum() / 2.0 == pytest.approx(1.0), "all of it, and wound as before"
+    assert 0.0 <= result.error < 1e-6
+
+
+@pytest.mark.parametrize("error", [0.01, 0.05, 0.2])
+def test_a_tube_stays_within_the_error_of_the_circle(error: float) -> None:
+    """Places on the result lie between the chord and the circle; both ends are still there."""
+    positions, triangles = tube(48, 30)
+    result = leafcloud.simplify(positions, triangles, error=error)
+    assert 0 < len(result.corners) < len(triangles)
+    assert result.error <= error
+    weights = np.random.default_rng(1).dirichlet(np.ones(3), 200)
+    places = np.einsum("wk,tkc->twc", weights, positions[triangles.ravel()[result.corners]]).reshape(-1, 3)
+    radii = np.hypot(places[:, 0], places[:, 1])
+    assert radii.min() >= 1.0 - error - 1e-9
+    assert radii.max() <= 1.0 + 1e-9
+    kept = positions[np.unique(triangles.ravel()[result.corners])]
+    assert kept[:, 2].min() <= error
+    assert kept[:, 2].max() >= 8.0 - error
+
+
+def test_far_from_the_origin_the_same_is_left() -> None:
+    positions, triangles = tube(24, 16)
+    positions = np.round(positions * 256.0)  # whole numbers: a shift rounds nothing
+    near = leafcloud.simplify(positions, triangles, error=10.0)
+    shift = np.array([2.0**40, -(2.0**40), 2.0**39])
+    far = leafcloud.simplify(positions + shift, triangles, error=10.0)
+    np.testing.assert_array_equal(near.corners, far.corners)
+    assert len(near.corners) < len(triangles)
+
+
+def test_corners_keep_what_they_carry() -> None:
+    positions, triangles = grid(8)
+    materials = np.where(positions[triangles][:, :, 0].mean(axis=1) > 0.5, 70_000, -3)
+    uvs = positions[triangles][:, :, :2].astype(np.float32)
+    normals = np.tile(np.array([0, 0, 2], np.float32), (len(positions), 1))
+    colors = np.ones((len(triangles), 3, 4), np.float32)
+    result = leafcloud.simplify(
+        positions, triangles, error=0.01, uvs=uvs, normals=normals, colors=colors, material_ids=materials
+    )
+    assert len(result.corners) <= 8
+    of_corner = materials[result.corners // 3]
+    assert (of_corner == of_corner[:, :1]).all(), "no triangle has corners of two materials"
+    x = positions[triangles.ravel()[result.corners], 0]
+    assert x[of_corner == -3].max() <= 0.5
+    assert x[of_corner == 70_000].min() >= 0.5
+
+
+def test_what_the_error_hides_is_left_out() -> None:
+    positions, triangles = grid(2)
+    result = leafcloud.simplify(positions, triangles, error=0.75)
+    assert result.corners.shape == (0, 3)
+    assert result.error == pytest.approx(np.sqrt(0.5)), "the radius of what is gone"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"error": 0.0}, "a length above 0"),
+        ({"error": np.nan}, "a length above 0"),
+        ({"error": "much"}, "a length above 0"),
+        ({"triangles": np.zeros((0, 3), int)}, "no triangles"),
+        ({"triangles": [[0, 1, 99]]}, "99"),
+        ({"positions": np.full((9, 3), np.nan)}, "not finite"),
+        ({"positions": np.zeros((9, 3))}, "zero area"),
+        ({"uvs": np.zeros((9, 3))}, "uvs"),
+        ({"normals": np.full((9, 3), np.inf)}, "normals"),
+        ({"material_ids": [0, 1]}, "material_ids"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(arguments: dict[str, Any], message: str) -> None:
+    positions, triangles = grid(2)
+    given = {"positions": positions, "triangles": triangles, "error": 0.1, **arguments}
+    with pytest.raises(leafcloud.LeafcloudError, match=message):
+        leafcloud.simplify(given.pop("positions"), given.pop("triangles"), **given)
+
+
+# The plan
+
+
+def test_wood_calls_for_trunk_levels() -> None:
+    facts = Facts(engine="unity", leaves=5, wood=1200)
+    [effect] = [effect for effect in plan_effects(BakeSettings(), facts) if effect.name == "trunk_levels"]
+    assert effect.on is True
+    assert effect.reason == "the camera may be anywhere in unity, so it may see 1200 triangles of wood from far away"
+    assert is_on(plan_effects(BakeSettings(), Facts(engine="unity", leaves=5)), "trunk_levels") is False
+    assert is_on(plan_effects(BakeSettings(effects="pruning"), facts), "trunk_levels") is False
+
+
+def test_wood_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
+    def reach(appear: float) -> Reach:
+        return Reach(appear, 0.0, 0.0, 0.0)
+
+    reached = [reach(0.0), reach(100.0), reach(300.0)]
+    # What is one unit long is seen so large as the wood may be off from 50 units away: from 100, two units are.
+    assert wood_errors([5.0, 5.0], reached, 50.0) == (2.0, 5.0)
+    assert wood_errors([1.0, 5.0], reached, 50.0) == (1.0, 5.0)
+
+
+# In Blender
+
+
+def geometry() -> Geometry:
+    positions, triangles = tube(16, 12)
+    return Geometry(
+        positions=positions.astype(np.float32),
+        triangles=triangles,
+        uvs=positions[triangles][:, :, 1:].astype(np.float32),
+        normals=(positions[triangles] * [1.0, 1.0, 0.0]).astype(np.float32),
+        colors=None,
+        material_ids=np.zeros(len(triangles), np.int32),
+        materials=[bpy.data.materials.new("bark")],
+    )
+
+
+def test_levels_never_have_more_triangles_than_the_one_before() -> None:
+    """A scale of 2 makes the tube's radius 2: errors are lengths in the world."""
+    placement = Placement(np.diag([2.0, 2.0, 2.0, 1.0]))
+    errors = [0.0, 0.05, 0.05, 0.6, 100.0, 100.0]
+    wood = geometry()
+    first = whole("bark", wood)
+    flat, fine, again, coarse, none, nothing = simplified(first, wood, placement, errors)
+    assert flat is first, "no error, no change"
+    assert again is fine, "what is not fewer is not made twice"
+    assert first.triangles > fine.triangles > coarse.triangles > 0 == none.triangles
+    assert none.mesh is None
+    assert nothing is none
+    assert [fine.mesh.name, coarse.mesh.name] == ["bark_2", "bark_4"]
+    for left, error in ((fine, 0.05), (coarse, 0.6)):
+        assert left.error <= error
+        assert len(left.mesh.polygons) == left.triangles
+        assert [slot.name for slot in left.mesh.materials] == ["bark"]
+        places = np.array([tuple(vertex.co) for vertex in left.mesh.vertices])
+        uvs = np.array([tuple(each.uv) for each in left.mesh.uv_layers.active.data])
+        corners = places[[loop.vertex_index for loop in left.mesh.loops]]
+        np.testing.assert_array_equal(uvs, corners[:, 1:].astype(np.float32))
+
+
+def baked_tree(effects: str) -> Baked:
+    """A tube as a trunk, and a crown of triangles about its upper end."""
+    positions, triangles = tube(24, 40)
+    random = np.random.default_rng(5)
+    centres = np.repeat(random.normal((0, 0, 8), 2.5, (60, 3)), 3, axis=0)
+    crown = [tuple(point) for point in random.normal(centres, 0.3)]
+    leaves = [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(60)]
+    add_mesh("leaves", crown, leaves, materials=[material("leaf")])
+    faces = [tuple(map(int, triangle)) for triangle in triangles]
+    add_mesh("trunk", [tuple(p) for p in positions], faces, materials=[material("bark")])
+    return bake(read(), BakeSettings(candidates=50, texture_size=128, effects=effects))
+
+
+def test_each_level_shows_its_own_wood() -> None:
+    result = baked_tree("auto")
+    came, first, second, cross = result.levels
+    assert came.wood.data.name == "tree_wood"
+    assert came.wood_error == 0.0
+    assert len(came.wood.data.polygons) == came.wood_triangles == 1920
+    assert 1920 > first.wood_triangles >= second.wood_triangles > 0
+    assert len(second.wood.data.polygons) == second.wood_triangles
+    assert (cross.wood, cross.wood_triangles) == (None, 0)
+    radius = result.prepared.foliage.radius
+    for level, built in zip(result.chain.levels, (first, second), strict=False):
+        assert built.wood_error <= level.max_deviation_leaves * radius
+        pixel = leafcloud.switch_distance(1.0, WOOD_PIXELS, result.view.resolution, result.view.field_of_view)
+        assert built.wood_error <= result.switch_distances[built.number] / pixel
+    assert result.costs.seconds["trunk_levels"] > 0.0
+    assert result.costs.bytes["trunk_levels"] > 0
+
+
+def test_without_the_effect_all_levels_share_what_came() -> None:
+    levels = baked_tree("transitions").levels
+    assert {level.wood.data.name for level in levels[:-1]} == {"tree_wood"}
+
+
+# In files
+
+
+@pytest.fixture(scope="module")
+def with_and_without(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> tuple[Path, Path]:
+    folders = []
+    for effects in ("transitions,trunk_levels", "transitions"):
+        out = tmp_path_factory.mktemp("wood")
+        command_line.bake(shrub, out, "--levels", 1, "--effects", effects, *QUICK)
+        folders.append(out)
+    return folders[0], folders[1]
+
+
+def test_the_report_tells_of_the_wood(with_and_without: tuple[Path, Path]) -> None:
+    simplified, plain = (json.loads((out / "report.json").read_text()) for out in with_and_without)
+    leaves, cloud, cross = (level["wood"] for level in simplified["levels"])
+    assert leaves["error"] == 0.0 < cloud["error"] <= simplified["levels"][1]["max_deviation_leaves"]
+    assert leaves["triangles"] > cloud["triangles"] > 0
+    assert cross is None
+    assert not any("wood" in level for level in plain["levels"])
+
+
+def test_files_without_the_effect_and_lod_0_have_the_wood_that_came(with_and_without: tuple[Path, Path]) -> None:
+    simplified, plain = with_and_without
+    assert (simplified / "shrub_LOD0.glb").read_bytes() == (plain / "shrub_LOD0.glb").read_bytes()
+
+    def triangles(out: Path, level: int) -> int:
+        node = read_glb(out / f"shrub_LOD{level}.glb")[f"shrub_LOD{level}_wood"]
+        return sum(len(primitive.indices) for primitive in node.primitives)
+
+    assert triangles(plain, 1) == triangles(plain, 0) == triangles(simplified, 0) > triangles(simplified, 1)
+    report = json.loads((simplified / "report.json").read_text())
+    assert triangles(simplified, 1) == report["levels"][1]["wood"]["triangles"]
