@@ -17,7 +17,6 @@ const KEEPS: [f64; 7] = [0.97, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02];
 const SIZE: usize = 128;
 /// Triangles up to which a tree is measured.
 const LIMIT: usize = 200_000;
-const SIZES: [usize; 4] = [16, 32, 64, 128];
 /// λ at which pixels are compared.
 const KEEP: f64 = 0.1;
 
@@ -127,22 +126,21 @@ fn main() {
         row("linear", &linear);
     }
     println!(
-        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, by pixels across the crown:\n"
+        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, where so many are left:\n"
     );
-    println!("| | κ | {} |", SIZES.map(|size| size.to_string()).join(" | "));
-    println!("|---|---|{}", "---|".repeat(SIZES.len()));
+    println!("| | pixels across | κ | with contrast kept | without |\n|---|---|---|---|---|");
     for (name, foliage) in &trees {
         let ranks = order(foliage, 0);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5 };
         let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
-        let kappa = trend.factor(KEEP).min(1.0);
+        let (kappa, size) = (trend.factor(KEEP).min(1.0), settings.crown_pixels(foliage, KEEP));
         let pruned = thin(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
-        let spreads = |leaves: &Foliage| {
-            SIZES.map(|size| colors(leaves, foliage, size).1 / colors(foliage, foliage, size).1).to_vec()
+        let (mean, all) = colors(foliage, foliage, size);
+        let spread = |leaves: &Foliage| match colors(leaves, foliage, size).1 {
+            _ if all < 1e-3 => "–".to_owned(), // Leaves of one colour do not vary.
+            spread => format!("{:.3}", spread / all),
         };
-        let mean = colors(foliage, foliage, 64).0;
-        row(&format!("{name} | {kappa:.2}"), &spreads(&pulled(&pruned, mean, kappa)));
-        row("without contrast | 1", &spreads(&pruned));
+        println!("| {name} | {size} | {kappa:.2} | {} | {} |", spread(&pulled(&pruned, mean, kappa)), spread(&pruned));
     }
 }

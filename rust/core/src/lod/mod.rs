@@ -86,7 +86,8 @@ impl PruneSettings {
     }
 
     /// How many pixels across the crown is where the share `keep` of its leaves is left; not so few or many that there is nothing to see.
-    fn crown_pixels(&self, foliage: &Foliage, keep: f64) -> usize {
+    #[must_use]
+    pub fn crown_pixels(&self, foliage: &Foliage, keep: f64) -> usize {
         let area: f64 = (0..foliage.triangle_count()).map(|t| foliage.area_vector(t).length()).sum();
         let leaf = (area / foliage.leaf_count() as f64).sqrt();
         let nearer = libm::pow(keep, libm::log(self.half) / libm::log(0.5));

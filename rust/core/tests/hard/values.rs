@@ -145,10 +145,8 @@ fn contrast_kept() {
     let wild = Trend { first: -3.0, second: 0.7 };
     case(GROUP, "γ and κ at λ = 1, and everywhere without numbers", "closed form: 1")
         .equals([wild.factor(1.0), Trend::default().factor(0.005), Trend::default().factor(1e-300)], [1.0; 3]);
-    case(GROUP, "γ and κ at λ down to the cut-off, however steep", "definition: finite, not negative").equals(
-        [1.0, 0.3, 0.005].map(|keep| wild.factor(keep).is_finite() && wild.factor(keep) >= 0.0),
-        [true; 3],
-    );
+    case(GROUP, "γ and κ at λ down to the cut-off, however steep", "definition: finite, not negative")
+        .equals([1.0, 0.3, 0.005].map(|keep| wild.factor(keep).is_finite() && wild.factor(keep) >= 0.0), [true; 3]);
     let color = Vec3::new(0.1, 0.7, 0.3);
     case(GROUP, "contrast with one leaf, or all leaves of one colour", "definition: nothing changes")
         .equals([toward_mean(color, color, 0.0), toward_mean(color, color, 0.37)], [color; 2]);
