@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -142,14 +143,12 @@ def rest_of(node: Node) -> Rest:
     )
 
 
-def in_scene(tree: Path) -> None:
+def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
+    """The tree in a scene of its own, turned, scaled and far from the origin; leaves of `protected` points stay."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(tree))
-
-
-def moved(tree: Path, folder: Path) -> Path:
-    """The tree in a scene of its own, turned, scaled and far from the origin."""
-    in_scene(tree)
+    if protected:
+        bpy.data.objects["leaves"].vertex_groups.new(name=PROTECT).add(protected, 1.0, "REPLACE")
     place = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))
     for obj in bpy.context.scene.objects:
         if obj.parent is None:
@@ -157,24 +156,16 @@ def moved(tree: Path, folder: Path) -> Path:
     return saved(folder / tree.with_suffix(".blend").name)
 
 
-def painted(tree: Path, folder: Path) -> Path:
-    """The tree in a scene of its own, with one leaf that is never to be pruned."""
-    in_scene(tree)
-    bpy.data.objects["leaves"].vertex_groups.new(name=PROTECT).add([400], 1.0, "REPLACE")
-    return saved(folder / tree.with_suffix(".blend").name)
-
-
-PRUNED = "pruned before level 1"
-
-
-@pytest.fixture(scope="module", params=["as it is", "moved", PRUNED])
+@pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A leaf of the last is protected; the others keep all their leaves until level 1 takes over."""
-    sources = {"moved": moved, PRUNED: painted}
-    make = sources.get(request.param)
-    source = shrub if make is None else make(shrub, tmp_path_factory.mktemp("source"))
-    out = tmp_path_factory.mktemp("shrub")
-    bake(source, out, *QUICK, *(("--chain", "both", "--prune-pixels", "60") if request.param == PRUNED else ()))
+    """The last is baked to be pruned, but for a leaf; the others keep all their leaves until level 1 takes over."""
+    folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
+    if request.param == "as it is":
+        bake(shrub, out, *QUICK)
+    elif request.param == "moved":
+        bake(moved(shrub, folder), out, *QUICK)
+    else:
+        bake(moved(shrub, folder, protected=[400]), out, *QUICK, "--chain", "both", "--prune-pixels", "60")
     return out
 
 
