@@ -60,24 +60,31 @@ float lc_area_scale(float keep, float shares[LC_SHARES]) {
     return keep < 1.0 && drawn > 0.0 ? inversesqrt(drawn) : 1.0;
 }
 
-// s·r, by how much a leaf grows: 0 where it is not drawn, 1 for a protected leaf and where nothing is pruned. `scale` is s.
+// γ = exp(c₁ L + c₂ L²) with L = ln λ, for the measured `numbers` (c₁, c₂): 1 where nothing is pruned, or nothing left.
+float lc_trend(float keep, vec2 numbers) {
+    float logarithm = log(max(keep, LC_TINY));
+    return keep > 0.0 && keep < 1.0 ? exp(logarithm * (numbers.x + numbers.y * logarithm)) : 1.0;
+}
+
+// s·γ·r, by how much a leaf grows: 0 where it is not drawn, 1 for a protected leaf and where nothing is pruned. `scale`
+// is s·γ = lc_area_scale(λ, shares) · lc_trend(λ, growth); s alone for leaves whose growth was not measured.
 float lc_growth(float rank, float keep, float scale) {
     return rank < 0.0 ? 1.0 : scale * lc_ramp(rank, keep);
 }
 
-// p' = pivot(a) + (p(a) − pivot(a))·s·r: the leaf moved to its billboard by `transition` a, and grown about its pivot by
-// `growth` s·r. At a = 0 and s·r = 1 the position itself, bit for bit; at s·r = 0 the corners of a triangle are one
-// point, so that nothing is drawn.
+// p' = pivot(a) + (p(a) − pivot(a))·s·γ·r: the leaf moved to its billboard by `transition` a, and grown about its pivot
+// by `growth` s·γ·r. At a = 0 and s·γ·r = 1 the position itself, bit for bit; at s·γ·r = 0 the corners of a triangle are
+// one point, so that nothing is drawn.
 vec3 lc_place(vec3 position, vec3 target, vec3 pivot, vec3 pivot_target, float transition, float growth) {
     vec3 point = mix(position, target, transition);
     vec3 centre = mix(pivot, pivot_target, transition);
     return growth == 1.0 ? point : centre + (point - centre) * growth;
 }
 
-// κ = √(max(1, λq) / max(1, q)): how far colours keep their distance from the mean, so that fewer leaves do not mean more
-// contrast. `per_pixel` q ≥ 0: leaves in a pixel of the unpruned tree.
-float lc_contrast(float keep, float per_pixel) {
-    return sqrt(max(1.0, keep * per_pixel) / max(1.0, per_pixel));
+// κ = min(1, exp(k₁ L + k₂ L²)): how far colours keep their distance from the mean, so that fewer leaves do not mean more
+// contrast. `numbers` (k₁, k₂) are measured; with (0, 0) colours stay.
+float lc_contrast(float keep, vec2 numbers) {
+    return min(lc_trend(keep, numbers), 1.0);
 }
 
 // c̄ + (c − c̄) κ, of linear colours. At κ = 1 the colour itself.

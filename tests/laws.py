@@ -31,3 +31,9 @@ def drawn_share(keep: Floats | float, shares: Floats) -> Any:
     """1/s² by the table: C(λ(1−ρ)) + (C(λ) − C(λ(1−ρ)))/3."""
     whole = np.interp(keep * (1.0 - np.minimum(0.05, 1.0 - keep)), KNOTS, shares)
     return whole + (np.interp(keep, KNOTS, shares) - whole) / 3.0
+
+
+def trend(keep: Floats, first: Floats, second: Floats) -> Floats:
+    """γ, and κ before it is cut off at 1; of `keep` above 0."""
+    logarithm = np.log(keep)
+    return np.exp(logarithm * (first + second * logarithm))

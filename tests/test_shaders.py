@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from laws import KNOTS, Floats, drawn_share, kept, ramp, transition
+from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
 
 from tools.browser import ask
 
@@ -111,11 +111,19 @@ def place_table() -> Table:
     return Table(expression, arguments, expected, 10.0 * ULP * greatest * (1.0 + growth))
 
 
-def contrast_table() -> Table:
-    arguments = grid(KEEPS, [0.0, 0.5, 1.0, 3.0, 1000.0])
-    keep, per_pixel = arguments.T
-    expected = np.sqrt(np.maximum(1.0, keep * per_pixel) / np.maximum(1.0, per_pixel))
-    return Table("vec4(lc_contrast(x0.x, x0.y))", arguments, expected, 6.0 * ULP)
+def trend_table(expression: str, greatest: float) -> Table:
+    """Of numbers that were measured, as steep, and none at all."""
+    numbers = np.float32([[0.0485, 0.0004], [0.1147, -0.0688], [-0.2, 0.03], [0.3, 0.0], [0.0, 0.0]])
+    keeps = np.tile(KEEPS, len(numbers))[:, None]
+    arguments = np.hstack([keeps, np.repeat(numbers, len(KEEPS), axis=0)]).astype(float)
+    keep, first, second = arguments.T
+    expected = trend(keep, first, second)
+    # ln λ, which the exponent x follows by its slope; two products and a sum make x of it; then exp(x).
+    logarithm = np.abs(np.log(keep))
+    slope = np.abs(first) + 2.0 * np.abs(second) * logarithm
+    x = np.abs(first) * logarithm + np.abs(second) * logarithm**2
+    off = slope * (2.0**-21 + 3.0 * logarithm * ULP) + 3.0 * x * ULP
+    return Table(expression, arguments, np.minimum(expected, greatest), expected * (off + (3.0 + 2.0 * x) * ULP))
 
 
 def mean_table() -> Table:
@@ -161,7 +169,8 @@ def tables() -> dict[str, tuple[Table, Floats]]:
         "share": share_table(shares),
         "scale": scale_table(shares),
         "place": place_table(),
-        "contrast": contrast_table(),
+        "trend": trend_table("vec4(lc_trend(x0.x, x0.yz))", np.inf),
+        "contrast": trend_table("vec4(lc_contrast(x0.x, x0.yz))", 1.0),
         "mean": mean_table(),
         "grazing": grazing_table(),
         "shown": shown_table(),
@@ -172,7 +181,8 @@ def tables() -> dict[str, tuple[Table, Floats]]:
 
 
 @pytest.mark.parametrize(
-    "name", ["transition", "keep", "ramp", "growth", "share", "scale", "place", "contrast", "mean", "grazing"]
+    "name",
+    ["transition", "keep", "ramp", "growth", "share", "scale", "place", "trend", "contrast", "mean", "grazing"],
 )
 def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], name: str) -> None:
     table, found = tables[name]
@@ -190,9 +200,12 @@ def test_nothing_changes_at_rest(tables: dict[str, tuple[Table, Floats]]) -> Non
     a, growth = table.arguments[:, 12], table.arguments[:, 13]
     assert np.array_equal(found[(a == 0.0) & (growth == 1.0), :3], table.arguments[(a == 0.0) & (growth == 1.0), :3])
     assert np.array_equal(found[(a == 0.0) & (growth == 0.0), :3], table.arguments[(a == 0.0) & (growth == 0.0), 6:9])
-    for name in ("keep", "scale", "contrast", "grazing"):
+    for name in ("keep", "scale", "grazing"):
         table, found = tables[name]
         assert (found[table.expected == 1.0] == 1.0).all()
+    for name in ("trend", "contrast"):
+        table, found = tables[name]
+        assert (found[table.arguments[:, 0] == 1.0] == 1.0).all()
 
 
 def test_a_fade_shows_its_share_of_the_pixels(tables: dict[str, tuple[Table, Floats]]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,35 @@ import numpy as np
 import pytest
 from command_line import QUICK, bake, saved
 from glb import Node, Primitive, read_glb
-from laws import KNOTS, Floats, drawn_share, kept, ramp, transition
+from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
 from lod_scenes import add_camera, evaluate, points_of
 from mathutils import Euler, Matrix, Vector
 
+from addon.build.lod_nodes import NEVER
 from addon.export.gltf import y_up
+from addon.scene.meshes import PROTECT
 from addon.versions import set_modifier_input
 from tools.browser import ask
 
 PAGE = "tests/shaders/probe.html"
 PATIENCE = 120.0
-HALF = 0.5
-"""h: half of the leaves are left at twice the distance at which pruning begins."""
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """d₀ in the scene's units, h, the numbers of γ and κ, and the mean of the leaves' colours."""
+
+    start: float
+    half: float = 0.5
+    growth: tuple[float, float] = (0.0, 0.0)
+    contrast: tuple[float, float] = (0.0, 0.0)
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def keep(self, distance: float) -> float:
+        return float(kept(np.array(distance), self.start, self.half))
+
+    def growth_at(self, keep: float) -> float:
+        return float(trend(np.array(keep), *self.growth))
 
 
 def by_leaf(ranks: Floats, rows: Floats) -> dict[float, Floats]:
@@ -77,7 +95,7 @@ def apart(one: Floats, other: Floats) -> float:
 @dataclass(frozen=True)
 class Rest:
     """A level as it lies in its file: by leaf its greatest coordinate, how far its points lie from the pivot, how far
-    they move; of each triangle rank and area; the table of areas."""
+    they move; of each triangle rank and area, 0 where it is protected; the table of areas."""
 
     reach: dict[float, tuple[float, float, float]]
     ranks: Floats
@@ -109,6 +127,8 @@ def rest_of(node: Node) -> Rest:
         rows.append(np.hstack(columns)[primitive.indices])
     corners = np.concatenate(rows)
     sides = np.diff(corners[..., :3], axis=1)
+    of_triangles = np.concatenate(ranks)[:, 0]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2.0
     return Rest(
         reach={
             rank: tuple(
@@ -117,16 +137,18 @@ def rest_of(node: Node) -> Rest:
             )
             for rank, row in by_leaf(np.concatenate(ranks).ravel(), corners.reshape(-1, 12)).items()
         },
-        ranks=np.concatenate(ranks)[:, 0],
-        areas=np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2.0,
+        ranks=of_triangles,
+        areas=np.where(of_triangles < 0.0, 0.0, areas),
         shares=np.array(node.mesh_extras["leafcloud"]["area_shares"]),
     )
 
 
-def moved(tree: Path, folder: Path) -> Path:
-    """The tree in a scene of its own, turned, scaled and far from the origin."""
+def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
+    """The tree in a scene of its own, turned, scaled and far from the origin; leaves of `protected` points stay."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(tree))
+    if protected:
+        bpy.data.objects["leaves"].vertex_groups.new(name=PROTECT).add(protected, 1.0, "REPLACE")
     place = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))
     for obj in bpy.context.scene.objects:
         if obj.parent is None:
@@ -134,11 +156,16 @@ def moved(tree: Path, folder: Path) -> Path:
     return saved(folder / tree.with_suffix(".blend").name)
 
 
-@pytest.fixture(scope="module", params=["as it is", "moved"])
+@pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    source = shrub if request.param == "as it is" else moved(shrub, tmp_path_factory.mktemp("moved"))
-    out = tmp_path_factory.mktemp("shrub")
-    bake(source, out, *QUICK)
+    """The last is baked to be pruned, but for a leaf; the others keep all their leaves until level 1 takes over."""
+    folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
+    if request.param == "as it is":
+        bake(shrub, out, *QUICK)
+    elif request.param == "moved":
+        bake(moved(shrub, folder), out, *QUICK)
+    else:
+        bake(moved(shrub, folder, protected=[400]), out, *QUICK, "--chain", "both", "--prune-pixels", "60")
     return out
 
 
@@ -155,7 +182,7 @@ def vanishing(nodes: dict[str, Node]) -> list[float]:
 
 @dataclass(frozen=True)
 class Tree:
-    """A baked tree: its file's nodes, by level the distance at which it hands over, and where pruning begins."""
+    """A baked tree: its file's nodes, and by level the distance at which it hands over."""
 
     folder: Path
     nodes: dict[str, Node]
@@ -163,8 +190,25 @@ class Tree:
     centre: Floats
 
     @property
-    def prune_start(self) -> float:
-        return 0.4 * self.vanish[0]
+    def as_baked(self) -> bool:
+        """Whether it is pruned as its file says; else by hand."""
+        return "prune_start" in self.nodes["shrub_LOD0"].extras["leafcloud"]
+
+    def pruning(self, number: int) -> Pruning:
+        """Of a level. Baked to be pruned are the leaves alone; by hand each level is."""
+        if not self.as_baked:
+            return Pruning(0.4 * self.vanish[0])
+        if number > 0:
+            return Pruning(NEVER)
+        extras = self.nodes["shrub_LOD0"].extras["leafcloud"]
+        numbers = (tuple(extras[name]) for name in ("growth", "contrast", "mean_color"))
+        return Pruning(extras["prune_start"], extras["prune_half"], *numbers)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The viewer's."""
+        by_hand = {} if self.as_baked else {"pruneStart": self.pruning(0).start, "pruneHalf": self.pruning(0).half}
+        return {"hysteresis": 0.0, **by_hand}
 
     def eyes(self) -> list[tuple[int, Floats]]:
         """In glTF's coordinates, from all around, with the level that is seen from each: none and all of the way along
@@ -172,10 +216,15 @@ class Tree:
         rank of a leaf."""
         first, second, third = self.vanish
         near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999)]
-        middle = [(1, 1.001 * first), (1, 0.5 * (first + second)), (1, 0.999 * second)]
+        middle = [
+            (1, 1.001 * first),
+            *((1, first + share * (second - first)) for share in (0.3, 0.6)),
+            (1, 0.999 * second),
+        ]
         far = [(2, 1.001 * second), (2, 0.97 * third), (3, 1.001 * third), (3, 2.0 * third)]
-        angles = np.arange(12) * math.pi * (3.0 - math.sqrt(5.0))
-        directions = np.stack([np.cos(angles), np.linspace(-0.3, 0.8, 12), np.sin(angles)], -1)
+        count = len(near + middle + far)
+        angles = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+        directions = np.stack([np.cos(angles), np.linspace(-0.3, 0.8, count), np.sin(angles)], -1)
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         places = [
             (level, self.centre + distance * way)
@@ -192,25 +241,35 @@ def tree(baked: Path) -> Tree:
     return Tree(baked, nodes, vanishing(nodes), (places.min(axis=0) + places.max(axis=0)) / 2.0)
 
 
-@pytest.fixture(scope="module")
-def views(tree: Tree) -> list[dict[str, Any]]:
+def viewed(tree: Tree, **settings: Any) -> list[dict[str, Any]]:
     """What the viewer makes of each of the tree's eyes."""
     question = {
         "tree": "/files/shrub.glb",
-        "settings": {"pruneStart": tree.prune_start, "pruneHalf": HALF, "hysteresis": 0.0},
+        "settings": {**tree.settings, **settings},
         "eyes": [eye.tolist() for _, eye in tree.eyes()],
     }
     return ask(PAGE, question, patience=PATIENCE, files=tree.folder)["seen"]
 
 
+@pytest.fixture(scope="module")
+def views(tree: Tree) -> list[dict[str, Any]]:
+    return viewed(tree)
+
+
+def colors(view: dict[str, Any]) -> Floats:
+    """(p, 4) of the pixels that something is drawn in."""
+    pixels = np.frombuffer(base64.b64decode(view["pixels"]), "<f4").reshape(-1, 4)
+    return pixels[pixels[:, 3] > 0.0].astype(float)
+
+
 def open_blend(tree: Tree) -> list[bpy.types.Object]:
-    """The levels of the baked scene, pruned as the viewer prunes."""
+    """The levels of the baked scene, pruned as the viewer prunes: what was baked to be pruned, is."""
     bpy.ops.wm.open_mainfile(filepath=str(tree.folder / "shrub.blend"))
     levels = [bpy.data.objects[f"shrub_LOD{number}"] for number in range(4)]
-    for obj in levels[:2]:
+    for obj in levels[:2] if not tree.as_baked else []:
         [modifier] = obj.modifiers
-        set_modifier_input(modifier, "Prune Start", tree.prune_start / obj.matrix_world.median_scale)
-        set_modifier_input(modifier, "Prune Half", HALF)
+        set_modifier_input(modifier, "Prune Start", tree.pruning(0).start / obj.matrix_world.median_scale)
+        set_modifier_input(modifier, "Prune Half", tree.pruning(0).half)
     return levels
 
 
@@ -229,37 +288,37 @@ def test_the_viewer_draws_the_leaves_of_the_node_group(tree: Tree, views: list[d
         assert by_shader.keys() == by_nodes[number].keys()
         if number < 2:
             distance = float(np.linalg.norm(eye - tree.centre))
-            assert_same_places(by_shader, by_nodes[number], rests[number], distance, node, tree.prune_start)
+            assert_same_places(by_shader, by_nodes[number], rests[number], distance, node, tree.pruning(number))
         else:
             assert all(apart(by_shader[rank][:, :3], by_nodes[number][rank]) == 0.0 for rank in by_shader)
 
 
 def assert_same_places(
-    shader: dict[float, Floats], nodes: dict[float, Floats], rest: Rest, distance: float, node: Node, prune_start: float
+    shader: dict[float, Floats], nodes: dict[float, Floats], rest: Rest, distance: float, node: Node, pruning: Pruning
 ) -> None:
     """But for s, which the shader has from the table."""
     extras = node.extras["leafcloud"]
     a = float(transition(distance, extras["transition_start"], extras["transition_end"]))
-    keep = float(kept(distance, prune_start, HALF))
+    keep = pruning.keep(distance)
     true, model = rest.true_drawn_share(keep), float(drawn_share(keep, rest.shares))
     assert abs(true - model) <= rest.unevenness(keep) + 1e-6
     for rank, rows in shader.items():
         pivot = (1.0 - a) * rows[:, 3:6] + a * rows[:, 6:]
-        points = pivot + (rows[:, :3] - pivot) * math.sqrt(model / true)
+        points = pivot + (rows[:, :3] - pivot) * (math.sqrt(model / true) if rank >= 0.0 else 1.0)
         off = apart(points, nodes[rank])
-        assert off <= tolerance(rest, rank, keep, distance, extras), (rank, a, keep, off)
+        assert off <= tolerance(rest, rank, keep, distance, extras, pruning), (rank, a, keep, off)
 
 
-def tolerance(rest: Rest, rank: float, keep: float, distance: float, extras: dict[str, Any]) -> float:
+def tolerance(rest: Rest, rank: float, keep: float, distance: float, extras: dict[str, Any], pruning: Pruning) -> float:
     """Distances are off by some 4 ulp of f32 on either side, and by what the centre is, 2 ulp; so λ is by 10 ulp of
-    it, r by 1/0.05 of that; points by 8 ulp of the coordinates, on either side too."""
+    it, r by 1/0.05 of that, γ by less than 16 ulp; points by 8 ulp of the coordinates, on either side too."""
     ulp = 2.0**-23
     greatest, arm, way = rest.reach[rank]
-    growth = 1.0 / math.sqrt(float(drawn_share(keep, rest.shares)))
+    growth = pruning.growth_at(keep) / math.sqrt(float(drawn_share(keep, rest.shares)))
     span = extras["transition_end"] - extras["transition_start"]
     by_points = 16.0 * ulp * (1.0 + growth) * (greatest + arm + way)
     by_transition = 12.0 * ulp * distance / span * way * (1.0 + growth)
-    by_ramp = arm * growth * 10.0 * ulp / 0.05
+    by_ramp = arm * growth * (10.0 / 0.05 + 16.0) * ulp
     return by_points + by_transition + by_ramp
 
 
@@ -267,11 +326,11 @@ def test_the_viewer_draws_no_more_than_is_left(tree: Tree, views: list[dict[str,
     """A prefix of the triangles, and something is seen of it."""
     whole = sum(len(primitive.indices) for primitive in tree.nodes["shrub_LOD0"].primitives)
     for (number, eye), view in zip(tree.eyes(), views, strict=True):
-        assert view["covered"] > 200
+        assert len(colors(view)) > 200
         if number == 0:
-            keep = float(kept(float(np.linalg.norm(eye - tree.centre)), tree.prune_start, HALF))
+            keep = tree.pruning(0).keep(float(np.linalg.norm(eye - tree.centre)))
             drawn = sum(mesh["count"] // 3 for mesh in view["meshes"])
-            assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 2
+            assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 4  # of a leaf more, and one protected
         wood = [tree.nodes[name] for name in tree.nodes[f"shrub_LOD{number}"].children]
         others = sum(len(primitive.indices) for each in wood for primitive in each.primitives)
         following = tree.nodes[f"shrub_LOD{number + 1}"].primitives if view["share"] > 0.0 else []
@@ -281,5 +340,39 @@ def test_the_viewer_draws_no_more_than_is_left(tree: Tree, views: list[dict[str,
 
 def test_only_the_cross_fades_in(tree: Tree, views: list[dict[str, Any]]) -> None:
     shares = [view["share"] for view in views]
-    assert shares[9] == pytest.approx(0.7, abs=1e-3)  # from 0.9 of the distance on: 0.97 is seven tenths of the way
-    assert not any(shares[:9] + shares[10:])
+    assert shares[10] == pytest.approx(0.7, abs=1e-3)  # from 0.9 of the distance on: 0.97 is seven tenths of the way
+    assert not any(shares[:10] + shares[11:])
+
+
+def test_the_file_says_how_leaves_are_pruned(tree: Tree) -> None:
+    """In four places before level 1 takes over, with a scale and a contrast that are seen, and one leaf that stays."""
+    ranks = np.concatenate([p.attributes["_LEAF_RANK"][:, 0] for p in tree.nodes["shrub_LOD0"].primitives])
+    assert len(np.unique(ranks[ranks < 0.0])) == int(tree.as_baked)
+    if tree.as_baked:
+        pruning = tree.pruning(0)
+        keeps = [pruning.keep(float(np.linalg.norm(eye - tree.centre))) for number, eye in tree.eyes() if number == 0]
+        assert sum(keep < 0.95 for keep in keeps) >= 4
+        assert abs(pruning.growth_at(keeps[-1]) - 1.0) > 0.01
+        assert contrast_at(pruning, keeps[-1]) < 0.95
+
+
+def contrast_at(pruning: Pruning, keep: float) -> float:
+    return min(float(trend(np.array(keep), *pruning.contrast)), 1.0)
+
+
+def test_colours_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """Each pixel is of wood, and as it was, or of a leaf, and as near to the mean as κ says. Leaves are lit all alike
+    but for what three.js takes for their gloss, which is up to a tenth of the light, the same in each channel."""
+    for (number, eye), view, plain in zip(tree.eyes(), views, viewed(tree, contrast=False), strict=True):
+        before, after = colors(plain), colors(view)
+        pulled = (before != after).any(axis=1)
+        pruning = tree.pruning(number)
+        contrast = contrast_at(pruning, pruning.keep(float(np.linalg.norm(eye - tree.centre))))
+        if contrast == 1.0:
+            assert not pulled.any()
+            continue
+        mean = (after[pulled, :3] - contrast * before[pulled, :3]) / (1.0 - contrast)
+        light = mean / np.array(pruning.mean)
+        assert pulled.mean() > 0.5
+        assert (np.ptp(light, axis=1) < 1e-3).all()
+        assert ((light > 0.9) & (light < 1.0)).all()

@@ -3,7 +3,7 @@
 //
 //     const tree = await Tree.load("NAME.glb");
 //     scene.add(tree);
-//     … before each picture: tree.update(camera, heightInPixels);
+//     … before each picture: tree.update(camera);
 //
 // What the shaders need of a level are attributes of its geometry: lcTarget, lcRank, lcPivot, lcPivotTarget, and uniforms.
 import * as THREE from "three";
@@ -15,6 +15,7 @@ export const DECLARATIONS = `
 uniform vec3 lcTransitionAt; // distance, start, end
 uniform vec3 lcKeepAt; // distance, prune start, prune half
 uniform float lcShares[LC_SHARES];
+uniform vec2 lcGrowth;
 in vec3 lcTarget;
 in float lcRank;
 in vec3 lcPivot;
@@ -23,7 +24,8 @@ in vec3 lcPivotTarget;
 vec3 lcPlaced(vec3 point) {
     float transition = lc_transition(lcTransitionAt.x, lcTransitionAt.y, lcTransitionAt.z);
     float keep = lc_keep(lcKeepAt.x, lcKeepAt.y, lcKeepAt.z);
-    float growth = lc_growth(lcRank, keep, lc_area_scale(keep, lcShares));
+    float scale = lc_area_scale(keep, lcShares) * lc_trend(keep, lcGrowth);
+    float growth = lc_growth(lcRank, keep, scale);
     return lc_place(point, lcTarget, lcPivot, lcPivotTarget, transition, growth);
 }
 `;
@@ -31,7 +33,7 @@ vec3 lcPlaced(vec3 point) {
 const FRAGMENT_DECLARATIONS = `
 uniform vec3 lcKeepAt;
 uniform vec3 lcMean;
-uniform float lcPerPixel;
+uniform vec2 lcContrast;
 uniform float lcGrazing;
 uniform float lcShare; // of the pixels that go to the next level, or
 uniform bool lcNext; // of those that this level, which is the next, takes
@@ -44,7 +46,7 @@ const FADE = `
 `;
 const CONTRAST = `
     float lcKept = lc_keep(lcKeepAt.x, lcKeepAt.y, lcKeepAt.z);
-    diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcPerPixel));
+    diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcContrast));
 `;
 
 /** The a at which the next level takes over: at 1 itself leaves that overlap have next to no depth order left. */
@@ -53,15 +55,16 @@ const HAND_OVER = 0.998;
 /**
  * How a tree is drawn. Distances are in the tree's own units.
  *
- * pruneStart, pruneHalf: d₀ and h of the law of λ; without end, nothing is pruned.
+ * pruneStart: d₀ of the law of λ, for all levels alike; without end, nothing is pruned. null: each level as it was baked.
+ * pruneHalf: h of that law, which goes with such a d₀.
  * hysteresis: by which share a level is drawn longer when the camera comes back, so that it does not switch to and fro.
  * fade: over which share of its distance a level that nothing morphs to fades in.
  * grazing: billboards fade out from this |cos| between normal and view on.
- * contrast: whether the colours of leaves that are left are drawn toward their mean.
+ * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
  * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
  */
 export const SETTINGS = {
-  pruneStart: Infinity,
+  pruneStart: null,
   pruneHalf: 0.5,
   hysteresis: 0.02,
   fade: 0.1,
@@ -89,8 +92,8 @@ export class Tree extends THREE.Group {
     this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
   }
 
-  /** Shows what the camera asks for. `height`, in pixels, tells how many leaves fall in one; 0: fewer than one. */
-  update(camera, height = 0) {
+  /** Shows what the camera asks for. */
+  update(camera) {
     const place = this.worldToLocal(camera.getWorldPosition(new THREE.Vector3()));
     this.distance = place.distanceTo(this.centre);
     this.level = this.#levelAt(this.distance);
@@ -101,7 +104,7 @@ export class Tree extends THREE.Group {
       if (!level.object.visible) return;
       Object.assign(level.uniforms.lcShare, { value: share });
       Object.assign(level.uniforms.lcNext, { value: next });
-      this.#move(level, this.#leavesInPixel(level, camera, height));
+      this.#move(level);
     });
   }
 
@@ -131,28 +134,23 @@ export class Tree extends THREE.Group {
   }
 
   /** What lc_transition and lc_keep are called with. */
-  #laws({ start, end }) {
+  #laws({ start, end, pruning }) {
     const { pruneStart, pruneHalf, byHand } = this.settings;
     if (byHand) return [[byHand.transition, 0, 1], [1, byHand.keep, 0.5]];
-    return [[this.distance, start, end], [this.distance, Math.min(pruneStart, NEVER), pruneHalf]];
+    const [from, half] = pruneStart === null ? [pruning.start, pruning.half] : [pruneStart, pruneHalf];
+    return [[this.distance, start, end], [this.distance, Math.min(from, NEVER), half]];
   }
 
-  #move(level, perPixel) {
+  #move(level) {
     const [transition, keep] = this.#laws(level);
     level.uniforms.lcTransitionAt.value.fromArray(transition);
     level.uniforms.lcKeepAt.value.fromArray(keep);
-    level.uniforms.lcPerPixel.value = this.settings.contrast ? perPixel : 0;
+    level.uniforms.lcContrast.value.fromArray(this.settings.contrast ? level.pruning.contrast : [0, 0]);
     level.uniforms.lcGrazing.value = level.number > 0 ? this.settings.grazing : 0;
     for (const { geometry, prefixes } of level.pruned) {
       const step = Math.min(Math.ceil(keepAt(...keep) * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
       geometry.setDrawRange(0, 3 * prefixes[step]);
     }
-  }
-
-  /** q, were the leaves spread over the disc that the crown fills. */
-  #leavesInPixel({ leafCount }, camera, height) {
-    const radius = (this.radius / this.distance) * (height / 2) * camera.projectionMatrix.elements[5];
-    return radius > 0 ? leafCount / (Math.PI * radius * radius) : 0;
   }
 }
 
@@ -190,14 +188,13 @@ function levelsOf({ scene, parser }) {
 function newLevel(object, parser) {
   const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
-  const uniforms = newUniforms();
+  const pruning = pruningOf(object.userData.leafcloud);
+  const uniforms = newUniforms(pruning);
   const pruned = [];
-  let leafCount = 0;
   for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
     const leaves = moves(mesh.geometry);
     if (leaves) {
       const table = tableOf(mesh, parser);
-      leafCount += new Set(mesh.geometry.attributes._leaf_rank?.array).size;
       addAttributes(mesh.geometry);
       mesh.frustumCulled = false; // Leaves grow out of the bounds.
       mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
@@ -211,15 +208,28 @@ function newLevel(object, parser) {
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, uniforms, pruned, leafCount };
+  return { number: level, object, morphs, ...reach, pruning, uniforms, pruned };
 }
 
-function newUniforms() {
+/** How a level was baked to be pruned, and what was measured of it; never, where its extras do not say. */
+function pruningOf(extras) {
+  return {
+    start: extras.prune_start ?? Infinity,
+    half: extras.prune_half ?? 0.5,
+    growth: extras.growth ?? [0, 0],
+    contrast: extras.contrast ?? [0, 0],
+    mean: extras.mean_color ?? [0, 0, 0],
+  };
+}
+
+function newUniforms({ growth, mean }) {
   return {
     lcTransitionAt: { value: new THREE.Vector3(0, NEVER, NEVER) },
     lcKeepAt: { value: new THREE.Vector3(0, NEVER, 0.5) },
     lcShares: { value: Array.from({ length: 65 }, (_, i) => (i / 64) ** 2) },
-    lcPerPixel: { value: 0 },
+    lcGrowth: { value: new THREE.Vector2(...growth) },
+    lcContrast: { value: new THREE.Vector2() },
+    lcMean: { value: new THREE.Vector3(...mean) },
     lcGrazing: { value: 0 },
     lcShare: { value: 0 },
     lcNext: { value: false },
@@ -282,10 +292,9 @@ function boundsOf({ object }, root) {
 function patched(original, uniforms, leaves) {
   const material = original.clone();
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
-  const own = { ...uniforms, lcMean: { value: meanColor(material) } };
   material.customProgramCacheKey = () => `leafcloud ${leaves}`;
   material.onBeforeCompile = (shader) => {
-    Object.assign(shader.uniforms, own);
+    Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = vertexShader(shader.vertexShader, leaves);
     shader.fragmentShader = fragmentShader(shader.fragmentShader, leaves);
   };
@@ -316,21 +325,4 @@ function after(place, what, source) {
 function replaced(source, place, what) {
   if (!source.includes(place)) throw new Error(`three.js's shader has no ${place}`);
   return source.replace(place, () => what);
-}
-
-/** c̄, linear: the mean of the texture's opaque texels times the base colour; of all of it, drawn on a leaf or not. */
-function meanColor({ map, color }) {
-  if (!map?.image) return color.clone();
-  const side = 64;
-  const context = new OffscreenCanvas(side, side).getContext("2d", { willReadFrequently: true });
-  context.drawImage(map.image, 0, 0, side, side);
-  const { data } = context.getImageData(0, 0, side, side);
-  const sum = new THREE.Color(0);
-  let weight = 0;
-  for (let i = 0; i < data.length; i += 4) {
-    const texel = new THREE.Color().setRGB(data[i] / 255, data[i + 1] / 255, data[i + 2] / 255, THREE.SRGBColorSpace);
-    sum.add(texel.multiplyScalar(data[i + 3]));
-    weight += data[i + 3];
-  }
-  return sum.multiplyScalar(1 / Math.max(weight, 1)).multiply(color);
 }

@@ -112,11 +112,15 @@ function addDistance(farthest) {
 
 function addPruning(farthest) {
   const { settings } = tree;
-  const state = { prune: false, start: tree.levels[0].vanish / 4 };
-  const apply = () => (settings.pruneStart = state.prune ? state.start : Infinity);
+  const byHand = Number.isFinite(settings.pruneStart);
+  const [asBaked, never, fromHere] = ["as baked", "never", "from d₀ on"];
+  const unpruned = settings.pruneStart === null ? asBaked : never;
+  const state = { prune: byHand ? fromHere : unpruned, start: byHand ? settings.pruneStart : tree.levels[0].vanish / 4 };
+  const starts = { [asBaked]: () => null, [never]: () => Infinity, [fromHere]: () => state.start };
+  const apply = () => (settings.pruneStart = starts[state.prune]());
   const folder = controlPanel.addFolder("Pruning");
-  folder.add(state, "prune").name("by distance").onChange(apply);
-  folder.add(state, "start", tree.radius, farthest / 4).name("from d₀").onChange(apply);
+  folder.add(state, "prune", Object.keys(starts)).name("by distance").onChange(apply);
+  folder.add(state, "start", tree.radius, farthest / 4).name("d₀").onChange(apply);
   folder.add(settings, "pruneHalf", 0.01, 0.5).name("half left at d₀ / h").onChange(apply);
   folder.add(settings, "contrast").name("keep the contrast");
 }
@@ -134,7 +138,7 @@ function addByHand() {
 
 function draw() {
   controls.update();
-  tree?.update(camera, renderer.domElement.height);
+  tree?.update(camera);
   renderer.render(scene, camera);
   if (!tree) return;
   const { level, transition, keep } = tree.state;

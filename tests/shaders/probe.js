@@ -3,9 +3,9 @@
 // {tables: [{expression, rows}], shares}: the vec4 `expression` for each row of 16 numbers x0 … x3 (vec4). `shares` is the
 // table of areas. The answer has a list of four numbers for each row.
 //
-// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, covered,
+// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, pixels,
 // meshes: [{material, count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex
-// shader puts them.
+// shader puts them. `pixels` are 64 × 64 times four floats, lit so that they are all but the materials' linear colours.
 import * as THREE from "three";
 import { DECLARATIONS, LAWS, Tree } from "/shaders/viewer/leafcloud.js";
 
@@ -35,7 +35,7 @@ function computed(vertexSource, attributes, uniforms, count) {
   const program = linked(vertexSource);
   gl.useProgram(program);
   for (const [name, values] of Object.entries(uniforms)) {
-    const set = name === "lcShares" ? gl.uniform1fv : gl.uniform3fv;
+    const set = { 2: gl.uniform2fv, 3: gl.uniform3fv }[values.length] ?? gl.uniform1fv;
     set.call(gl, gl.getUniformLocation(program, name), values);
   }
   gl.bindVertexArray(gl.createVertexArray());
@@ -86,12 +86,13 @@ function placed(geometry, uniforms) {
     lcTransitionAt: uniforms.lcTransitionAt.value.toArray(),
     lcKeepAt: uniforms.lcKeepAt.value.toArray(),
     lcShares: uniforms.lcShares.value,
+    lcGrowth: uniforms.lcGrowth.value.toArray(),
   };
   return computed(source, geometry.attributes, values, position.count).filter((_, i) => i % 4 < 3);
 }
 
-function encoded(floats) {
-  const bytes = new Uint8Array(floats.buffer, floats.byteOffset, floats.byteLength);
+function encoded(values) {
+  const bytes = new Uint8Array(values.buffer, values.byteOffset, values.byteLength);
   let text = "";
   for (let i = 0; i < bytes.length; i += 1 << 15) text += String.fromCharCode(...bytes.subarray(i, i + (1 << 15)));
   return btoa(text);
@@ -116,22 +117,21 @@ function newRenderer() {
   return renderer;
 }
 
-/** How many pixels of 64 × 64 something is drawn in. */
-function covered(renderer, scene, camera) {
-  const target = new THREE.WebGLRenderTarget(64, 64);
-  const pixels = new Uint8Array(4 * 64 * 64);
+function pictured(renderer, scene, camera) {
+  const target = new THREE.WebGLRenderTarget(64, 64, { type: THREE.FloatType });
+  const pixels = new Float32Array(4 * 64 * 64);
   renderer.setRenderTarget(target);
   renderer.render(scene, camera);
   renderer.readRenderTargetPixels(target, 0, 0, 64, 64, pixels);
   target.dispose();
-  return pixels.filter((value, i) => i % 4 === 3 && value > 0).length;
+  return pixels;
 }
 
 async function seen({ tree: url, settings, eyes }) {
   const tree = await Tree.load(url);
   Object.assign(tree.settings, settings);
   const renderer = newRenderer();
-  const scene = new THREE.Scene().add(tree, new THREE.AmbientLight());
+  const scene = new THREE.Scene().add(tree, new THREE.AmbientLight(0xffffff, Math.PI));
   return eyes.map((eye) => {
     const camera = new THREE.PerspectiveCamera(50, 1, tree.radius / 100, 1000 * tree.radius);
     camera.position.fromArray(eye);
@@ -140,11 +140,11 @@ async function seen({ tree: url, settings, eyes }) {
     camera.fov = (360 / Math.PI) * Math.atan(tree.radius / camera.position.distanceTo(tree.centre));
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
-    tree.update(camera, 64);
+    tree.update(camera);
     const level = tree.levels[tree.level];
-    const pixels = covered(renderer, scene, camera);
+    const pixels = encoded(pictured(renderer, scene, camera));
     const { triangles } = renderer.info.render;
-    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, covered: pixels, meshes: meshesOf(level) };
+    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes: meshesOf(level) };
   });
 }
 
