@@ -11,7 +11,7 @@ import pytest
 
 import addon
 import leafcloud
-from addon.settings import BakeSettings
+from addon.settings import CHAINS, BakeSettings
 from addon.ui import operators
 from addon.ui.properties import bake_settings, leaf_names
 
@@ -63,6 +63,13 @@ def test_effects_and_leaves_can_be_chosen() -> None:
     assert bake_settings(settings).effects == "transitions,pruning"
     settings.chosen_effects = set()
     assert bake_settings(settings).effects == "none"
+
+
+def test_every_chain_can_be_chosen() -> None:
+    settings = bpy.context.scene.leafcloud
+    for chain in CHAINS:
+        settings.chain = chain
+        assert bake_settings(settings).chain == chain
 
 
 def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub: list[bpy.types.Object]) -> None:

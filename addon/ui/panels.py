@@ -22,8 +22,13 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         for name in ("epsilon", "levels", "cross"):
             column.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("texture_size", "pixels"):
+        for name in ("texture_size", "pixels", "close_cracks"):
             column.prop(settings, name)
+        column = layout.column(align=True)
+        column.prop(settings, "chain")
+        if settings.chain != "billboards":
+            for name in ("prune_pixels", "prune_half"):
+                column.prop(settings, name)
         column = layout.column(align=True)
         for name in ("effort", "max_billboards", "max_corners", "candidates", "bend_normals", "seed"):
             column.prop(settings, name)

@@ -38,6 +38,13 @@ _EFFORT_ITEMS = [
 ]
 
 
+_CHAIN_ITEMS = [
+    ("billboards", "Billboards", "All leaves until the first cloud takes over"),
+    ("pruning", "Pruning", "Ever fewer leaves, then the cross"),
+    ("both", "Both", "Fewer leaves on the way to a first cloud of those that are left"),
+]
+
+
 class LeafcloudSettings(bpy.types.PropertyGroup):
     """What the next bake of this scene is asked to do."""
 
@@ -81,6 +88,31 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         default=_DEFAULTS.pixels,
         min=0.1,
         soft_max=32.0,
+    )
+    chain: EnumProperty(
+        name="Chain",
+        description="How the levels follow one another",
+        items=_CHAIN_ITEMS,
+        default=_DEFAULTS.chain,
+    )
+    prune_pixels: FloatProperty(
+        name="Prune Below",
+        description="Leaves are pruned where one is seen smaller than this many pixels",
+        default=_DEFAULTS.prune_pixels,
+        min=0.1,
+        soft_max=64.0,
+    )
+    prune_half: FloatProperty(
+        name="Half Left",
+        description="Half of the leaves are left at the distance where pruning begins, divided by this",
+        default=_DEFAULTS.prune_half,
+        min=0.01,
+        max=0.5,
+    )
+    close_cracks: BoolProperty(
+        name="Close Cracks",
+        description="Billboards also show the parts of other billboards' leaves that lie within the error bound",
+        default=_DEFAULTS.close_cracks,
     )
     candidates: IntProperty(
         name="Candidates",
@@ -177,6 +209,10 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
         effects=effects,
         engine=properties.engine,
         pixels=round(properties.pixels, _DIGITS),
+        chain=properties.chain,
+        prune_pixels=round(properties.prune_pixels, _DIGITS),
+        prune_half=round(properties.prune_half, _DIGITS),
+        close_cracks=properties.close_cracks,
     )
 
 
