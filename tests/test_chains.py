@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from command_line import bake as bake_file
+from command_line import refusal
 from lod_scenes import FOUR, build, evaluate, many_leaves, place, points_of, store
 from node_trees import new_image, new_material, texture_node
 from numpy.typing import NDArray
@@ -262,3 +266,25 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
     assert len(extras["growth"]) == 2
     socket = next(node for node in copy.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs["Base Color"]
     assert socket.links[0].from_node.name == CONTRAST_NODE, "in Blender it is back"
+
+
+# The whole way
+
+
+@pytest.mark.parametrize(
+    ("chain", "methods"), [("both", ["leaves", "stochastic", "cross"]), ("pruning", ["leaves", "cross"])]
+)
+def test_chains_bake_from_the_command_line(
+    chain: str, methods: list[str], shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    report = bake_file(shrub, tmp_path, "--chain", chain, "--levels", 1, "--texture-size", 256, "--prune-pixels", 60)
+    assert [level["method"] for level in report["levels"]] == methods
+    assert {effect["name"]: effect["on"] for effect in report["effects"]}["contrast"] is True
+    assert report["warnings"] == []
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+def test_a_chain_that_prunes_needs_the_effect(shrub: Path, tmp_path: Path) -> None:
+    words = refusal(tmp_path / "out", "--input", shrub, "--chain", "both", "--effects", "transitions")
+    assert "--effects" in words
+    assert "pruning" in words
