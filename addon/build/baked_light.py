@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..scene.flatten import SHINE, shining_copy
 from ..scene.light import Light
 from ..scene.node_links import output_of
-from .materials import CUTOFF_NODE, PAGE_NODE, hide_back_in_cycles
+from .materials import CUTOFF_NODE, PAGE_NODE
 
 FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
 """Colour attributes by corner: the light over its strength where a face winds counter-clockwise, and on its back."""
@@ -83,8 +83,32 @@ def unlit_material(
     _mix(tree, cut, threshold.outputs[0], clear, either)
     tree.links.new(cut.outputs[0], output.inputs["Surface"])
     if not double_sided:
-        hide_back_in_cycles(tree)
+        side, front, shown = (
+            _node(tree, kind, place)
+            for kind, place in (
+                ("NewGeometry", (140.0, 500.0)),
+                ("MixShader", (320.0, 300.0)),
+                ("OutputMaterial", (500.0, 300.0)),
+            )
+        )
+        _mix(tree, front, side.outputs["Backfacing"], cut, clear)
+        tree.links.new(front.outputs[0], shown.inputs["Surface"])
+        shown.target = "CYCLES"
+        output.is_active_output = True
     return material
+
+
+def parted(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Billboards (b, c, 3) moved toward who sees them, by 1/16384 of their whole extent.
+
+    A ray that passes the transparent back of one of a pair passes what lies exactly there, too.
+    """
+    along = corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1]
+    normals = np.cross(*along).sum(axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
+    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    moved: NDArray[np.float64] = corners + normals[:, None] * (extent / 16384.0)
+    return moved
 
 
 def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:

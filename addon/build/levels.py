@@ -21,7 +21,7 @@ from ..plan.thinning import Thinning
 from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from . import morphs
-from .baked_light import add_light, lit_material, unlit_material
+from .baked_light import add_light, lit_material, parted, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .contrast import contrast_material
 from .leaf_map import add_leaf_map
@@ -347,7 +347,8 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     if following is not None and plan.transitions:
         keys = _parents(following).reshape(-1, count)[order]
     faces = fans(keys, plan.placement)
-    surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
+    outlines = parted(level.corners) if plan.light is not None and level.two_sided else level.corners
+    surface = fan_surface(plan.placement.to_tree(outlines[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     if following is None:
         return _Shape(surface, ranks[faces.billboards])

@@ -105,10 +105,6 @@ pub struct Region {
     pub height: usize,
 }
 
-/// How far each of a pair lies from their plane, local units. A ray tracer that passes the transparent back of one would pass what lies exactly
-/// there, too, and each would stand in the shadow of the other. ε of the next level counts from where they are.
-pub const PARTING: f64 = 1.0 / 16_384.0;
-
 /// A plane's outline and its place on the page.
 #[derive(Clone, Debug)]
 pub struct Billboard {
@@ -186,8 +182,7 @@ impl Sheet {
                 outline: within_region(&outline, p.region, density),
                 region: p.region,
             };
-            let billboard = if p.back { front.mirrored() } else { front };
-            if settings.back_sides { billboard.moved_out(plane.normal) } else { billboard }
+            if p.back { front.mirrored() } else { front }
         });
         Self { size: settings.size, gutter: settings.gutter, billboards: billboards.collect() }
     }
@@ -241,13 +236,6 @@ impl Billboard {
     pub fn outline_corners(&self) -> impl Iterator<Item = DVec3> {
         let [origin, right, _, up] = self.corners;
         self.outline.iter().map(move |p| origin + (right - origin) * p.x + (up - origin) * p.y)
-    }
-
-    /// Moved a little toward who sees it; `normal` is the plane's.
-    fn moved_out(mut self, normal: DVec3) -> Self {
-        let out = if self.back { -normal } else { normal } * PARTING;
-        self.corners = self.corners.map(|corner| corner + out);
-        self
     }
 
     /// The same billboard seen from its other side.
