@@ -92,7 +92,7 @@ def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", SAMPLES
     scene.cycles.seed, scene.cycles.use_animated_seed = 0, False
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-    scene.cycles.transparent_max_bounces = 64
+    scene.cycles.transparent_max_bounces = 1024
     scene.view_settings.view_transform = "Standard"
     return baked, camera
 
