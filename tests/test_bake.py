@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from itertools import pairwise
@@ -12,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake, run, saved
+from command_line import QUICK, bake, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
@@ -379,41 +378,6 @@ def _timeless(value: Any) -> Any:
 # What goes in, and how
 
 
-def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    source = tmp_path / "bush.obj"
-    bpy.ops.wm.obj_export(filepath=str(source), path_mode="COPY", export_triangulated_mesh=True)
-    out = tmp_path / "out"
-    report = bake(source, out, *QUICK, "--levels", 1)
-    assert report["input"]["leaves"] == 672
-    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
-    assert "bush_LOD0_wood" in read_glb(out / "bush.glb")
-    assert gltf_issues(*out.glob("*.glb")) == []
-
-
-def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Path) -> None:
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    leaves = bpy.data.objects["leaves"]
-    leaves.modifiers.new("two", "ARRAY").count = 2
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    bpy.context.scene.collection.objects.link(camera)
-    bpy.context.scene.camera = camera
-    camera.data.angle = math.radians(20.0)
-    source = tmp_path / "garden.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(source))
-    wide = bake(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
-    report = bake(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
-    assert report["input"]["leaves"] == 2 * 672
-    assert len(report["levels"]) == 2
-    relative = [one["levels"][1]["switch_distance"] / one["input"]["radius"] for one in (wide, report)]
-    assert relative[1] > 1.5 * relative[0]  # a narrow view sees errors from farther
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
-    assert {obj.name for obj in bpy.data.objects} == {
-        "camera", "garden_LOD0", "garden_LOD0_wood", "garden_LOD1", "garden_LOD1_wood"
-    }  # fmt: skip
-    assert bpy.context.scene.camera.name == "camera"
-
-
 def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) -> None:
     report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--effects", "none")
     assert [effect["on"] for effect in report["effects"]] == [False] * len(EFFECTS)
@@ -438,36 +402,6 @@ def test_godot_reads_rank_and_pivot_from_custom_attributes(
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
-def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path) -> None:
-    table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
-    assert table.returncode == 0, table.stderr
-    assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
-        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["trunk_levels", "on"],
-        ["normals", "on"], ["gloss", "off"], ["translucency", "off"], ["occlusion", "off"],
-        ["self_shadowing", "off"], ["leaf_map", "off"], ["contrast", "off"],
-        ["baked_light", "off"],
-    ]  # fmt: skip
-    plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
-    assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == [
-        ("transitions", False), ("pruning", True), ("back_sides", False), ("trunk_levels", False),
-        ("normals", False), ("gloss", False), ("translucency", False), ("occlusion", False),
-        ("self_shadowing", False), ("leaf_map", False), ("contrast", False),
-        ("baked_light", False),
-    ]  # fmt: skip
-    assert not (tmp_path / "out").exists()
-
-
-def test_help_tells_every_default() -> None:
-    shown = run("--help")
-    assert shown.returncode == 0
-    text = " ".join(shown.stdout.split())
-    for name in ("input", "leaves", "out", "no-cross", "plan-only", "json"):
-        assert f"--{name}" in text
-    for name, default in [("epsilon", 0.04), ("candidates", 600), ("levels", 2), ("seed", 0), ("pixels", 8.0)]:
-        assert f"--{name}" in text
-        assert f"(default: {default})" in text
-
-
 def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: Path, tmp_path: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     tree = bpy.data.objects["leaves"].active_material.node_tree
@@ -483,22 +417,6 @@ def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: P
     material = bpy.data.objects["blended_LOD0"].active_material
     alpha = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs["Alpha"]
     assert alpha.links[0].from_node.type == "TEX_IMAGE"
-
-
-def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    library = saved(tmp_path / "library.blend")
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
-        wanted.objects = ["leaves"]
-    bpy.context.scene.collection.objects.link(bpy.data.objects["leaves"])
-    bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
-    library.unlink()
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
-    assert not bpy.data.libraries
-    material = bpy.data.objects["scene_LOD0"].active_material
-    texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
-    assert texture.image.packed_file is not None
 
 
 def test_leaves_in_one_plane_take_turns_too(tmp_path: Path) -> None:

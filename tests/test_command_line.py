@@ -1,0 +1,94 @@
+"""What the command line reads and what it prints: files of all kinds, the plan, the help."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+from command_line import QUICK, bake, run, saved
+from glb import read_glb
+
+
+def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    source = tmp_path / "bush.obj"
+    bpy.ops.wm.obj_export(filepath=str(source), path_mode="COPY", export_triangulated_mesh=True)
+    out = tmp_path / "out"
+    report = bake(source, out, *QUICK, "--levels", 1)
+    assert report["input"]["leaves"] == 672
+    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
+    assert "bush_LOD0_wood" in read_glb(out / "bush.glb")
+    assert gltf_issues(*out.glob("*.glb")) == []
+
+
+def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    leaves = bpy.data.objects["leaves"]
+    leaves.modifiers.new("two", "ARRAY").count = 2
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    camera.data.angle = math.radians(20.0)
+    source = tmp_path / "garden.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(source))
+    wide = bake(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
+    report = bake(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
+    assert report["input"]["leaves"] == 2 * 672
+    assert len(report["levels"]) == 2
+    relative = [one["levels"][1]["switch_distance"] / one["input"]["radius"] for one in (wide, report)]
+    assert relative[1] > 1.5 * relative[0]  # a narrow view sees errors from farther
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
+    assert {obj.name for obj in bpy.data.objects} == {
+        "camera", "garden_LOD0", "garden_LOD0_wood", "garden_LOD1", "garden_LOD1_wood"
+    }  # fmt: skip
+    assert bpy.context.scene.camera.name == "camera"
+
+
+def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path) -> None:
+    table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
+    assert table.returncode == 0, table.stderr
+    assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
+        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["trunk_levels", "on"],
+        ["normals", "on"], ["gloss", "off"], ["translucency", "off"], ["occlusion", "off"],
+        ["self_shadowing", "off"], ["leaf_map", "off"], ["contrast", "off"],
+        ["baked_light", "off"],
+    ]  # fmt: skip
+    plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
+    assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == [
+        ("transitions", False), ("pruning", True), ("back_sides", False), ("trunk_levels", False),
+        ("normals", False), ("gloss", False), ("translucency", False), ("occlusion", False),
+        ("self_shadowing", False), ("leaf_map", False), ("contrast", False),
+        ("baked_light", False),
+    ]  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_tells_every_default() -> None:
+    shown = run("--help")
+    assert shown.returncode == 0
+    text = " ".join(shown.stdout.split())
+    for name in ("input", "leaves", "out", "no-cross", "plan-only", "json"):
+        assert f"--{name}" in text
+    for name, default in [("epsilon", 0.04), ("candidates", 600), ("levels", 2), ("seed", 0), ("pixels", 8.0)]:
+        assert f"--{name}" in text
+        assert f"(default: {default})" in text
+
+
+def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    library = saved(tmp_path / "library.blend")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["leaves"]
+    bpy.context.scene.collection.objects.link(bpy.data.objects["leaves"])
+    bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
+    library.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
+    assert not bpy.data.libraries
+    material = bpy.data.objects["scene_LOD0"].active_material
+    texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+    assert texture.image.packed_file is not None
