@@ -23,8 +23,7 @@ from functools import reduce
 
 import bpy
 
-from ..versions import set_modifier_input
-from .node_laws import LENGTH, NEVER, SHARE, Camera, declare, group_of_layout
+from .node_laws import LENGTH, NEVER, SHARE, Camera, add_modifier, declare, group_of_layout
 from .sections import Section
 
 GROUP_NAME = "Leafcloud Forest"
@@ -85,13 +84,9 @@ def add_forest_modifier(
 
     `variants` need not be in any scene, `obj` is not in it.
     """
-    modifier = obj.modifiers.new(GROUP_NAME, "NODES")
-    modifier.node_group = forest_group()
     values = {"Variants": variants, "Centre": settings.centre, "Width": settings.width, "Far": settings.far}
     values |= {_from(number): distance for number, distance in enumerate(settings.distances, start=1)}
-    for name, value in values.items():
-        set_modifier_input(modifier, name, value)
-    return modifier
+    return add_modifier(obj, GROUP_NAME, forest_group(), values)
 
 
 def _from(number: int) -> str:

@@ -40,6 +40,7 @@ from .node_laws import (
     SHARE,
     TINY,
     Camera,
+    add_modifier,
     declare,
     declare_pruning,
     declare_trend,
@@ -106,8 +107,6 @@ def lod_group() -> bpy.types.NodeTree:
 
 def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.NodesModifier:
     """Adds the group to `obj` as a modifier. It needs neither the add-on nor Python from then on."""
-    modifier = obj.modifiers.new(GROUP_NAME, "NODES")
-    modifier.node_group = lod_group()
     values: dict[str, InputValue] = {
         "Start": settings.start,
         "End": settings.end,
@@ -121,9 +120,7 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
         "Vanish": settings.vanish,
         "Centre": settings.centre,
     }
-    for name, value in values.items():
-        set_modifier_input(modifier, name, value)
-    return modifier
+    return add_modifier(obj, GROUP_NAME, lod_group(), values)
 
 
 def set_manual(modifier: bpy.types.NodesModifier, *, transition: float, keep: float) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bpy
 
+from ..versions import InputValue, set_modifier_input
 from .sections import Section
 
 NEVER = 1e9
@@ -34,6 +35,17 @@ def group_of_layout(name: str, key: str, layout: int, fill: Callable[[bpy.types.
     tree.is_modifier = True
     fill(tree)
     return tree
+
+
+def add_modifier(
+    obj: bpy.types.Object, name: str, group: bpy.types.NodeTree, values: Mapping[str, InputValue]
+) -> bpy.types.NodesModifier:
+    """Gives `obj` the group as a modifier, with these values of its inputs."""
+    modifier = obj.modifiers.new(name, "NODES")
+    modifier.node_group = group
+    for socket, value in values.items():
+        set_modifier_input(modifier, socket, value)
+    return modifier
 
 
 def declare(tree: bpy.types.NodeTree, name: str, kind: str, description: str, panel: Any = None, **values: Any) -> None:

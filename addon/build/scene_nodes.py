@@ -40,7 +40,6 @@ from typing import NamedTuple
 
 import bpy
 
-from ..versions import set_modifier_input
 from .node_laws import (
     LENGTH,
     MEAN_SHARE,
@@ -48,6 +47,7 @@ from .node_laws import (
     SHARE,
     TINY,
     Camera,
+    add_modifier,
     declare,
     declare_pruning,
     declare_trend,
@@ -154,8 +154,6 @@ def add_scene_modifier(
     modifiers, and wood. It need not be in the scene; where it is, its trees are drawn a second time, whole. `obj` is
     not in it.
     """
-    modifier = obj.modifiers.new(GROUP_NAME, "NODES")
-    modifier.node_group = scene_group()
     values = {
         "Trees": trees,
         "Prune Start": settings.prune_start,
@@ -170,9 +168,7 @@ def add_scene_modifier(
         "Budget": settings.budget,
         "Centre": settings.centre,
     }
-    for name, value in values.items():
-        set_modifier_input(modifier, name, value)
-    return modifier
+    return add_modifier(obj, GROUP_NAME, scene_group(), values)
 
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
