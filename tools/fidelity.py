@@ -5,8 +5,9 @@ usage: python tools/fidelity.py [TREE.glb …]      (default: those of ../shared
 The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
 billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
 published method and as many texels, then a quarter of them. Cycles renders all from 8 views (tools/flat_views.py); the
-project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. Prints a
-table in Markdown; for all trees it also writes docs/bench/fidelity.md.
+project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. A tree
+takes an hour; what was measured of it goes into docs/bench/fidelity.json as soon as it is there, with the commit that
+was measured, and docs/bench/fidelity.md shows what that holds.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ import leafcloud
 ROOT = Path(__file__).resolve().parents[1]
 FOLIAGE, INSTRUMENT = ROOT.parent / "shared" / "foliage", ROOT.parent / "shared" / "measure"
 KEPT = ROOT / "target" / "fidelity"
+MEASURED = ROOT / "docs" / "bench" / "fidelity.json"
 TREE_LIMIT = 200_000
 """Triangles up to which the alternatives are made."""
 EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
@@ -187,6 +189,7 @@ def measure(tree: Path) -> dict[str, Any]:
     kept = pictures.pop("leaves")
     return {
         "tree": tree.stem,
+        "commit": run("git", "-C", ROOT, "describe", "--always", "--dirty").strip(),
         "literal": billboards,
         "billboards": report["levels"][1]["billboards"],
         "cycles": figures(kept, pictures),
@@ -253,13 +256,18 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     trees = arguments.trees or [tree for tree in sorted(FOLIAGE.glob("*.glb")) if triangles(tree) <= TREE_LIMIT]
-    rows = []
+    rows = {row["tree"]: row for row in json.loads(MEASURED.read_text())} if MEASURED.is_file() else {}
     for tree in trees:
-        rows.append(measure(tree.resolve()))
-        print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
-    print(tables(rows))
-    if not arguments.trees:
-        (ROOT / "docs" / "bench" / "fidelity.md").write_text(f"{INTRODUCTION}\n{tables(rows)}\n")
+        row = measure(tree.resolve())
+        print(json.dumps(row), file=sys.stderr, flush=True)
+        rows[tree.stem] = row
+        keep([rows[name] for name in sorted(rows)])
+    print(tables([rows[tree.stem] for tree in trees]))
+
+
+def keep(rows: list[dict[str, Any]]) -> None:
+    MEASURED.write_text(json.dumps(rows, indent=1) + "\n")
+    MEASURED.with_suffix(".md").write_text(f"{INTRODUCTION}\n{tables(rows)}\n")
 
 
 if __name__ == "__main__":
