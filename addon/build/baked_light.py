@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..scene.flatten import SHINE, shining_copy
 from ..scene.light import Light
 from ..scene.node_links import output_of
-from .materials import CUTOFF_NODE, PAGE_NODE
+from .materials import CUTOFF_NODE, PAGE_NODE, hide_back_in_cycles
 
 FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
 """Colour attributes by corner: the light over its strength where a face winds counter-clockwise, and on its back."""
@@ -53,8 +53,7 @@ def unlit_material(
     """A page that shines by itself where its alpha is above the cutoff.
 
     Blender's glTF exporter knows the form, down to the Light Path that chooses between the same and the same, and
-    writes it as `KHR_materials_unlit`, `alphaMode` MASK. Cycles shows both sides of everything, so it has an output of
-    its own where billboards show one.
+    writes it as `KHR_materials_unlit`, `alphaMode` MASK.
     """
     material = _unlit(_new_material(name), strength)
     material.use_backface_culling = not double_sided
@@ -83,32 +82,8 @@ def unlit_material(
     _mix(tree, cut, threshold.outputs[0], clear, either)
     tree.links.new(cut.outputs[0], output.inputs["Surface"])
     if not double_sided:
-        side, front, shown = (
-            _node(tree, kind, place)
-            for kind, place in (
-                ("NewGeometry", (140.0, 500.0)),
-                ("MixShader", (320.0, 300.0)),
-                ("OutputMaterial", (500.0, 300.0)),
-            )
-        )
-        _mix(tree, front, side.outputs["Backfacing"], cut, clear)
-        tree.links.new(front.outputs[0], shown.inputs["Surface"])
-        shown.target = "CYCLES"
-        output.is_active_output = True
+        hide_back_in_cycles(tree)
     return material
-
-
-def parted(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Billboards (b, c, 3) moved toward who sees them, by 1/16384 of their whole extent.
-
-    A ray that passes the transparent back of one of a pair passes what lies exactly there, too.
-    """
-    along = corners[:, 1:-1] - corners[:, :1], corners[:, 2:] - corners[:, :1]
-    normals = np.cross(*along).sum(axis=1)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
-    extent = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-    moved: NDArray[np.float64] = corners + normals[:, None] * (extent / 16384.0)
-    return moved
 
 
 def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:

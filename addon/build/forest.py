@@ -25,6 +25,7 @@ from .forest_nodes import MOST_VARIANTS, ForestSettings, add_forest_modifier
 from .levels import EXTRAS, BuiltLevel
 from .node_laws import NEVER
 from .rollback import removed_on_failure
+from .side_nodes import add_side_modifier
 
 _LIVE_ATTRIBUTES = ("leaf_rank", "leaf_pivot", "leaf_target", "leaf_pivot_target", "leaf_billboard")
 """What moving and pruning read, and a variant that does neither need not carry."""
@@ -93,6 +94,8 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
         obj = bpy.data.objects.new(member, data)
         obj.matrix_basis = turn.to_4x4()
         variant.objects.link(obj)
+        if level.apart > 0.0 and data is mesh:
+            add_side_modifier(obj, level.apart)
 
 
 def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[float, float]) -> bpy.types.Mesh:

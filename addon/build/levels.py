@@ -21,7 +21,7 @@ from ..plan.thinning import Thinning
 from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from . import morphs
-from .baked_light import add_light, lit_material, parted, unlit_material
+from .baked_light import add_light, lit_material, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .contrast import contrast_material
 from .leaf_map import add_leaf_map
@@ -31,6 +31,7 @@ from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
 from .node_laws import NEVER
 from .rollback import removed_on_failure
+from .side_nodes import add_side_modifier, apart
 from .wood import Wood, simplified, whole
 
 EXTRAS = "leafcloud"
@@ -99,7 +100,8 @@ class Plan:
 class BuiltLevel:
     """One level in Blender. `triangles` counts those of the object, without the wood.
 
-    wood_error: how far the wood lies from that of LOD 0, world units.
+    wood_error: how far the wood lies from that of LOD 0, world units. apart: how far each of a pair of billboards is
+    held in front of its place (`side_nodes`), in the object's own unit; 0 where there are no pairs.
     """
 
     number: int
@@ -108,6 +110,7 @@ class BuiltLevel:
     triangles: int
     wood_triangles: int = 0
     wood_error: float = 0.0
+    apart: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,11 @@ def build_levels(
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
             _add_leaf_map(obj, level, tree, costs)
-            levels.append(_add_level(collection, obj, number, woods[number], plan))
+            built = _add_level(collection, obj, number, woods[number], plan)
+            if level.two_sided:
+                built = replace(built, apart=apart(level.corners) / plan.placement.scale)
+                add_side_modifier(obj, built.apart)
+            levels.append(built)
     return collection, levels
 
 
@@ -347,8 +354,7 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     if following is not None and plan.transitions:
         keys = _parents(following).reshape(-1, count)[order]
     faces = fans(keys, plan.placement)
-    outlines = parted(level.corners) if plan.light is not None and level.two_sided else level.corners
-    surface = fan_surface(plan.placement.to_tree(outlines[order]), level.uvs[order], faces)
+    surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     if following is None:
         return _Shape(surface, ranks[faces.billboards])

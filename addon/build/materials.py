@@ -108,7 +108,32 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     if page.visibility is not None:
         # No renderer of Blender's asks for it: it waits for a shader that does, and for the export.
         _image_node(tree, page.visibility, -600.0).name = VISIBILITY_NODE
+    if not double_sided:
+        hide_back_in_cycles(tree)
     return material
+
+
+def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
+    """Adds an output for Cycles, which knows no culling: transparent where the side that is seen is the back.
+
+    Else both of a pair of billboards would be seen, and each would stand in the other's light.
+    """
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    side, clear, front, shown = (
+        _node(tree, f"Shader{kind}", place)
+        for kind, place in (
+            ("NodeNewGeometry", (300.0, 700.0)),
+            ("NodeBsdfTransparent", (300.0, 450.0)),
+            ("NodeMixShader", (500.0, 500.0)),
+            ("NodeOutputMaterial", (700.0, 500.0)),
+        )
+    )
+    seen = output.inputs["Surface"].links[0].from_socket
+    for source, target in zip((side.outputs["Backfacing"], seen, clear.outputs[0]), front.inputs, strict=True):
+        tree.links.new(source, target)
+    tree.links.new(front.outputs[0], shown.inputs["Surface"])
+    shown.target = "CYCLES"
+    output.is_active_output = True
 
 
 def _shine_through(tree: bpy.types.NodeTree, surface: bpy.types.Node, threshold: bpy.types.Node, page: Page) -> None:
