@@ -28,7 +28,7 @@ from .build.levels import Costs, Plan, build_levels
 from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.engine_pages import engine_pages
-from .export.plain_colors import plain_colors
+from .export.plain_materials import plain_materials
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
@@ -128,8 +128,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     light = prepared.light
     following = ("transitions", "pruning", "trunk_levels")
     transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
-    morphs = [transitions and level.cloud is not None for level in levels]
-    reached = reaches(switch_distances, [*morphs, False])
+    clouds = [False, *(level.cloud is not None for level in levels)]
+    reached = reaches(switch_distances, clouds, transitions=transitions)
     thinning = _thinning(prepared, start, reached[0])
     contrast = bool(is_on(prepared.effects, "contrast"))
     plan = Plan(
@@ -213,7 +213,7 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
             gltf.engine_attributes(baked.levels, engine),
             gltf.masked_leaves(baked.levels),
             mean_light(baked.levels),
-            plain_colors(baked.levels),
+            plain_materials(baked.levels),
             engine_pages(clouds),
         ):
             for level in baked.levels:

@@ -148,7 +148,7 @@ def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True
         transitions=transitions,
         pruning=pruning,
         switch_distances=distances,
-        reaches=reaches(distances, (transitions, transitions, False, False)),
+        reaches=reaches(distances, (False, True, True, False), transitions=transitions),
     )
 
 
@@ -399,8 +399,9 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     assert get_modifier_input(leaf, "End") == pytest.approx(5.0)
     assert get_modifier_input(leaf, "Vanish") == pytest.approx(get_modifier_input(cloud, "Appear"))
     assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
-    assert get_modifier_input(last, "Vanish") == pytest.approx(50.0)
     assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
+    assert get_modifier_input(cross, "Whole") == get_modifier_input(last, "Fading") == pytest.approx(56.25)
+    assert get_modifier_input(last, "Vanish") == pytest.approx(62.5)
     assert get_modifier_input(cross, "Vanish") > 1e8
     wood = levels[1].wood.modifiers[0]
     assert get_modifier_input(wood, "Appear") == get_modifier_input(cloud, "Appear")

@@ -25,7 +25,7 @@ from addon.build.contrast import CONTRAST_NODE, contrast_material, mean_color
 from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
 from addon.build.node_laws import MEAN_SHARE
 from addon.export.gltf import export_level
-from addon.export.plain_colors import plain_colors
+from addon.export.plain_materials import plain_materials
 from addon.pipeline import prepare
 from addon.plan.thinning import CUT_OFF, cut_off_distance, share_left, start_for
 from addon.scene.meshes import PROTECT
@@ -207,7 +207,7 @@ def test_pruning_alone_ends_in_the_cross() -> None:
     assert [level.method for level in result.chain.levels] == ["cross"]
     leaves, cross = (level.object for level in result.levels)
     start, half = input_of(leaves, "Prune Start"), input_of(leaves, "Prune Half")
-    assert input_of(leaves, "Vanish") == pytest.approx(input_of(cross, "Appear"))
+    assert input_of(leaves, "Fading") == pytest.approx(input_of(cross, "Whole"))
     assert leafcloud.keep(input_of(cross, "Appear"), start, half) <= CUT_OFF * (1.0 + 1e-6)
     size = leafcloud.switch_distance(0.1, 4.0, result.view.resolution, result.view.field_of_view)
     assert start == pytest.approx(size, rel=1e-5), "a leaf is 0.1 across"
@@ -255,7 +255,7 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
     result = baked(obj, "both", prune_pixels=100.0)
     [copy] = result.levels[0].object.data.materials
     assert CONTRAST_NODE in copy.node_tree.nodes
-    with plain_colors(result.levels):
+    with plain_materials(result.levels):
         export_level(result.levels[0], tmp_path / "leaves.glb")
     data = (tmp_path / "leaves.glb").read_bytes()
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])

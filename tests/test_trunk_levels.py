@@ -144,7 +144,7 @@ def test_wood_calls_for_trunk_levels() -> None:
 
 def test_wood_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
     def reach(appear: float) -> Reach:
-        return Reach(appear, 0.0, 0.0, 0.0)
+        return Reach(appear, 0.0, 0.0, 0.0, appear, 0.0)
 
     reached = [reach(0.0), reach(100.0), reach(300.0)]
     # What is one unit long is seen so large as the wood may be off from 50 units away: from 100, two units are.

@@ -24,6 +24,7 @@ from . import morphs
 from .baked_light import add_light, lit_material, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .contrast import contrast_material
+from .fading import add_fade, fading_copy
 from .leaf_map import add_leaf_map
 from .leaf_moves import leaf_moves
 from .lod_nodes import LodSettings, add_lod_modifier
@@ -201,6 +202,8 @@ def _add_level(
     if wood is not None and wood.mesh is not None:
         members.append(bpy.data.objects.new(f"{obj.name}_wood", wood.mesh))
         members[1].parent = obj
+        if plan.reaches[number].fades:
+            _let_fade(members[1])
     for member in members:
         collection.objects.link(member)
         if plan.follows_camera:
@@ -212,6 +215,12 @@ def _add_level(
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, members[1] if len(members) > 1 else None, triangles)
     return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
+
+
+def _let_fade(wood: bpy.types.Object) -> None:
+    """Gives the object materials of its own, for its mesh may be that of levels that do not fade."""
+    for slot in wood.material_slots:
+        slot.link, slot.material = "OBJECT", fading_copy(slot.material)
 
 
 def _lod_settings(number: int, plan: Plan) -> LodSettings:
@@ -231,6 +240,8 @@ def _lod_settings(number: int, plan: Plan) -> LodSettings:
         contrast=plan.contrast if thins and plan.contrast is not None else (0.0, 0.0),
         appear=own(reach.appear),
         vanish=own(reach.vanish),
+        whole=own(reach.whole),
+        fading=own(reach.fading),
         centre=plan.centre,
     )
 
@@ -254,6 +265,10 @@ def _leaf_object(
                 for number, material in enumerate(materials):
                     mesh.materials[number] = contrast_material(material, plan.mean_color)
             extras |= {"contrast": list(plan.contrast), "mean_color": list(plan.mean_color)}
+    if plan.reaches[0].fades:
+        with costs.spent_on("transitions", 0):
+            for number, material in enumerate(mesh.materials):
+                mesh.materials[number] = fading_copy(material)
     return _object(mesh, shape, extras, plan.reaches[0], costs)
 
 
@@ -299,6 +314,9 @@ def _cloud_object(
     else:
         image, strength = page.base_color, plan.light_strength
         material = unlit_material(name, image, alpha_cutoff=cutoff, double_sided=double, strength=strength)
+    if plan.reaches[number].fades:
+        with costs.spent_on("transitions", 0):
+            add_fade(material.node_tree)
     shape = _cloud_shape(level, following, plan)
     mesh = create_mesh(name, shape.surface, [material])
     extras = {

@@ -10,9 +10,10 @@ camera to the level's centre in the object's own coordinates:
     γ = λ^(c₁ + c₂ ln λ)                                         growth beside that, measured (`leafcloud.Chain.growth`)
     p' = pivot(a) + (p(a) − pivot(a))·s·γ·r                      for leaves of rank below λ; the others are deleted
     κ = min(1, λ^(k₁ + k₂ ln λ))                                 what colours keep of their distance to the mean
+    h = clamp(max((whole − d) / (whole − appear), (d − fading) / (vanish − fading)), 0, 1)     share that is not shown
 
-Leaves of a negative rank are protected: they stay as they are, and do not count in the sums. 1 − κ is stored as the
-point attribute `leaf_mean_share`, which materials read, where there is any.
+Leaves of a negative rank are protected: they stay as they are, and do not count in the sums. 1 − κ and h are stored as
+the point attributes `leaf_mean_share` and `leaf_hidden_share`, which materials read, where there is any.
 
 The branches are switched, not multiplied by 0 or 1: at a = 0 and λ = 1 the output is the input, bit for bit and at no
 cost, and the sums over all faces are taken only where something is pruned.
@@ -28,12 +29,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
 from ..versions import InputValue, set_modifier_input
 from .node_laws import (
     BLOCK,
+    HIDDEN_SHARE,
     LENGTH,
     MEAN_SHARE,
     NEVER,
@@ -53,7 +56,7 @@ from .sections import Section
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 2
+_LAYOUT = 3
 """Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
 
 _RAMP = 0.05
@@ -69,7 +72,9 @@ class LodSettings:
     prune_half: h in (0, ½]; half of the leaves are left at d₀/h.
     growth: (c₁, c₂) of γ; finite.
     contrast: (k₁, k₂) of κ; finite.
-    appear, vanish: the level is drawn for appear ≤ distance < vanish.
+    appear, vanish: the level is drawn for appear ≤ distance < vanish. ≥ 0.
+    whole, fading: it fades in up to `whole`, and out from `fading` on; at once where the one is not above `appear`, the
+        other not below `vanish`. ≥ 0.
     centre: the point that the distance to the camera is taken from, in the object's coordinates.
 
     Raises `ValueError` for a value that is outside its range or not finite.
@@ -83,10 +88,12 @@ class LodSettings:
     contrast: tuple[float, float] = (0.0, 0.0)
     appear: float = 0.0
     vanish: float = NEVER
+    whole: float = 0.0
+    fading: float = NEVER
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("start", "end", "appear", "vanish"):
+        for name in ("start", "end", "appear", "vanish", "whole", "fading"):
             _require(name, getattr(self, name), lambda value: value >= 0.0, "at least 0")
         _require("prune_start", self.prune_start, lambda value: value > 0.0, "greater than 0")
         _require("prune_half", self.prune_half, lambda value: 0.0 < value <= 0.5, "greater than 0 and at most 0.5")
@@ -118,6 +125,8 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
         "Contrast of Few": settings.contrast[1],
         "Appear": settings.appear,
         "Vanish": settings.vanish,
+        "Whole": settings.whole,
+        "Fading": settings.fading,
         "Centre": settings.centre,
     }
     return add_modifier(obj, GROUP_NAME, lod_group(), values)
@@ -158,6 +167,8 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     panel = tree.interface.new_panel("Visibility")
     declare(tree, "Appear", "Float", "Distance from which the level is drawn", panel, default_value=0.0, **LENGTH)
     declare(tree, "Vanish", "Float", "Distance from which the level is no longer drawn", panel, **never)
+    declare(tree, "Whole", "Float", "Distance up to which the level fades in", panel, default_value=0.0, **LENGTH)
+    declare(tree, "Fading", "Float", "Distance from which the level fades out", panel, **never)
     declare(tree, "Centre", "Vector", "Point that the distance to the camera is taken from", panel, subtype="XYZ")
 
     panel = tree.interface.new_panel("By Hand")
@@ -170,6 +181,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     distance = _distance(Section(tree, "Distance d to the camera", (-2800.0, 0.0)))
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
+    hidden = _hidden(Section(tree, "Share not shown h", (-1500.0, 1700.0)), distance)
     transition = _transition(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
     kept_share = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
     pulled = mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), kept_share)
@@ -193,6 +205,9 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pruned = section.switch("GEOMETRY", pulling, pruned, store, label="Tell materials where κ < 1")
     pruning = section.compare(kept_share, "LESS_THAN", 1.0, label="λ < 1")
     level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
+    store = section.result("GeometryNodeStoreNamedAttribute", level, None, HIDDEN_SHARE, hidden, label="h", **stored)
+    fades = section.compare(hidden, "GREATER_THAN", 0.0, label="h > 0")
+    level = section.switch("GEOMETRY", fades, level, store, label="Tell materials where h > 0")
 
     section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
 
@@ -209,6 +224,20 @@ def _drawn(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSo
     present = section.compare(distance, "LESS_THAN", section.group_input("Vanish"), label="d < vanish")
     near = section.logic(appeared, "AND", present)
     return section.logic(near, "OR", section.group_input("Manual"), label="Drawn")
+
+
+def _hidden(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """h; 0 by hand, as everything is drawn there."""
+
+    def share(first: bpy.types.NodeSocket, second: bpy.types.NodeSocket, over: bpy.types.NodeSocket) -> Any:
+        span = section.math("MAXIMUM", over, TINY, label="A step at least")
+        return section.math("DIVIDE", section.math("SUBTRACT", first, second), span, clamp=True)
+
+    whole, fading = section.group_input("Whole"), section.group_input("Fading")
+    coming = share(whole, distance, section.math("SUBTRACT", whole, section.group_input("Appear")))
+    going = share(distance, fading, section.math("SUBTRACT", section.group_input("Vanish"), fading))
+    by_camera = section.math("MAXIMUM", coming, going, label="By camera")
+    return section.switch("FLOAT", section.group_input("Manual"), by_camera, 0.0, label="h")
 
 
 def _transition(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

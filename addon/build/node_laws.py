@@ -21,6 +21,9 @@ BLOCK = 1024.0
 MEAN_SHARE = "leaf_mean_share"
 """The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
 
+HIDDEN_SHARE = "leaf_hidden_share"
+"""The point attribute with the share of a level that is not shown while it fades; 0, as where it is missing: all is."""
+
 LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
 SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
 

@@ -11,6 +11,9 @@ HAND_OVER = 0.998
 START_SHARE = 0.5
 """A transition begins at this share of the distance at which it ends."""
 
+FADE = 0.25
+"""A level that nothing morphs to fades in over this share of the distance at which it appears."""
+
 LEAST_STEP = 1.25
 """A level takes over at least this many times as far away as the one before."""
 
@@ -28,30 +31,42 @@ class View:
 
 @dataclass(frozen=True)
 class Reach:
-    """A level is drawn for appear ≤ distance < vanish; a runs from 0 at `start` to 1 at `end`; infinite means never."""
+    """A level is drawn for appear ≤ distance < vanish; a runs from 0 at `start` to 1 at `end`; infinite means never.
+
+    It fades in from `appear` to `whole`, and out from `fading` to `vanish`.
+    """
 
     appear: float
     start: float
     end: float
     vanish: float
+    whole: float
+    fading: float
+
+    @property
+    def fades(self) -> bool:
+        return self.whole > self.appear or self.fading < self.vanish
 
 
-def reaches(switch_distances: Sequence[float], morphs: Sequence[bool]) -> tuple[Reach, ...]:
-    """The reach of every level; level i takes over at `switch_distances[i]`, and morphs to the next if `morphs[i]`.
+def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[Reach, ...]:
+    """The reach of every level; level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]`: it is one.
 
-    The distances rise from level to level, and the first is 0. A level that morphs hands over shortly before its
-    transition ends, so the next appears that much earlier than its switch distance.
+    With `transitions` each level morphs to the cloud behind it, and cross-fades with what is none. One that morphs
+    hands over shortly before its transition ends, so the next appears that much earlier than its switch distance. Where
+    there is nothing to morph to, the next fades in before this one fades out: what both cover is never seen through.
     """
     result: list[Reach] = []
-    appear = switch_distances[0]
-    for morph, end in zip(morphs, (*switch_distances[1:], math.inf), strict=True):
-        if morph:
+    appear = whole = switch_distances[0]
+    for end, cloud in zip((*switch_distances[1:], math.inf), (*clouds[1:], False), strict=True):
+        if transitions and cloud:
             start = max(START_SHARE * end, appear)
-            reach = Reach(appear, start, end, start + HAND_OVER * (end - start))
+            vanish = start + HAND_OVER * (end - start)
+            result.append(Reach(appear, start, end, vanish, whole, vanish))
+            appear = whole = vanish
         else:
-            reach = Reach(appear, math.inf, math.inf, end)
-        result.append(reach)
-        appear = reach.vanish
+            fade = FADE * end if transitions else 0.0
+            result.append(Reach(appear, math.inf, math.inf, end + fade, whole, end + fade / 2.0))
+            appear, whole = end, end + fade / 2.0
     return tuple(result)
 
 

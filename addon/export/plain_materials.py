@@ -1,6 +1,7 @@
-"""Leaf materials without what only Blender's node group feeds, while files are written.
+"""Materials without what only Blender's node groups feed, while files are written.
 
-Exporters read an image that is linked to Base Color, not one behind a Mix node.
+Exporters read an image that is linked to Base Color, not one behind a Mix node, and the wood of all levels has the
+same materials in files, though Blender fades some of it.
 """
 
 from __future__ import annotations
@@ -15,13 +16,19 @@ from ..build.levels import BuiltLevel
 
 
 @contextmanager
-def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Links what lies under each contrast node of LOD 0's materials past it."""
+def plain_materials(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Passes the contrast nodes of LOD 0's materials by, and gives all wood the materials of its mesh."""
     materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
     passed = [pair for material in materials if material.node_tree is not None for pair in _pass(material.node_tree)]
+    woods = [level.wood for level in levels if level.wood is not None]
+    own = [slot for wood in woods for slot in wood.material_slots if slot.link == "OBJECT"]
+    for slot in own:
+        slot.link = "DATA"
     try:
         yield
     finally:
+        for slot in own:
+            slot.link = "OBJECT"
         for tree, mixed, socket in passed:
             tree.links.new(mixed, socket)
 

@@ -1,0 +1,57 @@
+"""Materials of levels that fade in or out: where nothing morphs to the next level, the two cross-fade.
+
+The node group stores the share of a level that is not shown as `leaf_hidden_share`, and outputs for Cycles and EEVEE
+mix so much transparency into what they show. Where the attribute is missing, or 0, everything is as it was. The output
+for all, which exporters read, stays untouched: engines fade by dither (`lc_shown` in shaders/leafcloud.glsl).
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import bpy
+
+from .node_laws import HIDDEN_SHARE
+
+RENDERERS = ("CYCLES", "EEVEE")
+
+
+def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | None:
+    """A copy that fades; the material itself where there is nothing that could."""
+    if material is None or material.node_tree is None or material.node_tree.get_output_node("ALL") is None:
+        return material
+    copy = material.copy()
+    add_fade(copy.node_tree)
+    return copy
+
+
+def add_fade(tree: bpy.types.NodeTree) -> None:
+    """Lets what each renderer shows of a material with an output fade by `leaf_hidden_share`."""
+    everywhere = tree.get_output_node("ALL")
+    x, y = everywhere.location
+    share, clear = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    share.attribute_name, share.label = HIDDEN_SHARE, "Cross-fade: share not shown"
+    share.location, clear.location = (x, y + 700.0), (x, y + 500.0)
+    for row, renderer in enumerate(RENDERERS):
+        output = _output_for(tree, renderer)
+        mix = tree.nodes.new("ShaderNodeMixShader")
+        mix.location, output.location = (x + 200.0, y + 700.0 - 200.0 * row), (x + 400.0, y + 700.0 - 200.0 * row)
+        shown = output.inputs["Surface"].links[0].from_socket if output.inputs["Surface"].is_linked else None
+        for source, target in zip((share.outputs["Fac"], shown, clear.outputs[0]), mix.inputs, strict=True):
+            if source is not None:
+                tree.links.new(source, target)
+        tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    everywhere.is_active_output = True
+
+
+def _output_for(tree: bpy.types.NodeTree, renderer: str) -> bpy.types.Node:
+    """The renderer's own output; a new one, that shows what the one for all does, where it has none."""
+    found = cast(bpy.types.Node, tree.get_output_node(renderer))
+    if found.target == renderer:
+        return found
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    output.target = renderer
+    for old, new in zip(found.inputs, output.inputs, strict=True):
+        for link in list(old.links):
+            tree.links.new(link.from_socket, new)
+    return output
