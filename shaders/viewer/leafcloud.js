@@ -58,7 +58,7 @@ const HAND_OVER = 0.998;
  * pruneStart: d₀ of the law of λ, for all levels alike; without end, nothing is pruned. null: each level as it was baked.
  * pruneHalf: h of that law, which goes with such a d₀.
  * hysteresis: by which share a level is drawn longer when the camera comes back, so that it does not switch to and fro.
- * fade: over which share of its distance a level that nothing morphs to fades in.
+ * fade: over which share of the distance at which it appears a level that nothing morphs to fades in.
  * grazing: billboards fade out from this |cos| between normal and view on.
  * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
  * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
@@ -67,7 +67,7 @@ export const SETTINGS = {
   pruneStart: null,
   pruneHalf: 0.5,
   hysteresis: 0.02,
-  fade: 0.1,
+  fade: 0.25,
   grazing: 0,
   contrast: true,
   byHand: null,
@@ -117,9 +117,14 @@ export class Tree extends THREE.Group {
   #levelAt(distance) {
     const { levels } = this;
     let number = this.level;
-    while (number + 1 < levels.length && distance >= levels[number].vanish) number++;
-    while (number > 0 && distance < levels[number - 1].vanish * (1 - this.#delay(levels[number - 1]))) number--;
+    while (number + 1 < levels.length && distance >= this.#end(levels[number])) number++;
+    while (number > 0 && distance < this.#end(levels[number - 1]) * (1 - this.#delay(levels[number - 1]))) number--;
     return number;
+  }
+
+  /** From where the level is no longer drawn. */
+  #end({ morphs, vanish }) {
+    return morphs ? vanish : vanish * (1 + this.settings.fade);
   }
 
   /** A fade has no need of it: it is the same to and fro. */
@@ -129,8 +134,8 @@ export class Tree extends THREE.Group {
 
   /** Of the pixels, where the level that is drawn hands over to one that nothing morphs to. */
   #shareOfNext() {
-    const { morphs, vanish } = this.levels[this.level];
-    return morphs || !isFinite(vanish) ? 0 : transitionAt(this.distance, vanish * (1 - this.settings.fade), vanish);
+    const level = this.levels[this.level];
+    return level.morphs || !isFinite(level.vanish) ? 0 : transitionAt(this.distance, level.vanish, this.#end(level));
   }
 
   /** What lc_transition and lc_keep are called with. */
