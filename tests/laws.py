@@ -37,3 +37,9 @@ def trend(keep: Floats, first: Floats, second: Floats) -> Floats:
     """γ, and κ before it is cut off at 1; of `keep` above 0."""
     logarithm = np.log(keep)
     return np.exp(logarithm * (first + second * logarithm))
+
+
+def grazing(cosine: Floats, width: float) -> Floats:
+    """The share of a face that is shown; `width` above 0."""
+    t = np.clip(np.abs(cosine) / width, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)

@@ -372,7 +372,18 @@ def test_the_inputs_have_the_promised_names() -> None:
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
         *("Geometry", "Start", "End", "Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast"),
-        *("Contrast of Few", "Appear", "Vanish", "Centre", "Manual", "Transition", "Keep"),
+        *(
+            "Contrast of Few",
+            "Appear",
+            "Vanish",
+            "Whole",
+            "Fading",
+            "Grazing",
+            "Centre",
+            "Manual",
+            "Transition",
+            "Keep",
+        ),
     ]
     assert all(socket.description for socket in sockets if socket.name != "Geometry")
 
