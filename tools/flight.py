@@ -29,12 +29,13 @@ from mathutils import Vector
 from numpy.typing import NDArray
 
 from addon.baked import Baked
+from addon.build.lod_nodes import GROUP_NAME
 from addon.export.blend import clear_scene
 from addon.pipeline import bake_prepared, prepare
 from addon.scene.extract import extract
 from addon.scene.load import load
 from addon.settings import BakeSettings
-from addon.versions import set_modifier_input
+from addon.versions import get_modifier_input, set_modifier_input
 
 matplotlib.use("Agg")  # Without a display.
 
@@ -141,11 +142,17 @@ def with_transitions(baked: Baked) -> None:
 
 
 def switched_plainly(baked: Baked) -> None:
-    """The same levels at the same distances, without moving."""
-    for level in baked.levels:
-        for modifier in level.object.modifiers:
-            set_modifier_input(modifier, "Start", NEVER)
-            set_modifier_input(modifier, "End", NEVER)
+    """The same levels at the same distances, without moving or fading."""
+    appearing = [lod_input(level.object, "Appear") for level in baked.levels]
+    for level, vanish in zip(baked.levels, [*appearing[1:], NEVER], strict=True):
+        plain = {"Start": NEVER, "End": NEVER, "Whole": 0.0, "Fading": NEVER, "Vanish": vanish}
+        for obj in (level.object, *([level.wood] if level.wood else [])):
+            for name, value in plain.items():
+                set_modifier_input(obj.modifiers[GROUP_NAME], name, value)
+
+
+def lod_input(obj: bpy.types.Object, name: str) -> float:
+    return float(get_modifier_input(obj.modifiers[GROUP_NAME], name))
 
 
 def leaves_alone(baked: Baked) -> None:

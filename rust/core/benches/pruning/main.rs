@@ -73,7 +73,7 @@ fn colors(foliage: &Foliage, frame: &Foliage, size: usize) -> (Vec3, f64) {
             View { direction, up, centre: frame.frame().centre, radius: frame.frame().radius * 1.025, size, samples };
         render(&[foliage], &view).expect("pixels")
     };
-    let pictures: Vec<Image> = (0..4).map(picture).collect();
+    let pictures: Vec<Image> = (0..8).map(picture).collect();
     let covered = pictures.iter().flat_map(Image::pixels).filter(|p| p[3] > 127);
     let seen: Vec<[f64; 3]> = covered.map(|&[r, g, b, _]| [r, g, b].map(linear)).collect();
     let mean = |channel: usize| seen.iter().map(|c| c[channel]).sum::<f64>() / seen.len() as f64;
@@ -126,21 +126,33 @@ fn main() {
         row("linear", &linear);
     }
     println!(
-        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, where so many are left:\n"
+        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, where so many are left, mean of \
+         {SEEDS} seeds:\n"
     );
     println!("| | pixels across | κ | with contrast kept | without |\n|---|---|---|---|---|");
     for (name, foliage) in &trees {
-        let ranks = order(foliage, 0);
-        let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5 };
-        let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
-        let (kappa, size) = (trend.factor(KEEP).min(1.0), settings.crown_pixels(foliage, KEEP));
-        let pruned = thin(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
+        let size = settings.crown_pixels(foliage, KEEP);
         let (mean, all) = colors(foliage, foliage, size);
-        let spread = |leaves: &Foliage| match colors(leaves, foliage, size).1 {
-            _ if all < 1e-3 => "–".to_owned(), // Leaves of one colour do not vary.
-            spread => format!("{:.3}", spread / all),
-        };
-        println!("| {name} | {size} | {kappa:.2} | {} | {} |", spread(&pulled(&pruned, mean, kappa)), spread(&pruned));
+        if all < 1e-3 {
+            println!("| {name} | {size} | | its leaves are of one colour | |");
+            continue;
+        }
+        let found: Vec<[f64; 3]> = (0..SEEDS)
+            .map(|seed| {
+                let ranks = order(foliage, seed);
+                let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
+                let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
+                let kappa = trend.factor(KEEP).min(1.0);
+                let pruned = thin(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
+                [
+                    kappa,
+                    colors(&pulled(&pruned, mean, kappa), foliage, size).1 / all,
+                    colors(&pruned, foliage, size).1 / all,
+                ]
+            })
+            .collect();
+        let [kappa, kept, plain] = [0, 1, 2].map(|i| found.iter().map(|f| f[i]).sum::<f64>() / SEEDS as f64);
+        println!("| {name} | {size} | {kappa:.2} | {kept:.3} | {plain:.3} |");
     }
 }

@@ -15,8 +15,10 @@ use crate::judge::{Judge, Views};
 use crate::prune::{Trend, thin};
 use crate::textures::Samples;
 
-/// λ where it is looked: on either side of the middle of what chains use, in logarithms.
-const LOOKS: [f64; 2] = [0.3, 0.03];
+/// λ where it is looked. Coverage is followed over all that chains use, so on either side of its middle, in logarithms; contrast counts where
+/// few leaves are left.
+const GROWTH_LOOKS: [f64; 2] = [0.3, 0.03];
+const CONTRAST_LOOKS: [f64; 2] = [0.1, 0.02];
 
 /// How often the scale is moved at each, and how near the coverage is to come.
 const MOVES: usize = 5;
@@ -32,8 +34,8 @@ const LEAST_CONTRAST: f64 = -3.0;
 /// A picture without pixels. Where no leaf with an area is left there is nothing to measure, and no error.
 pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3) -> Result<Trend> {
     let judge = Judge::new(&[foliage], foliage.frame(), views_of_amounts(up)?)?;
-    let [a, b] = LOOKS.map(|keep| growth_at(foliage, ranks, &judge, keep));
-    Ok(Trend::through(LOOKS, [a?, b?]))
+    let [a, b] = GROWTH_LOOKS.map(|keep| growth_at(foliage, ranks, &judge, keep));
+    Ok(Trend::through(GROWTH_LOOKS, [a?, b?]))
 }
 
 /// ln γ at a λ, by secants of ln coverage; as near as it comes.
@@ -68,11 +70,11 @@ fn growth_at(foliage: &Foliage, ranks: &[f32], judge: &Judge, keep: f64) -> Resu
 pub fn contrast(foliage: &Foliage, ranks: &[f32], growth: Trend, settings: &PruneSettings, up: DVec3) -> Result<Trend> {
     let at = |keep: f64| -> Result<f64> {
         let views =
-            Views { count: 6, size: settings.crown_pixels(foliage, keep), samples: Samples::new(4)?, up, turn: 0.25 };
+            Views { count: 12, size: settings.crown_pixels(foliage, keep), samples: Samples::new(4)?, up, turn: 0.25 };
         let judge = Judge::new(&[foliage], foliage.frame(), views)?;
         let Ok(thinned) = thin(foliage, ranks, keep, growth.factor(keep)) else { return Ok(0.0) };
         Ok(libm::log(judge.contrast(&thinned.foliage)?).clamp(LEAST_CONTRAST, 0.0))
     };
-    let [a, b] = LOOKS.map(at);
-    Ok(Trend::through(LOOKS, [a?, b?]))
+    let [a, b] = CONTRAST_LOOKS.map(at);
+    Ok(Trend::through(CONTRAST_LOOKS, [a?, b?]))
 }
