@@ -210,6 +210,8 @@ def measure(tree: Path, count: int, *, whole: bool) -> tuple[list[list[str]], di
         pictures = fly(baked, camera, frames, count)
         shown = [pictures[frame] for frame in np.linspace(0, count - 1, STRIP).astype(int) if frame in pictures]
         flights[name] = Flight(changes(pictures, count), shown)
+        pops = ", ".join(f"{pop(flights[name].changes, frame):.2f}" for frame in found)
+        print(f"{tree.stem}, {name}: {pops}", file=sys.stderr, flush=True)
     rows = []
     for number, frame in enumerate(found, start=1):
         ratios = [f"{pop(flights[name].changes, frame):.2f}" for name in WAYS]
