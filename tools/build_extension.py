@@ -1,4 +1,4 @@
-"""Builds the Blender extension: the add-on's folder and the wheel as one zip, by Blender's own tool.
+"""Builds the Blender extension: the add-on's folder, the wheel and the shaders' laws as one zip, by Blender's own tool.
 
     python tools/build_extension.py --wheel target/wheels/leafcloud-….whl --out dist
 
@@ -18,7 +18,8 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-ADDON = Path(__file__).resolve().parent.parent / "addon"
+ROOT = Path(__file__).resolve().parent.parent
+ADDON, LAWS = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl"
 
 # How a wheel's platform tag begins and ends, and what Blender calls the platform.
 PLATFORMS = {
@@ -74,6 +75,8 @@ def build(wheel: Path, out: Path) -> Path:
         shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
         (source / "wheels").mkdir()
         shutil.copy(wheel, source / "wheels")
+        (source / "shaders").mkdir()
+        shutil.copy(LAWS, source / "shaders")
         (source / "blender_manifest.toml").write_text(with_wheel(manifest, wheel), encoding="utf-8")
         for arguments in (
             ["build", "--source-dir", str(source), "--output-filepath", str(archive)],

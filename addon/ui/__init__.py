@@ -7,8 +7,9 @@ import bpy
 from .operators import LEAFCLOUD_OT_bake, cancel_running
 from .panels import LEAFCLOUD_PT_bake
 from .properties import LeafcloudSettings, LeafcloudStatus
+from .viewport import LEAFCLOUD_OT_preview, stop_preview
 
-_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_PT_bake)
+_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_OT_preview, LEAFCLOUD_PT_bake)
 
 
 def register() -> None:
@@ -20,6 +21,7 @@ def register() -> None:
 
 def unregister() -> None:
     cancel_running()
+    stop_preview()
     del bpy.types.WindowManager.leafcloud
     del bpy.types.Scene.leafcloud
     for cls in reversed(_CLASSES):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from .viewport import is_previewed
+
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_bake"
@@ -42,3 +44,4 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         if status.stage:
             layout.progress(factor=status.fraction, text=f"{status.stage}, Esc to cancel")
         layout.operator("leafcloud.bake")
+        layout.operator("leafcloud.preview", depress=is_previewed())

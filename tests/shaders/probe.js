@@ -6,6 +6,8 @@
 // {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, pixels,
 // meshes: [{material, count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex
 // shader puts them. `pixels` are 64 × 64 times four floats, lit so that they are all but the materials' linear colours.
+// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`; the answer
+// has the points for each of the views.
 import * as THREE from "three";
 import { DECLARATIONS, LAWS, Tree } from "/shaders/viewer/leafcloud.js";
 
@@ -20,11 +22,13 @@ function compiled(kind, source) {
   return shader;
 }
 
-function linked(vertexSource) {
+const NO_FRAGMENTS = "#version 300 es\nvoid main() {}";
+
+function linked(vertexSource, fragmentSource = NO_FRAGMENTS, output = "result") {
   const program = gl.createProgram();
   gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertexSource));
-  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"));
-  gl.transformFeedbackVaryings(program, ["result"], gl.SEPARATE_ATTRIBS);
+  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, fragmentSource));
+  gl.transformFeedbackVaryings(program, [output], gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   return program;
@@ -32,10 +36,14 @@ function linked(vertexSource) {
 
 /** `result` for each of `count` points. */
 function computed(vertexSource, attributes, uniforms, count) {
-  const program = linked(vertexSource);
+  return run(linked(vertexSource), attributes, uniforms, count, 4);
+}
+
+/** What `program` gives for each of `count` points, `width` numbers each. */
+function run(program, attributes, uniforms, count, width) {
   gl.useProgram(program);
   for (const [name, values] of Object.entries(uniforms)) {
-    const set = { 2: gl.uniform2fv, 3: gl.uniform3fv }[values.length] ?? gl.uniform1fv;
+    const set = { 2: gl.uniform2fv, 3: gl.uniform3fv, 4: gl.uniform4fv }[values.length] ?? gl.uniform1fv;
     set.call(gl, gl.getUniformLocation(program, name), values);
   }
   gl.bindVertexArray(gl.createVertexArray());
@@ -47,11 +55,11 @@ function computed(vertexSource, attributes, uniforms, count) {
     gl.enableVertexAttribArray(location);
     gl.vertexAttribPointer(location, itemSize, gl.FLOAT, false, 0, 0);
   }
-  return captured(count);
+  return captured(count, width);
 }
 
-function captured(count) {
-  const results = new Float32Array(4 * count);
+function captured(count, width) {
+  const results = new Float32Array(width * count);
   const buffer = gl.createBuffer();
   gl.bindBuffer(gl.ARRAY_BUFFER, null);
   gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, buffer);
@@ -89,6 +97,15 @@ function placed(geometry, uniforms) {
     lcGrowth: uniforms.lcGrowth.value.toArray(),
   };
   return computed(source, geometry.attributes, values, position.count).filter((_, i) => i % 4 < 3);
+}
+
+function previewed({ vertex, fragment, attributes, views }) {
+  const arrays = Object.entries(attributes).map(([name, { values, size }]) => {
+    return [name, { array: Float32Array.from(values), itemSize: size }];
+  });
+  const count = attributes.rank.values.length;
+  const program = linked(vertex, fragment, "seen_point");
+  return views.map((uniforms) => [...run(program, Object.fromEntries(arrays), uniforms, count, 3)]);
 }
 
 function encoded(values) {
@@ -152,6 +169,7 @@ const answer = (content) => fetch("/answer", { method: "POST", body: JSON.string
 try {
   const question = await (await fetch("/question")).json();
   if (question.tables) await answer({ tables: question.tables.map((table) => tabulated(table, question.shares)) });
+  else if (question.vertex) await answer({ points: previewed(question) });
   else await answer({ seen: await seen(question) });
 } catch (error) {
   await answer({ error: `${error}\n${error.stack}` });

@@ -1,0 +1,118 @@
+"""Draws the baked levels of a scene in every 3D view, each as it is seen from that view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+import gpu
+import numpy as np
+from mathutils import Matrix, Vector
+
+from ..build.levels import EXTRAS
+from ..build.lod_nodes import GROUP_NAME
+from ..versions import get_modifier_input
+from .corners import Part, parts_of
+from .look import LevelInputs, look_at
+from .shader import ATTRIBUTES, compiled, uniforms_of
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One object: its inputs as they were read, and its triangles on the graphics card."""
+
+    obj: bpy.types.Object
+    inputs: LevelInputs
+    centre: Vector
+    batches: list[tuple[Part, gpu.types.GPUBatch]]
+
+
+@dataclass
+class Preview:
+    """What is drawn until it is stopped. Read once: what is baked afterwards needs a new one."""
+
+    shader: gpu.types.GPUShader = field(default_factory=compiled)
+    drawn: list[Drawn] = field(default_factory=list)
+    pages: dict[str, gpu.types.GPUTexture] = field(default_factory=dict)
+
+    def read(self, objects: list[bpy.types.Object]) -> None:
+        for obj in objects:
+            modifier = obj.modifiers[GROUP_NAME]
+            batches = [(part, self._batch(part)) for part in parts_of(obj.data)]
+            centre = Vector(get_modifier_input(modifier, "Centre"))
+            self.drawn.append(Drawn(obj, inputs_of(obj), centre, batches))
+
+    def draw(self) -> None:
+        """In a view's region, with the camera of that region."""
+        region = bpy.context.region_data
+        eye, to_clip = region.view_matrix.inverted().translation, region.perspective_matrix
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.depth_mask_set(True)
+        try:
+            for drawn in self.drawn:
+                self._draw(drawn, eye, to_clip)
+        finally:
+            gpu.state.depth_mask_set(False)
+            gpu.state.depth_test_set("NONE")
+
+    def _draw(self, drawn: Drawn, eye: Vector, to_clip: Matrix) -> None:
+        matrix = drawn.obj.matrix_world
+        place = matrix.inverted_safe() @ eye
+        look = look_at(drawn.inputs, (place - drawn.centre).length)
+        if look is None:
+            return
+        self.shader.bind()
+        for name, value in {**uniforms_of(look), "eye": place, "to_clip": to_clip @ matrix}.items():
+            self.shader.uniform_float(name, value)
+        for part, batch in drawn.batches:
+            self.shader.uniform_float("tint", part.tint)
+            self.shader.uniform_float("cutoff", part.cutoff)
+            self.shader.uniform_sampler("page", self._page(part.image))
+            batch.draw(self.shader)
+
+    def _batch(self, part: Part) -> gpu.types.GPUBatch:
+        layout = gpu.types.GPUVertFormat()
+        for name, kind in ATTRIBUTES.items():
+            layout.attr_add(id=name, comp_type="F32", len=1 if kind == "FLOAT" else int(kind[3]), fetch_mode="FLOAT")
+        corners = gpu.types.GPUVertBuf(layout, len(part.attributes["position"]))
+        for name in ATTRIBUTES:
+            corners.attr_fill(name, np.ascontiguousarray(part.attributes[name]))
+        return gpu.types.GPUBatch(type="TRIS", buf=corners)
+
+    def _page(self, image: bpy.types.Image | None) -> gpu.types.GPUTexture:
+        name = "" if image is None else image.name
+        if name not in self.pages:
+            white = gpu.types.Buffer("FLOAT", 4, [1.0] * 4)
+            self.pages[name] = gpu.texture.from_image(image) if name else gpu.types.GPUTexture(1, data=white)
+        return self.pages[name]
+
+
+def levels_in(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The objects that follow a camera: levels, and their wood."""
+    return [obj for obj in scene.objects if obj.type == "MESH" and GROUP_NAME in obj.modifiers]
+
+
+def inputs_of(obj: bpy.types.Object) -> LevelInputs:
+    """The inputs of the level's node group as they stand, and the tables in its extras."""
+    modifier = obj.modifiers[GROUP_NAME]
+
+    def number(name: str) -> float:
+        return float(get_modifier_input(modifier, name))
+
+    extras = obj.get(EXTRAS)
+    table = obj.data.get(EXTRAS)
+    return LevelInputs(
+        start=number("Start"),
+        end=number("End"),
+        prune_start=number("Prune Start"),
+        prune_half=number("Prune Half"),
+        appear=number("Appear"),
+        vanish=number("Vanish"),
+        whole=number("Whole"),
+        fading=number("Fading"),
+        grazing=number("Grazing"),
+        growth=(number("Growth"), number("Growth of Few")),
+        contrast=(number("Contrast"), number("Contrast of Few")),
+        mean_color=tuple(extras["mean_color"]) if extras is not None and "mean_color" in extras else (0.0, 0.0, 0.0),
+        area_shares=tuple(table["area_shares"]) if table is not None and "area_shares" in table else (),
+    )

@@ -1,0 +1,109 @@
+"""What is drawn of a level from some distance: the numbers that the shader's laws are called with. No bpy.
+
+The laws themselves stand in shaders/leafcloud.glsl; here is only what they are not asked for each vertex.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+_TINY = 1e-30
+_RAMP = 0.05
+
+
+@dataclass(frozen=True)
+class LevelInputs:
+    """The inputs of a level's node group (`build.lod_nodes.LodSettings`), and its table of areas (mesh extras).
+
+    Distances are in the object's own units. `area_shares`, 65 numbers that rise from 0 to 1, may be empty: then pruned
+    leaves do not grow.
+    """
+
+    start: float
+    end: float
+    prune_start: float
+    prune_half: float
+    appear: float
+    vanish: float
+    whole: float
+    fading: float
+    grazing: float = 0.0
+    growth: tuple[float, float] = (0.0, 0.0)
+    contrast: tuple[float, float] = (0.0, 0.0)
+    mean_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    area_shares: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Look:
+    """Uniforms of the shader.
+
+    transition: d, start, end. keep: d, d₀, h. scale: s·γ. next_share: of the pixels, that show the level behind or, if
+    `coming`, this one. contrast, mean_color, grazing: as the laws have them.
+    """
+
+    transition: tuple[float, float, float]
+    keep: tuple[float, float, float]
+    scale: float
+    next_share: float
+    coming: bool
+    grazing: float
+    contrast: tuple[float, float]
+    mean_color: tuple[float, float, float]
+
+
+def look_at(level: LevelInputs, distance: float) -> Look | None:
+    """What is seen from `distance` ≥ 0; None where the level is not drawn.
+
+    While two levels cross-fade each has its share of the pixels, from where one appears to where the other vanishes.
+    """
+    if not level.appear <= distance < level.vanish:
+        return None
+    kept = _keep(distance, level.prune_start, level.prune_half)
+    # A level is whole half of the way along the fade, and fades out along the other half.
+    going = _share(distance, 2.0 * level.fading - level.vanish, level.vanish) if level.fading < level.vanish else 0.0
+    come = _share(distance, level.appear, 2.0 * level.whole - level.appear) if level.whole > level.appear else 1.0
+    return Look(
+        transition=(distance, level.start, level.end),
+        keep=(distance, level.prune_start, level.prune_half),
+        scale=_area_scale(kept, level.area_shares) * _trend(kept, level.growth),
+        next_share=going if going > 0.0 else come,
+        coming=going == 0.0,
+        grazing=level.grazing,
+        contrast=level.contrast,
+        mean_color=level.mean_color,
+    )
+
+
+def _share(value: float, start: float, end: float) -> float:
+    return min(max((value - start) / (end - start), 0.0), 1.0)
+
+
+def _keep(distance: float, start: float, half: float) -> float:
+    """λ = min((d₀/d)^(log_h ½), 1)"""
+    nearness = start / max(distance, start, _TINY)
+    return nearness ** (math.log(0.5) / math.log(half)) if 0.0 < nearness < 1.0 else 1.0
+
+
+def _trend(keep: float, numbers: tuple[float, float]) -> float:
+    logarithm = math.log(keep)
+    return math.exp(logarithm * (numbers[0] + numbers[1] * logarithm))
+
+
+def _area_scale(keep: float, shares: Sequence[float]) -> float:
+    """s by the table, as `lc_area_scale`, which is called once here instead of at each vertex."""
+    if keep >= 1.0 or not shares:
+        return 1.0
+    whole, most = (_share_below(rank, shares) for rank in (keep * (1.0 - min(_RAMP, 1.0 - keep)), keep))
+    drawn = whole + (most - whole) / 3.0
+    return 1.0 / math.sqrt(drawn) if drawn > 0.0 else 1.0
+
+
+def _share_below(rank: float, shares: Sequence[float]) -> float:
+    """Linear between the entries, which stand at the ranks (i / n)²."""
+    steps = len(shares) - 1
+    below = min(int(math.sqrt(rank) * steps), steps - 1)
+    first, second = ((i / steps) ** 2 for i in (below, below + 1))
+    return shares[below] + (shares[below + 1] - shares[below]) * (rank - first) / (second - first)
