@@ -1,12 +1,13 @@
 """Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
 
-usage: python tools/fidelity.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+usage: python tools/fidelity.py [--judge] [TREE.glb …]   (default: those of ../shared/foliage up to 200,000 triangles)
 
 The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
 billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
 published method and as many texels, then a quarter of them. Cycles renders all from 8 views (tools/flat_views.py); the
 project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. A tree
-takes an hour; what was measured of it goes into docs/bench/fidelity.json as soon as it is there, with the commit that
+takes Cycles up to an hour and the judge a minute; with --judge it looks alone, and what Cycles saw before is left
+standing. What was measured of a tree goes into docs/bench/fidelity.json as soon as it is there, with the commit that
 was measured, and docs/bench/fidelity.md shows what that holds.
 """
 
@@ -40,6 +41,7 @@ TREE_LIMIT = 200_000
 EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
+SIZES = ("256", "64")
 FINE, COARSE = 8, 4
 """Samples along a pixel: where pictures are compared closely, and for alternatives that are far off."""
 ALTERNATIVES = {"literal": ("paper", FINE), "cross": ("cross", COARSE), "sloppy": ("sloppy", COARSE)}
@@ -62,6 +64,7 @@ grey. Beside it what one might use instead, made from the same leaves.
   one of {LEVELS["a quarter"]}².
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
+- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees.
 """
 
 
@@ -171,39 +174,43 @@ def figures(base: Pictures, others: dict[str, Pictures]) -> dict[str, dict[str, 
     return {name: of(other) for name, other in others.items()}
 
 
-def measure(tree: Path) -> dict[str, Any]:
+def measure(tree: Path, *, cycles: bool) -> dict[str, Any]:
+    """What is seen of a tree by the judge and, with `cycles`, by Cycles."""
     folder = KEPT / tree.stem
     billboards = make_alternatives(tree, folder)
     leaves = folder / "leaves.glb"
-    pictures = reference(folder)
     base = leafcloud.read_gltf(str(leaves), names=["leaves"])
     seen = {
         name: judged(base, folder / f"{stem}.glb", ["b", "cross", "leaves"]) for name, (stem, _) in ALTERNATIVES.items()
     }
+    pictures = reference(folder) if cycles else {}
     with tempfile.TemporaryDirectory() as out:
         for name, side in LEVELS.items():
             file = bake(leaves, billboards, side, Path(out) / str(side))
-            [pictures[name]] = look(folder, FINE, leaves, str(file))
             seen[name] = judged(base, file, ["leaves"])
+            if cycles:
+                [pictures[name]] = look(folder, FINE, leaves, str(file))
         report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
-    kept = pictures.pop("leaves")
-    return {
+    commit = run("git", "-C", ROOT, "describe", "--always", "--dirty").strip()
+    row: dict[str, Any] = {
         "tree": tree.stem,
-        "commit": run("git", "-C", ROOT, "describe", "--always", "--dirty").strip(),
         "literal": billboards,
         "billboards": report["levels"][1]["billboards"],
-        "cycles": figures(kept, pictures),
-        "judge": figures(judged(base, leaves, ["leaves"]), seen),
+        "judge": {"commit": commit, **figures(judged(base, leaves, ["leaves"]), seen)},
     }
+    if cycles:
+        row["cycles"] = {"commit": commit, **figures(pictures.pop("leaves"), pictures)}
+    return row
 
 
 def lines_of(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
 
 
-def error_table(rows: list[dict[str, Any]], size: str) -> str:
-    names = ["floor", *ALTERNATIVES, *LEVELS]
-    errors = [[row["cycles"][name][size] for name in names] for row in rows]
+def error_table(rows: list[dict[str, Any]], who: str, size: str) -> str:
+    floor = ["floor"] if who == "cycles" else []
+    names = [*floor, *ALTERNATIVES, *LEVELS]
+    errors = [[row[who][name][size] for name in names] for row in rows]
     literal = names.index("literal")
     ratios = np.array([[e[names.index(level)] / e[literal] for level in LEVELS] for e in errors])
     body = [
@@ -211,38 +218,46 @@ def error_table(rows: list[dict[str, Any]], size: str) -> str:
         for row, e, ratio in zip(rows, errors, ratios, strict=True)
     ]
     body.append(["mean", *[""] * len(names), *(f"**{x:.2f}**" for x in ratios.mean(axis=0))])
-    return lines_of([f"FLIP at {size}²", *names, *(f"{level} / literal" for level in LEVELS)], body)
+    title = {"cycles": "Cycles", "judge": "the judge"}[who]
+    return lines_of([f"FLIP at {size}², {title}", *names, *(f"{level} / literal" for level in LEVELS)], body)
 
 
 def coverage_table(rows: list[dict[str, Any]]) -> str:
+    """By Cycles where it looked."""
     names = [*ALTERNATIVES, *LEVELS]
-    body = [
-        [row["tree"], f"{row['billboards']} of {row['literal']}"]
-        + [f"{row['cycles'][name]['coverage']:.3f}" for name in names]
-        for row in rows
-    ]
+    body = []
+    for row in rows:
+        who = "cycles" if "cycles" in row else "judge"
+        seen = [f"{row[who][name]['coverage']:.3f}" for name in names]
+        body.append([row["tree"], f"{row['billboards']} of {row['literal']}", *seen])
     return lines_of(["coverage", "billboards", *names], body)
 
 
-def judge_table(rows: list[dict[str, Any]], size: str) -> str:
+def agreement_table(rows: list[dict[str, Any]]) -> str:
+    """Of the judge with Cycles, over what both looked at."""
     names = [*ALTERNATIVES, *LEVELS]
 
-    def errors(who: str, row: dict[str, Any]) -> list[float]:
-        return [row[who][name][size] for name in names]
+    def errors(who: str, row: dict[str, Any], size: str) -> NDArray[np.float64]:
+        return np.array([row[who][name][size] for name in names])
 
-    body = []
-    for row in rows:
-        mine, theirs = errors("judge", row), errors("cycles", row)
-        agreement = spearmanr(mine, theirs).statistic
-        body.append([row["tree"], *(f"{error:.4f}" for error in mine), f"{agreement:.2f}"])
-    everything = [[error for row in rows for error in errors(who, row)] for who in ("judge", "cycles")]
-    body.append(["all", *[""] * len(names), f"**{spearmanr(*everything).statistic:.3f}**"])
-    return lines_of([f"the judge's FLIP at {size}²", *names, "rank correlation with Cycles"], body)
+    def cells(rows: list[dict[str, Any]]) -> list[str]:
+        found = []
+        for size in SIZES:
+            mine, theirs = (np.concatenate([errors(who, row, size) for row in rows]) for who in ("judge", "cycles"))
+            found += [f"{spearmanr(mine, theirs).statistic:.3f}", f"{np.abs(mine / theirs - 1.0).max():.1%}"]
+        return found
+
+    body = [[row["tree"], *cells([row])] for row in rows]
+    head = [part for size in SIZES for part in (f"rank correlation at {size}²", "greatest difference")]
+    return lines_of(["judge and Cycles", *head], [*body, ["all", *cells(rows)]])
 
 
 def tables(rows: list[dict[str, Any]]) -> str:
-    parts = [error_table(rows, "256"), error_table(rows, "64"), coverage_table(rows)]
-    return "\n\n".join([*parts, judge_table(rows, "256"), judge_table(rows, "64")])
+    seen = [row for row in rows if "cycles" in row]
+    parts = [error_table(rows, "judge", size) for size in SIZES]
+    if seen:
+        parts = [*(error_table(seen, "cycles", size) for size in SIZES), agreement_table(seen), *parts]
+    return "\n\n".join([coverage_table(rows), *parts])
 
 
 def triangles(tree: Path) -> int:
@@ -254,13 +269,14 @@ def main() -> None:
     parser.add_argument(
         "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
     )
+    parser.add_argument("--judge", action="store_true", help="look by the project's own renderer only")
     arguments = parser.parse_args()
     trees = arguments.trees or [tree for tree in sorted(FOLIAGE.glob("*.glb")) if triangles(tree) <= TREE_LIMIT]
     rows = {row["tree"]: row for row in json.loads(MEASURED.read_text())} if MEASURED.is_file() else {}
     for tree in trees:
-        row = measure(tree.resolve())
+        row = measure(tree.resolve(), cycles=not arguments.judge)
         print(json.dumps(row), file=sys.stderr, flush=True)
-        rows[tree.stem] = row
+        rows[tree.stem] = {**rows.get(tree.stem, {}), **row}
         keep([rows[name] for name in sorted(rows)])
     print(tables([rows[tree.stem] for tree in trees]))
 
