@@ -56,10 +56,9 @@ void main() {
     if (texel.a <= cutoff) discard;
     float kept = lc_keep(keep_at.x, keep_at.y, keep_at.z);
     vec3 color = lc_toward_mean(texel.rgb, mean, lc_contrast(kept, contrast));
-    // From the eye, and half of it from everywhere.
+    // From the eye, and half of it from everywhere. A 3D view encodes what is drawn into it.
     float light = 0.5 + 0.5 * abs(dot(normalize(seen_normal), view));
-    color = clamp(color * light, 0.0, 1.0);
-    shown_color = vec4(mix(color * 12.92, 1.055 * pow(color, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, color)), 1.0);
+    shown_color = vec4(color * light, 1.0);
 }
 """
 
