@@ -37,7 +37,7 @@ from .job import Progress, wait
 from .lighting import light_of
 from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
-from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
+from .plan.reach import WOOD_PIXELS, View, reaches, rising, wood_errors
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
@@ -130,7 +130,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     clouds = [False, *(level.cloud is not None for level in levels)]
     reached = reaches(switch_distances, clouds, transitions=transitions)
-    thinning = _thinning(prepared, start, reached[0])
+    thinning = _thinning(prepared, start, reached[1].appear)
     contrast = bool(is_on(prepared.effects, "contrast"))
     plan = Plan(
         name=name,
@@ -175,15 +175,15 @@ def _keep_at_switch(prepared: Prepared) -> float | None:
     return share_left(start, switch, settings.prune_half)
 
 
-def _thinning(prepared: Prepared, start: float, reach: Reach) -> Thinning:
-    """From where the leaves are pruned; where level 1 was made of some, so that just these are left when it takes over.
+def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
+    """From where the leaves are pruned; where level 1 was made of some, so that just these are left at the `hand_over`.
 
-    `start` is where a leaf gets small, `reach` that of the leaves.
+    `start` is where a leaf gets small.
     """
     half = prepared.settings.prune_half
     keep = _keep_at_switch(prepared)
     if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
-        return Thinning(start_for(keep, reach.vanish, half), half)
+        return Thinning(start_for(keep, hand_over, half), half)
     return Thinning(start if prepared.settings.chain == "pruning" else math.inf, half)
 
 

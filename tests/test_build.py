@@ -397,7 +397,7 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     leaf, cloud, last, cross = (level.object.modifiers[0] for level in levels)
     assert get_modifier_input(leaf, "Start") == pytest.approx(2.5)
     assert get_modifier_input(leaf, "End") == pytest.approx(5.0)
-    assert get_modifier_input(leaf, "Vanish") == pytest.approx(get_modifier_input(cloud, "Appear"))
+    assert get_modifier_input(leaf, "Vanish") == pytest.approx(1.1 * get_modifier_input(cloud, "Appear"))
     assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
     assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
     assert get_modifier_input(cross, "Whole") == get_modifier_input(last, "Fading") == pytest.approx(56.25)

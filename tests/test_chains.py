@@ -157,8 +157,8 @@ def test_the_first_cloud_is_made_of_the_leaves_that_are_left() -> None:
     chain, leaves = result.chain, result.levels[0].object
     assert chain.kept is not None
     kept, growth = chain.kept
-    reach_end = input_of(leaves, "Vanish")
-    share = leafcloud.keep(reach_end, input_of(leaves, "Prune Start"), input_of(leaves, "Prune Half"))
+    hand_over = input_of(result.levels[1].object, "Appear")
+    share = leafcloud.keep(hand_over, input_of(leaves, "Prune Start"), input_of(leaves, "Prune Half"))
     assert 0.05 < share < 0.7
     assert len(np.unique(result.prepared.foliage.leaf_ids[kept])) == math.ceil(share * 400 - 1e-6)
     set_manual(leaves.modifiers[0], transition=1.0, keep=share)

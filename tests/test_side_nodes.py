@@ -51,7 +51,7 @@ def seen(folder: Path, height: float) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("height", [2.0, 60.0])
 def test_cycles_sees_each_side_from_its_own(height: float, tmp_path: Path) -> None:
-    add_side_modifier(pair(), apart(np.array([SQUARE])))
+    add_side_modifier(pair(), apart(np.array([SQUARE]), 1))
     np.testing.assert_allclose(seen(tmp_path, height), (*RED, 1.0), atol=1e-5)
     np.testing.assert_allclose(seen(tmp_path, -height), (*BLUE, 1.0), atol=1e-5)
 
@@ -72,6 +72,6 @@ def test_each_moves_toward_who_sees_it_and_the_mesh_stays() -> None:
     assert points_of(obj.data)[:, 2].tolist() == [0.0] * 8
 
 
-def test_how_far_follows_from_the_extent() -> None:
+def test_how_far_follows_from_the_extent_and_the_level() -> None:
     corners = np.array([[[0.0, 0.0, 0.0], [16384.0, 0.0, 0.0], [0.0, 5.0, 7.0]]])
-    assert apart(corners) == 1.0
+    assert [apart(corners, number) for number in (1, 2)] == [1.0, 2.0]

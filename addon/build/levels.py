@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..placement import Placement
-from ..plan.reach import Reach
+from ..plan.reach import Reach, wood_reach
 from ..plan.thinning import Thinning
 from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
@@ -144,7 +144,7 @@ def build_levels(
             _add_leaf_map(obj, level, tree, costs)
             built = _add_level(collection, obj, number, woods[number], plan)
             if level.two_sided:
-                built = replace(built, apart=apart(level.corners) / plan.placement.scale)
+                built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
                 add_side_modifier(obj, built.apart)
             levels.append(built)
     return collection, levels
@@ -198,22 +198,22 @@ def _add_level(
 ) -> BuiltLevel:
     """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
-    members = [obj]
+    members = {obj: plan.reaches[number]}
+    wooden = None
     if wood is not None and wood.mesh is not None:
-        members.append(bpy.data.objects.new(f"{obj.name}_wood", wood.mesh))
-        members[1].parent = obj
-        if plan.reaches[number].fades:
-            _let_fade(members[1])
-    for member in members:
+        wooden = bpy.data.objects.new(f"{obj.name}_wood", wood.mesh)
+        wooden.parent = obj
+        members[wooden] = wood_reach(plan.reaches, number)
+        if members[wooden].fades:
+            _let_fade(wooden)
+    for member, reach in members.items():
         collection.objects.link(member)
         if plan.follows_camera:
-            settings = _lod_settings(number, plan)
-            wooden = replace(settings, start=NEVER, end=NEVER, prune_start=NEVER)
-            add_lod_modifier(member, settings if member is obj else wooden)
+            add_lod_modifier(member, _lod_settings(reach, plan, thins=number == 0 and member is obj))
         else:
             member.hide_viewport = member.hide_render = number > 0
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
-    built = BuiltLevel(number, obj, members[1] if len(members) > 1 else None, triangles)
+    built = BuiltLevel(number, obj, wooden, triangles)
     return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
 
 
@@ -223,14 +223,13 @@ def _let_fade(wood: bpy.types.Object) -> None:
         slot.link, slot.material = "OBJECT", fading_copy(slot.material)
 
 
-def _lod_settings(number: int, plan: Plan) -> LodSettings:
+def _lod_settings(reach: Reach, plan: Plan, *, thins: bool) -> LodSettings:
     """The node group's inputs. Leaves are pruned as planned; clouds keep all their billboards until they vanish."""
 
     def own(distance: float) -> float:
         return min(distance / plan.placement.scale, NEVER)
 
-    reach = plan.reaches[number]
-    thins = number == 0 and plan.thinning.start < reach.vanish
+    thins = thins and plan.thinning.start < reach.vanish
     return LodSettings(
         start=own(reach.start),
         end=own(reach.end),

@@ -24,9 +24,12 @@ _SHARE = 1.0 / 16384.0
 """Of the level's whole extent: some 30 units in the last place of what a camera at 60 radii measures."""
 
 
-def apart(corners: NDArray[np.float64]) -> float:
-    """How far each of the billboards with these corners (b, c, 3) is moved, in their unit."""
-    return float(np.ptp(corners.reshape(-1, 3), axis=0).max()) * _SHARE
+def apart(corners: NDArray[np.float64], number: int) -> float:
+    """How far each of the billboards with these corners (b, c, 3), of the level `number` ≥ 1, is moved, in their unit.
+
+    Each level lies in front of the one that has morphed to it, so that it is lit while the two cross-fade.
+    """
+    return number * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) * _SHARE
 
 
 def add_side_modifier(obj: bpy.types.Object, apart: float) -> bpy.types.NodesModifier:

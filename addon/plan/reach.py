@@ -11,8 +11,9 @@ HAND_OVER = 0.998
 START_SHARE = 0.5
 """A transition begins at this share of the distance at which it ends."""
 
-FADE = 0.25
-"""A level that nothing morphs to fades in over this share of the distance at which it appears."""
+FADE, FADE_BEHIND_MORPH = 0.25, 0.1
+"""Two levels cross-fade over this share of the distance at which the next appears. Where one has morphed to the next
+little is left to fade: light, and the edges of alpha."""
 
 LEAST_STEP = 1.25
 """A level takes over at least this many times as far away as the one before."""
@@ -51,23 +52,41 @@ class Reach:
 def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[Reach, ...]:
     """The reach of every level; level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]`: it is one.
 
-    With `transitions` each level morphs to the cloud behind it, and cross-fades with what is none. One that morphs
-    hands over shortly before its transition ends, so the next appears that much earlier than its switch distance. Where
-    there is nothing to morph to, the next fades in before this one fades out: what both cover is never seen through.
+    With `transitions` each level morphs to the cloud behind it, if one is, and cross-fades with whatever is. The next
+    appears shortly before the morph ends, or at its switch distance, and fades in before this one fades out: what both
+    cover is never seen through.
     """
     result: list[Reach] = []
-    appear = whole = switch_distances[0]
+    appear = whole = gone = switch_distances[0]
     for end, cloud in zip((*switch_distances[1:], math.inf), (*clouds[1:], False), strict=True):
-        if transitions and cloud:
-            start = max(START_SHARE * end, appear)
-            vanish = start + HAND_OVER * (end - start)
-            result.append(Reach(appear, start, end, vanish, whole, vanish))
-            appear = whole = vanish
-        else:
-            fade = FADE * end if transitions else 0.0
-            result.append(Reach(appear, math.inf, math.inf, end + fade, whole, end + fade / 2.0))
-            appear, whole = end, end + fade / 2.0
+        morphs = transitions and cloud
+        start = max(START_SHARE * end, gone) if morphs else math.inf
+        hand_over = start + HAND_OVER * (end - start) if morphs else end
+        fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if transitions else 0.0
+        reach = Reach(
+            appear=appear,
+            start=start,
+            end=end if morphs else math.inf,
+            vanish=hand_over + fade,
+            whole=whole,
+            fading=hand_over + fade / 2.0,
+        )
+        result.append(reach)
+        appear, whole, gone = hand_over, reach.fading, reach.vanish
     return tuple(result)
+
+
+def wood_reach(reached: Sequence[Reach], number: int) -> Reach:
+    """The reach of the wood of level `number`, which neither moves nor fades from level to level.
+
+    Much of it lies where that of the next level does: where a ray passes one, it passes the other. Only behind the last
+    wood, which is in the next level's textures, it fades with its level.
+    """
+    own = reached[number]
+    morphs = math.isfinite(own.end)
+    vanish = reached[number + 1].appear if morphs else own.vanish
+    fading = vanish if morphs else own.fading
+    return Reach(own.appear, math.inf, math.inf, vanish, whole=own.appear, fading=fading)
 
 
 def wood_errors(deviations: Sequence[float], reached: Sequence[Reach], unit: float) -> tuple[float, ...]:

@@ -57,8 +57,10 @@ const HAND_OVER = 0.998;
  *
  * pruneStart: d₀ of the law of λ, for all levels alike; without end, nothing is pruned. null: each level as it was baked.
  * pruneHalf: h of that law, which goes with such a d₀.
- * hysteresis: by which share a level is drawn longer when the camera comes back, so that it does not switch to and fro.
  * fade: over which share of the distance at which it appears a level that nothing morphs to fades in.
+ * fadeBehindMorph: the same of a level that the one before has morphed to: light, and the edges of alpha, are left to fade.
+ * hysteresis: where nothing fades, by which share a level is drawn longer when the camera comes back, so that it does not
+ *   switch to and fro.
  * grazing: billboards fade out from this |cos| between normal and view on.
  * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
  * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
@@ -66,8 +68,9 @@ const HAND_OVER = 0.998;
 export const SETTINGS = {
   pruneStart: null,
   pruneHalf: 0.5,
-  hysteresis: 0.02,
   fade: 0.25,
+  fadeBehindMorph: 0.1,
+  hysteresis: 0.02,
   grazing: 0,
   contrast: true,
   byHand: null,
@@ -122,20 +125,25 @@ export class Tree extends THREE.Group {
     return number;
   }
 
+  #fade(level) {
+    return level.morphs ? this.settings.fadeBehindMorph : this.settings.fade;
+  }
+
   /** From where the level is no longer drawn. */
-  #end({ morphs, vanish }) {
-    return morphs ? vanish : vanish * (1 + this.settings.fade);
+  #end(level) {
+    return level.handOver * (1 + this.#fade(level));
   }
 
   /** A fade has no need of it: it is the same to and fro. */
   #delay(level) {
-    return level.morphs ? this.settings.hysteresis : 0;
+    return this.#fade(level) > 0 ? 0 : this.settings.hysteresis;
   }
 
-  /** Of the pixels, where the level that is drawn hands over to one that nothing morphs to. */
+  /** Of the pixels, where the level that is drawn hands over. */
   #shareOfNext() {
     const level = this.levels[this.level];
-    return level.morphs || !isFinite(level.vanish) ? 0 : transitionAt(this.distance, level.vanish, this.#end(level));
+    const fades = isFinite(level.handOver) && this.#fade(level) > 0;
+    return fades ? transitionAt(this.distance, level.handOver, this.#end(level)) : 0;
   }
 
   /** What lc_transition and lc_keep are called with. */
@@ -185,7 +193,7 @@ function levelsOf({ scene, parser }) {
   const levels = found.sort(byNumber).map((object) => newLevel(object, parser));
   levels.forEach((level, i) => {
     const switchDistance = levels[i + 1]?.object.userData.leafcloud.switch_distance ?? Infinity;
-    level.vanish = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
+    level.handOver = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
   });
   return levels;
 }

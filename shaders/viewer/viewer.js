@@ -68,7 +68,7 @@ function show(opened) {
   for (const name of Object.keys(SETTINGS)) if (wanted.has(name)) tree.settings[name] = Number(wanted.get(name));
   controls.target.copy(tree.centre);
   lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius, FRONT);
-  const farthest = 4 * (tree.levels.at(-2)?.vanish ?? 10 * tree.radius);
+  const farthest = 4 * (tree.levels.at(-2)?.handOver ?? 10 * tree.radius);
   Object.assign(camera, { near: tree.radius / 100, far: 2 * farthest });
   camera.updateProjectionMatrix();
   fillPanel(farthest);
@@ -93,6 +93,7 @@ function fillPanel(farthest) {
   addByHand();
   const fades = controlPanel.addFolder("Fades");
   fades.add(tree.settings, "grazing", 0, 0.5).name("grazing |cos|");
+  fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
   fades.add(tree.settings, "fade", 0, 0.5).name("into the cross");
   fades.add(tree.settings, "hysteresis", 0, 0.2);
 }
@@ -115,7 +116,7 @@ function addPruning(farthest) {
   const byHand = Number.isFinite(settings.pruneStart);
   const [asBaked, never, fromHere] = ["as baked", "never", "from d₀ on"];
   const unpruned = settings.pruneStart === null ? asBaked : never;
-  const state = { prune: byHand ? fromHere : unpruned, start: byHand ? settings.pruneStart : tree.levels[0].vanish / 4 };
+  const state = { prune: byHand ? fromHere : unpruned, start: byHand ? settings.pruneStart : tree.levels[0].handOver / 4 };
   const starts = { [asBaked]: () => null, [never]: () => Infinity, [fromHere]: () => state.start };
   const apply = () => (settings.pruneStart = starts[state.prune]());
   const folder = controlPanel.addFolder("Pruning");
