@@ -3,11 +3,12 @@
 It stands behind *Leafcloud LOD* and moves what comes out of that. All lengths are in the tree's own coordinates. The
 ideas are the usual ones of vegetation in real time, displacement that follows from the place in a few sines: T. Sousa,
 "Vegetation Procedural Animation and Shading in Crysis", GPU Gems 3, ch. 16 (2007); R. Habel, A. Kusternig, M. Wimmer,
-"Physically Guided Animation of Trees", Eurographics 2009. With F the foot of the trunk, u up, H the tree's height, Q its
-spread, d where the wind blows to (|d| = 1), S its strength, G the share that comes and goes, P the period, t seconds:
+"Physically Guided Animation of Trees", Eurographics 2009. With F the foot of the trunk, u up, H the tree's height, Q
+its spread, d where the wind blows to (|d| = 1), S its strength, G the share that comes and goes, P the period, t the
+seconds, o the object's place in the world and V the vector `PLACE_TURNS`:
 
     σ = S / (|S| + 4)                                            how hard it blows, in (−1, 1)
-    τ = t/P + V·o                                                turns; o is the object's place in the world
+    τ = t/P + V·o                                                turns
     g = 1 − G + G·(0.6 sin 2πτ + 0.4 sin 2π·0.618τ)              gusts, |g| ≤ 1
     y = c − F,  η = max(u·y, 0)/H,  r = y − (u·y)·u,  ρ = |r|/Q  of a place c: how high it is, how far from the axis
     θ = 2π·2.3τ − k·y/Q,  k = 2·(d + u × d)                      waves along and across the wind
@@ -28,14 +29,15 @@ billboards, with f how freely it flutters (the attribute `leaf_flutter`) and φ 
     p' = p + (1 − a)·W_c(p) + a·W_C(p)                           C: the pivot of the billboard (`leaf_billboard_pivot`)
 
 *Levels stay closed.* W is affine, so a point of a billboard moves as its corners say, whatever its outline is and
-however large it is. At a = 1 a leaf moves by W_C, as does the billboard with the pivot C on the next level at its a = 0:
-the two are where they would be without wind, under one affine map. Nothing is left but rounding: some 32 ulp of the
-greatest coordinate. Where the next level takes over, at a = 0.998, leaves lack 0.002 of
+however large it is. At a = 1 a leaf moves by W_C, as does the billboard with the pivot C on the next level at its
+a = 0: the two are where they would be without wind, under one affine map. Nothing is left but rounding, some 32 ulp of
+the greatest coordinate. Where the next level takes over, at a = 0.998, leaves lack 0.002 of at most
 
-    |σ|·α·|p − c| + |W_C(p) − W_c(p)| ≤ |σ|·α·|p − c| + M·(|p − c|² + |p − C|²)/2,  M the greatest |w″|
+    |σ|·α·|p − c| + |W_C(p) − W_c(p)|,   the latter at most M·(|p − c|² + |p − C|²)/2 by Taylor, M the greatest |w″|
 
-by Taylor: 0.0001 of the height for a billboard that reaches through a third of the tree in a storm (A, B = 0.1, α = 20°).
-How far a billboard's rim is from the wood beside it is bounded by the same M·|p − C|²/2; nothing jumps because of it.
+With |w″| ≤ |σ|·(2A/H + B/Q·(2 + 4|k| + |k|²)), where |k| ≤ 2√2, that is 0.0005 of the spread for a billboard that
+reaches half of it from its pivot in a storm (σ = 1). How far a billboard's rim is from the wood beside it is bounded by
+M·|p − C|²/2, too; nothing jumps because of it.
 
 *Bounds.* |w| ≤ |σ|·(A·H·η² + B·Q·ρ²): nothing at the foot, A of the height at the top however strong the wind.
 
@@ -73,9 +75,11 @@ from .node_laws import (
 from .sections import Section
 
 GROUP_NAME = "Leafcloud Wind"
+SWAY_NAME = "Leafcloud Sway"
 _LAYOUT_KEY = "leafcloud_wind_layout"
+_SWAY_KEY = "leafcloud_sway_layout"
 _LAYOUT = 1
-"""Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
+"""Written into both groups; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
 
 HALF_FORCE = 4.0
 """The strength at which σ is ½."""
@@ -142,7 +146,8 @@ def wind_group() -> bpy.types.NodeTree:
 def add_wind_modifier(obj: bpy.types.Object, settings: WindSettings) -> bpy.types.NodesModifier:
     """Adds the group to `obj` as its last modifier. It needs neither the add-on nor Python from then on.
 
-    Where the wind's force field is in the file, its Z axis gives the direction, and a driver without Python its strength.
+    Where the wind's force field is in the file, its Z axis gives the direction, and a driver, without Python, the
+    strength.
     """
     stature, wind, swing = settings.stature, settings.wind, settings.swing
     values: dict[str, InputValue] = {
@@ -207,20 +212,33 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare_by_hand(tree, panel)
 
 
+_SWAY_INPUTS = {
+    "Point": "Vector",
+    "Pivot": "Vector",
+    "Foot": "Vector",
+    "Up": "Vector",
+    "Height": "Float",
+    "Spread": "Float",
+    "Along": "Vector",
+    "Waves": "Vector",
+    "Shaking": "Vector",
+    "Lean": "Float",
+    "Swing": "Float",
+    "Branch Angle": "Float",
+}
+"""Of the group inside, in the order of `_Air.sway`."""
+
+
 @dataclass(frozen=True)
 class _Air:
-    """What is the same for all points: d, u × d, k and (d + u)/2, σ, τ, σ·A·H·g, σ·B·Q, and 2π·2.3τ."""
+    """What is the same for all points: d, u × d, |σ|, τ; and `sway`, what the group inside has after point and pivot:
+    F, u, H, Q, d, k, (d + u)/2, σ·A·H·g, σ·B·Q, 2π·2.3τ."""
 
     along: bpy.types.NodeSocket
     across: bpy.types.NodeSocket
-    waves: bpy.types.NodeSocket
-    shaking: bpy.types.NodeSocket
-    up: bpy.types.NodeSocket
     force: bpy.types.NodeSocket
     turns: bpy.types.NodeSocket
-    lean: bpy.types.NodeSocket
-    swing: bpy.types.NodeSocket
-    branch_angle: bpy.types.NodeSocket
+    sway: tuple[bpy.types.NodeSocket, ...]
 
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
@@ -233,16 +251,16 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pivot = section.vector_attribute("leaf_pivot", missing=point)
     fluttering = _fluttered(section, air, share, point, pivot)
 
-    own = _swayed(Section(tree, "Sway with the own branch W_c", (2800.0, 0.0)), air, pivot, fluttering)
-    section = Section(tree, "Sway with the billboard W_C", (2800.0, -1800.0))
+    section = Section(tree, "Sway", (2800.0, 0.0))
+    own = _swayed(section, air, fluttering, pivot, label="With the own branch W_c")
     carrier = section.vector_attribute("leaf_billboard_pivot", missing=pivot)
-    other = _swayed(section, air, carrier, fluttering)
-
-    section = Section(tree, "Only what is needed", (6000.0, 0.0))
+    other = _swayed(section, air, fluttering, carrier, label="With the billboard W_C")
     moving = section.compare(share, "GREATER_THAN", 0.0, label="a > 0")
     between = section.mix(share, own, other, label="W at a")
     offset = section.switch("VECTOR", moving, own, between, label="W")
     blown = section.vector("ADD", fluttering, offset, label="p'")
+
+    section = Section(tree, "Only what is needed", (4400.0, 0.0))
     geometry = section.group_input("Geometry")
     moved = section.result("GeometryNodeSetPosition", geometry, None, blown, label="Move")
     moved = _pivots_moved(section, moved, air, pivot)
@@ -275,18 +293,19 @@ def _air(section: Section) -> _Air:
     leaning = section.math("MULTIPLY", section.group_input("Sway"), section.group_input("Height"), label="A·H")
     leaning = section.math("MULTIPLY", leaning, gusting, label="A·H·g")
     swinging = section.math("MULTIPLY", section.group_input("Branches"), section.group_input("Spread"), label="B·Q")
-    return _Air(
-        along=along,
-        across=across,
-        waves=waves,
-        shaking=shaking,
-        up=up,
-        force=force,
-        turns=turns,
-        lean=section.math("MULTIPLY", force, leaning, label="σ·A·H·g"),
-        swing=section.math("MULTIPLY", force, swinging, label="σ·B·Q"),
-        branch_angle=section.math("MULTIPLY", turns, 2.0 * math.pi * BRANCH_TURNS, label="2π·2.3τ"),
+    sway = (
+        section.group_input("Foot"),
+        up,
+        section.group_input("Height"),
+        section.group_input("Spread"),
+        along,
+        waves,
+        shaking,
+        section.math("MULTIPLY", force, leaning, label="σ·A·H·g"),
+        section.math("MULTIPLY", force, swinging, label="σ·B·Q"),
+        section.math("MULTIPLY", turns, 2.0 * math.pi * BRANCH_TURNS, label="2π·2.3τ"),
     )
+    return _Air(along, across, section.math("ABSOLUTE", force, label="|σ|"), turns, sway)
 
 
 def _direction(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
@@ -326,7 +345,7 @@ def _fluttered(
     ]
     axis = section.vector("SCALE", section.vector("ADD", *rolls), math.sqrt(0.5), label="n")
     free = section.math("MULTIPLY", section.attribute("FLOAT", "leaf_flutter"), section.group_input("Flutter"))
-    greatest = section.math("MULTIPLY", free, section.math("ABSOLUTE", air.force), label="|σ|·α·f")
+    greatest = section.math("MULTIPLY", free, air.force, label="|σ|·α·f")
     rest = section.math("SUBTRACT", 1.0, share, label="1 − a")
     angle = section.math("MULTIPLY", section.math("MULTIPLY", greatest, rest), section.vector("LENGTH", axis))
     return section.result(
@@ -335,41 +354,56 @@ def _fluttered(
 
 
 def _swayed(
-    section: Section, air: _Air, pivot: bpy.types.NodeSocket, point: bpy.types.NodeSocket
+    section: Section, air: _Air, point: bpy.types.NodeSocket, pivot: bpy.types.NodeSocket, label: str
 ) -> bpy.types.NodeSocket:
     """W_c(x), the way of `point` x with the branch at `pivot` c."""
+    group = group_of_layout(SWAY_NAME, _SWAY_KEY, _LAYOUT, _fill_sway)
+    return section.result("GeometryNodeGroup", point, pivot, *air.sway, label=label, node_tree=group)
+
+
+def _fill_sway(tree: bpy.types.NodeTree) -> None:
+    """The nodes of W_c(x)."""
+    tree.is_modifier = False
+    tree.interface.new_socket("Offset", in_out="OUTPUT", socket_type="NodeSocketVector")
+    for name, kind in _SWAY_INPUTS.items():
+        declare(tree, name, kind, "")
+
+    section = Section(tree, "Where the pivot c is", (0.0, 0.0))
+    up = section.group_input("Up")
     height = section.math("MAXIMUM", section.group_input("Height"), TINY, label="H")
     spread = section.math("MAXIMUM", section.group_input("Spread"), TINY, label="Q")
+    pivot, waves = section.group_input("Pivot"), section.group_input("Waves")
     arm = section.vector("SUBTRACT", pivot, section.group_input("Foot"), label="y")
-    rise = section.vector("DOT_PRODUCT", air.up, arm, label="u·y")
-    out = section.vector("SUBTRACT", arm, section.vector("SCALE", air.up, rise), label="r")
-    out = section.vector("DIVIDE", out, section.result("ShaderNodeCombineXYZ", spread, spread, spread), label="r/Q")
-    beyond = section.vector("SUBTRACT", point, pivot, label="x − c")
-
+    rise = section.vector("DOT_PRODUCT", up, arm, label="u·y")
     eta = section.math("DIVIDE", section.math("MAXIMUM", rise, 0.0), height, label="η")
-    higher = section.math("DIVIDE", section.vector("DOT_PRODUCT", air.up, beyond), height, label="u·(x − c)/H")
-    bend = section.math("MULTIPLY", eta, section.math("MULTIPLY_ADD", higher, 2.0, eta), label="η² + 2η u·(x − c)/H")
-
+    out = section.vector("SUBTRACT", arm, section.vector("SCALE", up, rise), label="r")
+    out = section.vector("DIVIDE", out, section.result("ShaderNodeCombineXYZ", spread, spread, spread), label="r/Q")
     square = section.vector("DOT_PRODUCT", out, out, label="ρ²")
+    phase = section.math("DIVIDE", section.vector("DOT_PRODUCT", waves, arm), spread, label="k·y/Q")
+    angle = section.math("SUBTRACT", section.group_input("Branch Angle"), phase, label="θ")
+
+    section = Section(tree, "How the point x goes along", (1800.0, 0.0))
+    beyond = section.vector("SUBTRACT", section.group_input("Point"), pivot, label="x − c")
+    higher = section.math("DIVIDE", section.vector("DOT_PRODUCT", up, beyond), height, label="u·(x − c)/H")
+    bend = section.math("MULTIPLY", eta, section.math("MULTIPLY_ADD", higher, 2.0, eta), label="η² + 2η u·(x − c)/H")
     farther = section.math("DIVIDE", section.vector("DOT_PRODUCT", out, beyond), spread, label="r·(x − c)/Q²")
-    phase = section.math("DIVIDE", section.vector("DOT_PRODUCT", air.waves, arm), spread, label="k·y/Q")
-    angle = section.math("SUBTRACT", air.branch_angle, phase, label="θ")
-    later = section.math("DIVIDE", section.vector("DOT_PRODUCT", air.waves, beyond), spread, label="k·(x − c)/Q")
     reach = section.math("MULTIPLY_ADD", farther, 2.0, square, label="ρ² + 2 r·(x − c)/Q²")
+    later = section.math("DIVIDE", section.vector("DOT_PRODUCT", waves, beyond), spread, label="k·(x − c)/Q")
     rising = section.math("MULTIPLY", reach, section.math("SINE", angle))
     turning = section.math("MULTIPLY", section.math("MULTIPLY", square, later), section.math("COSINE", angle))
     twig = section.math("SUBTRACT", rising, turning, label="Branch")
-
-    leaning = section.vector("SCALE", air.along, section.math("MULTIPLY", air.lean, bend), label="Lean")
-    swinging = section.vector("SCALE", air.shaking, section.math("MULTIPLY", air.swing, twig), label="Swing")
-    return section.vector("ADD", leaning, swinging, label="W")
+    lean = section.math("MULTIPLY", section.group_input("Lean"), bend)
+    swing = section.math("MULTIPLY", section.group_input("Swing"), twig)
+    leaning = section.vector("SCALE", section.group_input("Along"), lean, label="Lean")
+    swinging = section.vector("SCALE", section.group_input("Shaking"), swing, label="Swing")
+    section.node("NodeGroupOutput", section.vector("ADD", leaning, swinging, label="W"))
 
 
 def _pivots_moved(
     section: Section, geometry: bpy.types.NodeSocket, air: _Air, pivot: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
     """The geometry, with its pivots where the wind has them if that is asked for."""
-    there = section.vector("ADD", pivot, _swayed(section, air, pivot, pivot), label="Pivot")
+    there = section.vector("ADD", pivot, _swayed(section, air, pivot, pivot, label="Of the pivot"), label="Pivot")
     kept = {"data_type": "FLOAT_VECTOR", "domain": "POINT"}
     stored = section.result(
         "GeometryNodeStoreNamedAttribute", geometry, None, "leaf_pivot", there, label="Pivots", **kept
@@ -386,4 +420,6 @@ def _sine(
 ) -> bpy.types.NodeSocket:
     """sin 2π(speed·τ + count·φ)"""
     own = 0.0 if phase is None else section.math("MULTIPLY", phase, count)
-    return section.math("SINE", section.math("MULTIPLY", section.math("MULTIPLY_ADD", turns, speed, own), 2.0 * math.pi))
+    return section.math(
+        "SINE", section.math("MULTIPLY", section.math("MULTIPLY_ADD", turns, speed, own), 2.0 * math.pi)
+    )

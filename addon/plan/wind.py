@@ -13,6 +13,15 @@ Vector = tuple[float, float, float]
 FOOT_SHARE = 0.05
 """The share of the wood's height, from below, whose middle is the foot."""
 
+FLAT = 1e-3
+"""No tree is flatter or thinner than this share of what it is across."""
+
+TINIEST = 1e-20
+"""Nor smaller than this: what is a point does not move."""
+
+PERIOD = 0.8
+"""Seconds of a tree that is one unit tall."""
+
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 """Multiples of it lie evenly in [0, 1) however many there are."""
 
@@ -59,29 +68,28 @@ class Stature:
     period: float
 
 
-def stature(leaves: NDArray[np.floating], wood: NDArray[np.floating] | None, matrix: NDArray[np.float64]) -> Stature:
+def stature(leaves: NDArray[np.float32], wood: NDArray[np.float32] | None, matrix: NDArray[np.float64]) -> Stature:
     """Of a tree with the points of `leaves` (n, 3), n > 0, and of `wood` (m, 3), in its own coordinates.
 
     `matrix` (4, 4) carries these to the world, where up is +Z. The period is 0.8 s · √(height / 1 m), with world units
     as metres: trees of one shape sway the slower the taller they are, as pendulums do, and a tree of 10 m in 2 … 4 s.
     """
-    leaves = leaves.astype(np.float64)
-    wood = leaves if wood is None or not len(wood) else wood.astype(np.float64)
     up = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
-    lowest, highest = (choose(choose(wood @ up), choose(leaves @ up)) for choose in (np.min, np.max))
-    heights = wood @ up
-    low = wood[heights <= heights.min() + FOOT_SHARE * np.ptp(heights)]
+    crown = leaves.astype(np.float64)
+    standing = crown if wood is None or not len(wood) else wood.astype(np.float64)
+    heights = standing @ up
+    low = standing[heights <= heights.min() + FOOT_SHARE * np.ptp(heights)]
+    lowest, highest = min(heights.min(), (crown @ up).min()), max(heights.max(), (crown @ up).max())
     foot = (low.min(axis=0) + low.max(axis=0)) / 2.0
     foot += (lowest - foot @ up) * up
-    arms = leaves - foot
+    arms = crown - foot
     spread = np.linalg.norm(arms - (arms @ up)[:, None] * up, axis=1).max()
-    height = max(highest - lowest, 1e-6 * max(spread, 1e-6))
+    least = max(FLAT * math.hypot(highest - lowest, spread), TINIEST)
+    height, spread = max(float(highest - lowest), least), max(float(spread), least)
     scale = abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0)
-    x, y, z = foot.tolist()
-    return Stature(
-        foot=(x, y, z),
-        up=(float(up[0]), float(up[1]), float(up[2])),
-        height=float(height),
-        spread=max(float(spread), 1e-6 * float(height)),
-        period=0.8 * math.sqrt(float(height) * scale),
-    )
+    return Stature(_vector(foot), _vector(up), height, spread, PERIOD * math.sqrt(height * float(scale)))
+
+
+def _vector(values: NDArray[np.float64]) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
