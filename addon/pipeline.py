@@ -159,7 +159,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         mean_color=mean_color(prepared.foliage) if contrast else (0.0, 0.0, 0.0),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
-        wind=_wind(prepared),
+        wind=wind_settings(prepared),
     )
     costs = Costs({} if light is None else {"baked_light": light.seconds})
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
@@ -168,8 +168,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
 
 
-def _wind(prepared: Prepared) -> WindSettings | None:
-    """What blows, and on what; when levels take over is not yet known."""
+def wind_settings(prepared: Prepared) -> WindSettings | None:
+    """What blows on the tree, and how that stands, not yet when levels take over; None without the effect wind."""
     if prepared.wind is None:
         return None
     tree = prepared.tree
