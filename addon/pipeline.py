@@ -61,7 +61,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     placement = Placement(tree.matrix)
     gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
     branches = 0 if tree.wood is None else len(tree.wood.triangles)
-    wind = wind_on(tree.sources, bpy.context.scene)
+    wind = wind_on(tree.sources, bpy.context.scene if layer is None else layer.id_data)
     facts = Facts(settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material, wind=wind)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0

@@ -80,8 +80,8 @@ def affine(rest: Floats, moved: Floats) -> Floats:
 
 
 def corners_of_billboards(leaves: bpy.types.Mesh, cloud: bpy.types.Mesh) -> dict[int, list[int]]:
-    """By billboard of the leaves its corners in the cloud, which have its pivot; they lie in one plane with all targets,
-    but for the 1/4096 of their height that these keep."""
+    """By billboard of the leaves its corners in the cloud, which have its pivot; they lie in one plane with all
+    targets, but for the 1/4096 of their height that these keep."""
     targets, billboards = attribute(leaves, "leaf_target"), attribute(leaves, "leaf_billboard")
     carriers, pivots = attribute(leaves, "leaf_billboard_pivot"), attribute(cloud, "leaf_pivot")
     rest, found = points_of(cloud).astype(float), {}
@@ -109,8 +109,8 @@ def heights(corners: Floats, points: Floats) -> Floats:
 def test_leaves_lie_on_the_swayed_billboards_of_the_next_level(
     levels: list[bpy.types.Object], finer: int, coarser: int, strength: float
 ) -> None:
-    """At a = 1, at any time: where a billboard's corners have gone, its texture has what lies between them, and there the
-    leaves are, but for the height that targets keep over their plane."""
+    """At a = 1, at any time: where a billboard's corners have gone, its texture has what lies between them, and there
+    the leaves are, but for the height that targets keep over their plane."""
     blow(strength)
     leaves, cloud = levels[finer], levels[coarser]
     by_hand(leaves, 1.0)
@@ -132,8 +132,8 @@ def test_leaves_lie_on_the_swayed_billboards_of_the_next_level(
 
 
 def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[bpy.types.Object]) -> None:
-    """At a = 0.998 leaves lack 0.002 of their flutter, and of how their own branch moves otherwise than the billboard; the
-    rest is the way to their targets, as without wind."""
+    """At a = 0.998 leaves lack 0.002 of their flutter, and of how their own branch moves otherwise than the billboard;
+    the rest is the way to their targets, as without wind."""
     blow(1e6)
     leaves = levels[0]
     moved, targets = {}, attribute(leaves.data, "leaf_target")
@@ -148,10 +148,10 @@ def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[
     )
     k = 2.0 * np.sqrt(2.0)
     greatest = 2.0 * sway / height + branches / spread * (2.0 + 4.0 * k + k**2)
-    own, carrier = (
-        np.linalg.norm(targets - attribute(leaves.data, name), axis=1) for name in ("leaf_pivot", "leaf_billboard_pivot")
+    own, carrier, arm = (
+        np.linalg.norm(targets - attribute(leaves.data, name), axis=1)
+        for name in ("leaf_pivot", "leaf_billboard_pivot", "leaf_pivot_target")
     )
-    arm = np.linalg.norm(targets - attribute(leaves.data, "leaf_pivot_target"), axis=1)
     bound = 0.002 * (flutter * arm + greatest * (own**2 + carrier**2) / 2.0)
     stretch = 1.0 + 2.0 * sway + 4.0 * branches * k  # how the wind changes the way itself
     off = np.linalg.norm(moved[0.998] - moved[1.0], axis=1)

@@ -15,6 +15,7 @@ import pytest
 from laws import Air, Floats, blown, fluttered, sway_at, tree_turns
 from lod_scenes import Leaves, add_camera, build, evaluate, many_leaves, place, points_of, store
 from mathutils import Euler, Matrix, Vector
+from scenes import add_field
 
 from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
 from addon.build.scene_nodes import SceneSettings, add_scene_modifier
@@ -93,17 +94,6 @@ def air_of(settings: WindSettings, seconds: float, matrix: Matrix | None = None)
 def by_hand(modifier: bpy.types.NodesModifier, transition: float) -> None:
     set_modifier_input(modifier, "Manual", True)
     set_modifier_input(modifier, "Transition", transition)
-
-
-def add_field(kind: str, name: str = "Breeze", **settings: float) -> bpy.types.Object:
-    obj = bpy.data.objects.new(name, None)
-    bpy.context.scene.collection.objects.link(obj)
-    bpy.context.view_layer.objects.active = obj
-    bpy.ops.object.forcefield_toggle()
-    obj.field.type = kind
-    for key, value in settings.items():
-        setattr(obj.field, key, value)
-    return obj
 
 
 @pytest.mark.parametrize("a", [0.0, 0.3, 1.0])
@@ -254,7 +244,7 @@ def test_the_transition_follows_the_camera_as_that_of_the_level_does() -> None:
 
 
 def test_pruned_leaves_grow_about_pivots_that_the_wind_moved() -> None:
-    """Wind before the scene's pruning does as wind behind a level's, but that s is of areas which the wind stretches."""
+    """Wind before the scene's pruning does as wind behind a level's, but that s is of areas which wind stretches."""
     leaves = many_leaves(50)
     steady = replace(SETTINGS, swing=Swing(flutter=0.0))
     tree, after = place(build(leaves), "Tree"), place(build(leaves), "After")

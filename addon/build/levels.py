@@ -305,7 +305,7 @@ def _leaf_swaying(
         pivot=None if plan.pruning else to_tree(pivots),
         billboard_pivot=carriers,
         phase=phases(leaf_ids[of_vertex]),
-        flutter=freedom(chain.pivots)[of_vertex],
+        flutter=freedom(to_tree(chain.pivots))[of_vertex],
     )
 
 

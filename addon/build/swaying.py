@@ -73,7 +73,7 @@ def phases(leaf_ids: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     return np.minimum(leaf_ids.astype(np.float64) * GOLDEN % 1.0, 1.0 - 2.0**-24).astype(np.float32)
 
 
-def freedom(pivots: NDArray[np.float64]) -> NDArray[np.float32]:
+def freedom(pivots: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n,) of leaves with `pivots` (n, 3): the distance from the crown's middle as a share of the ellipsoid that fills
     the box about all pivots, at most 1."""
     low, high = pivots.min(axis=0), pivots.max(axis=0)
