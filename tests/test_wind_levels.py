@@ -131,6 +131,21 @@ def test_leaves_lie_on_the_swayed_billboards_of_the_next_level(
     assert farthest > 0.02 * strength / (strength + 4.0)
 
 
+def test_a_field_of_points_alone_would_not_close(levels: list[bpy.types.Object]) -> None:
+    """Why leaves and billboards follow affine maps: w bends more over a large billboard than levels may be apart."""
+    blow(50.0)
+    leaves, cloud = levels[0], levels[1]
+    targets, billboards = attribute(leaves.data, "leaf_target"), attribute(leaves.data, "leaf_billboard")
+    rest, air, gap = points_of(cloud.data).astype(float), air_of(leaves, FRAMES[1] / FPS), 0.0
+    for number, corners in corners_of_billboards(leaves.data, cloud.data).items():
+        held = targets[billboards == number]
+        arms = np.column_stack([rest[corners], np.ones(len(corners))])
+        flat, *_ = np.linalg.lstsq(arms, rest[corners] + sway_at(rest[corners], air), rcond=None)
+        shown = np.column_stack([held, np.ones(len(held))]) @ flat
+        gap = max(gap, float(np.linalg.norm(held + sway_at(held, air) - shown, axis=1).max()))
+    assert gap > 1000.0 * ROUNDING
+
+
 def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[bpy.types.Object]) -> None:
     """At a = 0.998 leaves lack 0.002 of their flutter, and of how their own branch moves otherwise than the billboard;
     the rest is the way to their targets, as without wind."""
