@@ -260,7 +260,7 @@ def test_pruned_leaves_grow_about_pivots_that_the_wind_moved() -> None:
     at_frame(31)
     expected = points_of(evaluate(after))
     assert 0 < len(expected) < len(leaves.points)
-    assert np.abs(points_of(evaluate(scene)) - expected).max() < 1e-3
+    assert np.abs(points_of(evaluate(scene)) - expected).max() < 0.01
     set_modifier_input(before, "Move Pivots", False)
     assert np.abs(points_of(evaluate(scene)) - expected).max() > 0.1
 
