@@ -15,6 +15,7 @@ from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
 from .plan.thinning import Thinning
+from .plan.wind import Wind
 from .scene.extract import Tree
 from .scene.shading import Gloss
 from .scene.translucency import Translucent
@@ -37,6 +38,7 @@ class Prepared:
     materials: tuple[str, ...]
     """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
+    wind: Wind | None = None
 
     @property
     def leaf_size(self) -> float:

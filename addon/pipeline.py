@@ -25,6 +25,7 @@ import leafcloud
 from .baked import Baked, Prepared
 from .build.contrast import mean_color
 from .build.levels import Costs, Plan, build_levels
+from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.engine_pages import engine_pages
@@ -39,11 +40,13 @@ from .placement import Placement
 from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from .plan.reach import WOOD_PIXELS, View, reaches, rising, wood_errors
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
+from .plan.wind import BREEZE, stature
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.light import Light
 from .scene.shading import gloss_of
 from .scene.translucency import translucent_of
+from .scene.wind import wind_on
 from .settings import BakeSettings, fit_options
 
 
@@ -58,7 +61,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     placement = Placement(tree.matrix)
     gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
     branches = 0 if tree.wood is None else len(tree.wood.triangles)
-    facts = Facts(engine=settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material)
+    wind = wind_on(tree.sources, bpy.context.scene if layer is None else layer.id_data)
+    facts = Facts(settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material, wind=wind)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(plan_effects(settings, facts), "baked_light") and layer is not None
@@ -78,7 +82,10 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
-    return Prepared(tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, names, light)
+    blowing = (wind or BREEZE) if is_on(effects, "wind") else None
+    return Prepared(
+        tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, names, light, blowing
+    )
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
@@ -152,12 +159,22 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         mean_color=mean_color(prepared.foliage) if contrast else (0.0, 0.0, 0.0),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
+        wind=wind_settings(prepared),
     )
     costs = Costs({} if light is None else {"baked_light": light.seconds})
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
     return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
+
+
+def wind_settings(prepared: Prepared) -> WindSettings | None:
+    """What blows on the tree, and how that stands, not yet when levels take over; None without the effect wind."""
+    if prepared.wind is None:
+        return None
+    tree = prepared.tree
+    wood = None if tree.wood is None else tree.wood.positions
+    return WindSettings(stature(tree.leaves.positions, wood, tree.matrix), prepared.wind)
 
 
 def _keep_at_switch(prepared: Prepared) -> float | None:

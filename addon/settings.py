@@ -25,6 +25,7 @@ EFFECTS = (
     "self_shadowing",
     "leaf_map",
     "contrast",
+    "wind",
     "baked_light",
 )
 MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")

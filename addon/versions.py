@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-InputValue: TypeAlias = bool | int | float | Sequence[float]
+InputValue: TypeAlias = bool | int | float | Sequence[float] | bpy.types.Object
 
 _FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
@@ -45,6 +45,22 @@ def get_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
     else:
         stored = modifier[socket.identifier]
     return _convert(socket, stored)
+
+
+def drive_modifier_input(modifier: bpy.types.NodesModifier, name: str, source: bpy.types.ID, path: str) -> None:
+    """Makes the input called `name` follow the number at `path` of `source`, by a driver that needs no Python.
+
+    Raises `KeyError` when the modifier's group has no such input.
+    """
+    identifier = _input_socket(modifier, name).identifier
+    if hasattr(modifier, "properties"):  # 5.2 and later
+        driven = f'modifiers["{modifier.name}"].properties.inputs.{identifier}.value'
+    else:
+        driven = f'modifiers["{modifier.name}"]["{identifier}"]'
+    driver = modifier.id_data.driver_add(driven).driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = source, path
 
 
 def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> None:

@@ -1,8 +1,8 @@
-// The laws of Leafcloud's levels: transition, pruning, contrast and fades, for any engine.
+// The laws of Leafcloud's levels: transition, pruning, wind, contrast and fades, for any engine.
 //
 // Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
-// 3.30 and later, Blender's among them. The same laws move leaves in Blender (addon/build/lod_nodes.py) and stand in
-// rust/core/src/prune.rs; a leaf that one of them draws is drawn by all. Where each number is found in a GLB file says
+// 3.30 and later, Blender's among them. The same laws move leaves in Blender (addon/build/lod_nodes.py, wind_nodes.py) and
+// stand in rust/core/src/prune.rs; a leaf that one of them draws is drawn by all. Where each number is found in a GLB file says
 // docs/guide.md.
 //
 // Distances are from the camera to the centre of the leaves, all in one unit, of the tree's own scale (world distance / scale).
@@ -79,6 +79,90 @@ vec3 lc_place(vec3 position, vec3 target, vec3 pivot, vec3 pivot_target, float t
     vec3 point = mix(position, target, transition);
     vec3 centre = mix(pivot, pivot_target, transition);
     return growth == 1.0 ? point : centre + (point - centre) * growth;
+}
+
+// What blows on a tree, and how it stands, in the coordinates of its positions. `direction` and `up` are of length 1;
+// `force` σ and `turns` τ come from lc_wind_force and lc_wind_turns, the rest stands in the file.
+struct LcWind {
+    vec3 direction;
+    vec3 up;
+    vec3 foot;
+    float height; // > 0
+    float spread; // > 0
+    float force;
+    float gusts;
+    float turns;
+    float sway;
+    float branches;
+    float flutter; // radians
+};
+
+const float LC_TURN = 6.283185307179586;
+// Turns of a tree per unit of the world, Y-up as in glTF, so that trees are not in step: (x, z, −y) of Blender's.
+const vec3 LC_PLACE_TURNS = vec3(0.1732, 0.2236, -0.1414);
+
+// The angle of so many `turns`, in [−π, π], where sines are exact enough on any hardware.
+float lc_angle(float turns) {
+    return LC_TURN * (turns - round(turns));
+}
+
+// σ = S / (|S| + 4): how hard a wind of `strength` S blows, in (−1, 1); 0: nothing moves.
+float lc_wind_force(float strength) {
+    return strength / (abs(strength) + 4.0);
+}
+
+// τ: how often the tree at `place` in the world has swayed after `seconds`, with a `period` > 0 in seconds.
+float lc_wind_turns(float seconds, float period, vec3 place) {
+    return seconds / period + dot(LC_PLACE_TURNS, place);
+}
+
+// W_c(x): by how much the wind moves `point` x with the branch at `pivot` c. Affine in the point, so that billboards stay
+// flat and what lies on them stays there. Wood, and all that has no pivot, passes its point for both.
+vec3 lc_sway(vec3 point, vec3 pivot, LcWind wind) {
+    vec3 arm = pivot - wind.foot;
+    vec3 beyond = point - pivot;
+    float rise = dot(wind.up, arm);
+    float eta = max(rise, 0.0) / wind.height;
+    vec3 outward = (arm - rise * wind.up) / wind.spread;
+    vec3 waves = 2.0 * (wind.direction + cross(wind.up, wind.direction));
+    float angle = lc_angle(2.3 * wind.turns - dot(waves, arm) / (LC_TURN * wind.spread));
+    float square = dot(outward, outward);
+
+    float bend = eta * (eta + 2.0 * dot(wind.up, beyond) / wind.height);
+    float reach = square + 2.0 * dot(outward, beyond) / wind.spread;
+    float twig = reach * sin(angle) - square * dot(waves, beyond) / wind.spread * cos(angle);
+    float gust = 0.6 * sin(lc_angle(wind.turns)) + 0.4 * sin(lc_angle(0.618 * wind.turns));
+    float lean = wind.sway * wind.height * (1.0 - wind.gusts + wind.gusts * gust);
+    vec3 swing = 0.5 * wind.branches * wind.spread * twig * (wind.direction + wind.up);
+    return wind.force * (lean * bend * wind.direction + swing);
+}
+
+// The `point` of a leaf turned about its `pivot`, each where `transition` a has brought it. `phase` in [0, 1) is the
+// leaf's own, `freedom` in [0, 1] how freely it flutters; at 0, as of billboards and wood, the point itself.
+vec3 lc_flutter(vec3 point, vec3 pivot, float phase, float freedom, float transition, LcWind wind) {
+    vec3 across = cross(wind.up, wind.direction);
+    float along = sin(lc_angle(5.0 * wind.turns + phase));
+    float beside = sin(lc_angle(6.9 * wind.turns + 3.0 * phase));
+    vec3 axis = (along * wind.direction + beside * across) * 0.7071067811865476;
+    float size = length(axis);
+    float angle = abs(wind.force) * wind.flutter * freedom * (1.0 - transition) * size;
+    if (angle == 0.0) {
+        return point;
+    }
+    vec3 n = axis / size;
+    vec3 arm = point - pivot;
+    return pivot + arm * cos(angle) + cross(n, arm) * sin(angle) + n * (dot(n, arm) * (1.0 - cos(angle)));
+}
+
+// p': where the wind has a point that was placed by lc_place and fluttered by lc_flutter. `pivot` is that of its leaf or
+// billboard at rest, `billboard_pivot` that of the billboard that it goes to. At a = 1 it lies where the next level shows
+// it: that is closed at any time. At force 0 the point itself, bit for bit.
+vec3 lc_blown(vec3 point, vec3 pivot, vec3 billboard_pivot, float transition, LcWind wind) {
+    if (wind.force == 0.0) {
+        return point;
+    }
+    vec3 own = lc_sway(point, pivot, wind);
+    return point + (transition > 0.0 ? mix(own, lc_sway(point, billboard_pivot, wind), transition) : own);
 }
 
 // κ = min(1, exp(k₁ L + k₂ L²)): how far colours keep their distance from the mean, so that fewer leaves do not mean more

@@ -1,7 +1,8 @@
-"""The laws of transition and pruning in f64, written out as addon/build/lod_nodes.py states them."""
+"""The laws of transition, pruning and wind in f64, as addon/build/lod_nodes.py and wind_nodes.py state them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,3 +44,83 @@ def grazing(cosine: Floats, width: float) -> Floats:
     """The share of a face that is shown; `width` above 0."""
     t = np.clip(np.abs(cosine) / width, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
+
+
+FORCE_HALF = 4.0
+PLACE_TURNS = np.array([0.1732, 0.1414, 0.2236])
+
+
+@dataclass(frozen=True)
+class Air:
+    """The wind's inputs: d and u of length 1; foot, height and spread in the tree's coordinates; `turns` is τ."""
+
+    direction: Floats
+    up: Floats
+    foot: Floats
+    height: float
+    spread: float
+    strength: float
+    gusts: float
+    turns: float
+    sway: float = 0.1
+    branches: float = 0.1
+    flutter: float = 0.35
+
+    @property
+    def force(self) -> float:
+        return self.strength / (abs(self.strength) + FORCE_HALF)
+
+    @property
+    def across(self) -> Floats:
+        return np.cross(self.up, self.direction)
+
+    @property
+    def gust(self) -> float:
+        full, slow = (np.sin(2.0 * np.pi * speed * self.turns) for speed in (1.0, 0.618))
+        return 1.0 - self.gusts + self.gusts * (0.6 * full + 0.4 * slow)
+
+
+def tree_turns(seconds: float, period: float, place: Floats) -> float:
+    """τ of a tree at `place` in the world."""
+    return seconds / period + float(PLACE_TURNS @ place)
+
+
+def sway_at(places: Floats, air: Air) -> Any:
+    """w (n, 3): how far the wood at `places` (n, 3) is moved. Of complex places, too: it is analytic above the foot."""
+    y = places - air.foot
+    rise = y @ air.up
+    above = np.where(rise.real > 0.0, rise, 0.0)
+    out = y - rise[:, None] * air.up
+    theta = 2.0 * np.pi * 2.3 * air.turns - y @ (2.0 * (air.direction + air.across)) / air.spread
+    lean = air.force * air.sway * air.height * air.gust * (above / air.height) ** 2
+    swing = air.force * air.branches * air.spread * (out * out).sum(axis=1) / air.spread**2 * np.sin(theta)
+    return lean[:, None] * air.direction + swing[:, None] * (air.direction + air.up) / 2.0
+
+
+def carried(points: Floats, pivots: Floats, air: Air) -> Floats:
+    """W_c (n, 3): w and its derivative along x − c. By a complex step, which is exact and needs no formula."""
+    step = 1e-20
+    moved = sway_at(pivots + 1j * step * (points - pivots), air)
+    return moved.real + moved.imag / step
+
+
+def turned(arms: Floats, axes: Floats, angles: Floats) -> Floats:
+    """The vectors (n, 3) turned about `axes` (n, 3), of any length, by `angles` (n,): Rodrigues."""
+    length = np.linalg.norm(axes, axis=1, keepdims=True)
+    n = np.divide(axes, length, out=np.zeros_like(axes), where=length > 0.0)
+    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    return arms * cosine + np.cross(n, arms) * sine + n * (n * arms).sum(axis=1, keepdims=True) * (1.0 - cosine)
+
+
+def fluttered(points: Floats, centres: Floats, phases: Floats, free: Floats, a: float, air: Air) -> Floats:
+    """p (n, 3): points turned about c(a), with φ and f (n,) of their leaves."""
+    rolls = np.sin(2.0 * np.pi * (5.0 * air.turns + phases))[:, None] * air.direction
+    rolls = rolls + np.sin(2.0 * np.pi * (6.9 * air.turns + 3.0 * phases))[:, None] * air.across
+    axes = rolls / np.sqrt(2.0)
+    angles = abs(air.force) * air.flutter * free * (1.0 - a) * np.linalg.norm(axes, axis=1)
+    return centres + turned(points - centres, axes, angles)
+
+
+def blown(points: Floats, pivots: Floats, carriers: Floats, a: float, air: Air) -> Floats:
+    """p' (n, 3) of fluttered points: their leaves' pivots are c, those of the billboards C."""
+    return points + (1.0 - a) * carried(points, pivots, air) + a * carried(points, carriers, air)

@@ -38,6 +38,18 @@ def add_mesh(
     return obj
 
 
+def add_field(kind: str, name: str = "Breeze", **settings: float) -> bpy.types.Object:
+    """An empty with a force field."""
+    obj = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.forcefield_toggle()
+    obj.field.type = kind
+    for key, value in settings.items():
+        setattr(obj.field, key, value)
+    return obj
+
+
 def material(name: str) -> bpy.types.Material:
     return bpy.data.materials.new(name)
 

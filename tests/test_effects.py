@@ -32,6 +32,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "self_shadowing": False,
         "leaf_map": False,
         "contrast": False,
+        "wind": False,
         "baked_light": False,
     }
     assert all(effect.reason for effect in effects)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 
 import bmesh
@@ -26,9 +26,12 @@ from .levels import EXTRAS, BuiltLevel
 from .node_laws import NEVER
 from .rollback import removed_on_failure
 from .side_nodes import add_side_modifier
+from .wind_nodes import WindSettings, add_wind_modifier
 
-_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_pivot", "leaf_target", "leaf_pivot_target", "leaf_billboard")
+_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot")
 """What moving and pruning read, and a variant that does neither need not carry."""
+_WIND_ATTRIBUTES = ("leaf_pivot", "leaf_phase", "leaf_flutter")
+"""What it needs none the less where there is wind."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,14 @@ def build_forest(
     prune_start: float = NEVER,
     prune_half: float = 0.5,
     growth: tuple[float, float] = (0.0, 0.0),
+    wind: WindSettings | None = None,
 ) -> Forest:
     """Makes the variants of a forest of one tree, of its baked `levels`, LOD 0 first.
 
     switch_distances: one for each level, in world units; the first is 0. centre: of the foliage in the tree's
     coordinates. prune_start, prune_half: d₀ > 0 in world units and h in (0, ½] of λ(d); half of the leaves are drawn
     from d₀/h on, a quarter from d₀/h², down to 1/128, until LOD 1 takes over. growth: `leafcloud.Chain.growth`.
+    wind: what blows on the trees, with levels that were baked with wind; trees of one variant sway in step.
 
     The variants stand with their foot in the origin, turned and scaled as the levels are. When anything fails, what was
     made is removed again. Raises `ValueError` for more than 16 variants, and for a LOD 0 that has no ranks to prune by.
@@ -74,11 +79,14 @@ def build_forest(
     with removed_on_failure():
         variants = bpy.data.collections.new(name)
         turn = levels[0].object.matrix_basis.to_3x3()
-        meshes = [leaves, *(pruned_mesh(leaves, keep, name, growth) for keep, _ in pruned)]
+        meshes = [leaves, *(pruned_mesh(leaves, keep, name, growth, sways=wind is not None) for keep, _ in pruned)]
         for mesh in meshes:
             _add_variant(variants, levels[0], mesh, turn)
         for level in levels[1:]:
             _add_variant(variants, level, level.object.data, turn)
+        if wind is not None:
+            for obj in variants.all_objects:
+                add_wind_modifier(obj, replace(wind, start=NEVER, end=NEVER))
     return Forest(variants, distances, tuple(turn @ Vector(centre)))
 
 
@@ -98,11 +106,13 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
             add_side_modifier(obj, level.apart)
 
 
-def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[float, float]) -> bpy.types.Mesh:
+def pruned_mesh(
+    mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[float, float], *, sways: bool = False
+) -> bpy.types.Mesh:
     """A new mesh of the leaves of rank below `keep`, grown about their pivots so that they cover what all cover.
 
     `mesh` has the point attributes `leaf_rank` and `leaf_pivot`; leaves of a negative rank are kept as they are. The
-    new one has its materials and layers, but nothing that only serves to move and prune it.
+    new one has its materials and layers, but nothing that only serves to move and prune it, but for wind if it `sways`.
     """
     ranks, pivots = _read(mesh, "leaf_rank"), _read(mesh, "leaf_pivot")
     points = np.empty((len(ranks), 3), np.float32)
@@ -114,7 +124,7 @@ def pruned_mesh(mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[floa
 
     made = mesh.copy()
     made.name = name
-    _forget_morphs(made)
+    _forget_morphs(made, _LIVE_ATTRIBUTES if sways else (*_LIVE_ATTRIBUTES, *_WIND_ATTRIBUTES))
     made.vertices.foreach_set("co", points.ravel())
     # By bmesh, which keeps all layers: the normals of Blender 4.2, too.
     work = bmesh.new()
@@ -149,13 +159,13 @@ def _read(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
     return values
 
 
-def _forget_morphs(mesh: bpy.types.Mesh) -> None:
-    """Takes the shape keys, vertex groups, extras and attributes off that a mesh at rest has no use for."""
+def _forget_morphs(mesh: bpy.types.Mesh, attributes: Sequence[str]) -> None:
+    """Takes the shape keys, vertex groups, extras and these attributes off, which the mesh has no use for."""
     carrier = bpy.data.objects.new(mesh.name, mesh)
     carrier.shape_key_clear()
     carrier.vertex_groups.clear()
     bpy.data.objects.remove(carrier)
     mesh.pop(EXTRAS, None)
-    for name in _LIVE_ATTRIBUTES:
+    for name in attributes:
         if (attribute := mesh.attributes.get(name)) is not None:
             mesh.attributes.remove(attribute)

@@ -26,13 +26,15 @@ from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices,
 from .contrast import contrast_material
 from .fading import add_fade, fading_copy
 from .leaf_map import add_leaf_map
-from .leaf_moves import leaf_moves
+from .leaf_moves import LeafMoves, leaf_moves
 from .lod_nodes import LodSettings, add_lod_modifier
 from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
 from .node_laws import NEVER
 from .rollback import removed_on_failure
 from .side_nodes import add_side_modifier, apart
+from .swaying import Swaying, add_swaying, freedom, phases, plane_pivots, wind_extras
+from .wind_nodes import WindSettings, add_wind_modifier
 from .wood import Wood, simplified, whole
 
 EXTRAS = "leafcloud"
@@ -91,6 +93,8 @@ class Plan:
     """How far the wood of each level behind the leaves may lie from what came, world units; empty: it is what came."""
     gloss_for: str = "gloss"
     """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
+    wind: WindSettings | None = None
+    """What blows, and on what; when levels take over is the plan's."""
 
     @property
     def follows_camera(self) -> bool:
@@ -124,6 +128,7 @@ class _Shape:
     transition: Transition | None = None
     light: Light | None = None
     """By corner of the mesh, (c, 3)."""
+    swaying: Swaying | None = None
 
 
 def build_levels(
@@ -137,12 +142,12 @@ def build_levels(
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
         woods = _woods(tree, chain, plan, costs)
-        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, woods[0], plan)]
+        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, woods[0], plan, costs)]
         behind = chain.levels
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
             _add_leaf_map(obj, level, tree, costs)
-            built = _add_level(collection, obj, number, woods[number], plan)
+            built = _add_level(collection, obj, number, woods[number], plan, costs)
             if level.two_sided:
                 built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
                 add_side_modifier(obj, built.apart)
@@ -194,7 +199,7 @@ def area_shares(areas: NDArray[np.float32], ranks: NDArray[np.float32]) -> list[
 
 
 def _add_level(
-    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: Wood | None, plan: Plan
+    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: Wood | None, plan: Plan, costs: Costs
 ) -> BuiltLevel:
     """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
@@ -212,6 +217,14 @@ def _add_level(
             add_lod_modifier(member, _lod_settings(reach, plan, thins=number == 0 and member is obj))
         else:
             member.hide_viewport = member.hide_render = number > 0
+    if plan.wind is not None:
+        with costs.spent_on("wind", 0):
+            for member, reach in members.items():
+                way = _lod_settings(reach, plan, thins=False)
+                wind = replace(plan.wind, start=way.start, end=way.end, centre=plan.centre)
+                add_wind_modifier(member, wind)
+                if member is obj:
+                    obj[EXTRAS]["wind"] = wind_extras(wind)
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, wooden, triangles)
     return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
@@ -293,6 +306,29 @@ def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud
         pruning=_pruning(ranks[of_vertex], chain.pivots[of_vertex], plan),
         transition=transition,
         light=None if plan.light is None else plan.light.at(order),
+        swaying=None if plan.wind is None else _leaf_swaying(leaf_ids, moves, chain, plan, of_vertex),
+    )
+
+
+def _leaf_swaying(
+    leaf_ids: NDArray[np.integer[Any]],
+    moves: LeafMoves | None,
+    chain: leafcloud.Chain,
+    plan: Plan,
+    of_vertex: NDArray[np.integer[Any]],
+) -> Swaying:
+    """For vertices of the triangles `of_vertex` (v,). Leaves that get no billboard go on with their own branch."""
+    to_tree = plan.placement.to_tree
+    pivots = chain.pivots[of_vertex]
+    carriers = None
+    if moves is not None:
+        billboards = moves.billboards[of_vertex][:, None]
+        carriers = to_tree(np.where(billboards < 0, pivots, plane_pivots(chain.levels[0])[billboards[:, 0]]))
+    return Swaying(
+        pivot=None if plan.pruning else to_tree(pivots),
+        billboard_pivot=carriers,
+        phase=phases(leaf_ids[of_vertex]),
+        flutter=freedom(to_tree(chain.pivots))[of_vertex],
     )
 
 
@@ -373,9 +409,10 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     faces = fans(keys, plan.placement)
     surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
-    if following is None:
-        return _Shape(surface, ranks[faces.billboards])
     billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
+    swaying = _cloud_swaying(level, following, plan, order[billboards], keys.ravel()[faces.first // 3])
+    if following is None:
+        return _Shape(surface, ranks[faces.billboards], swaying=swaying)
     of_vertex = count * order[billboards] + corners // 3
     targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
     transition = None
@@ -387,6 +424,28 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
         ranks=ranks[faces.billboards],
         pruning=_pruning(ranks[billboards], following.pivots[of_vertex], plan),
         transition=transition,
+        swaying=swaying,
+    )
+
+
+def _cloud_swaying(
+    level: leafcloud.Level,
+    following: leafcloud.Level | None,
+    plan: Plan,
+    billboards: NDArray[np.integer[Any]],
+    parents: NDArray[np.integer[Any]],
+) -> Swaying | None:
+    """For vertices (v,) of `billboards` that go to the planes `parents` of the next level. The cross has no pivots: it
+    stands on the ground, and bends as the wood does."""
+    if plan.wind is None or level.cloud is None:
+        return None
+    to_tree = plan.placement.to_tree
+    own = to_tree(plane_pivots(level)[level.plane_ids[billboards]])
+    if following is None:
+        return Swaying(own)
+    return Swaying(
+        pivot=None if plan.pruning else own,
+        billboard_pivot=to_tree(plane_pivots(following)[parents]) if plan.transitions else None,
     )
 
 
@@ -416,6 +475,9 @@ def _object(
         with costs.spent_on("pruning", shape.pruning.nbytes):
             morphs.add_pruning(mesh, shape.pruning)
             mesh[EXTRAS] = _pruning_extras(mesh, shape)
+    if shape.swaying is not None:
+        with costs.spent_on("wind", shape.swaying.nbytes):
+            add_swaying(mesh, shape.swaying)
     if shape.transition is not None:
         with costs.spent_on("transitions", shape.transition.nbytes):
             morphs.add_transition(obj, shape.transition)

@@ -45,12 +45,16 @@ from .node_laws import (
     TINY,
     Camera,
     add_modifier,
+    camera_distance,
     declare,
+    declare_by_hand,
     declare_pruning,
+    declare_transition,
     declare_trend,
     group_of_layout,
     keep,
     mean_share,
+    transition_share,
     trend,
 )
 from .sections import Section
@@ -161,8 +165,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     never = {"default_value": NEVER, **LENGTH}
 
     panel = tree.interface.new_panel("Transition to Billboards")
-    declare(tree, "Start", "Float", "Distance up to which leaves stay in place", panel, **never)
-    declare(tree, "End", "Float", "Distance from which leaves lie on billboards", panel, **never)
+    declare_transition(tree, panel)
 
     panel = tree.interface.new_panel("Pruning")
     declare_pruning(tree, panel)
@@ -180,20 +183,18 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 
     panel = tree.interface.new_panel("By Hand")
     declare(tree, "Manual", "Bool", "Ignore the camera: always draw, with the two values below", panel)
-    moved = "0: leaves in place, 1: on their billboards"
-    declare(tree, "Transition", "Float", moved, panel, default_value=0.0, **SHARE)
+    declare_by_hand(tree, panel)
     declare(tree, "Keep", "Float", "Share of the leaves that is drawn", panel, default_value=1.0, **SHARE)
 
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-2800.0, 0.0))
     camera = Camera(section)
-    # 0 without a camera, so that the level is drawn whole and at rest.
-    distance = camera.distance(section, camera.location, section.group_input("Centre"), label="Distance d")
+    distance = camera_distance(section, camera)
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
     section = Section(tree, "Share not shown h'", (-1500.0, 1700.0))
     fades, hidden = _hidden(section, camera, distance)
-    transition = _transition(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
+    transition = transition_share(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
     kept_share = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
     pulled = mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), kept_share)
     point, pivot = _moved(Section(tree, "Point and pivot at a", (0.0, 0.0)), transition)
@@ -256,16 +257,6 @@ def _grazing(section: Section, camera: Camera, width: bpy.types.NodeSocket) -> b
     ends = (0.0, section.math("MAXIMUM", width, TINY), 1.0, 0.0)
     faded = section.result("ShaderNodeMapRange", steep, *ends, label="Faded", interpolation_type="SMOOTHSTEP")
     return section.math("MULTIPLY", faded, section.compare(width, "GREATER_THAN", 0.0), label="At grazing angles")
-
-
-def _transition(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """a = clamp((d − start) / (end − start), 0, 1)"""
-    start = section.group_input("Start")
-    span = section.math("SUBTRACT", section.group_input("End"), start)
-    span = section.math("MAXIMUM", span, TINY, label="A step at least")
-    by_camera = section.math("DIVIDE", section.math("SUBTRACT", distance, start), span, label="By camera", clamp=True)
-    by_hand = section.result("ShaderNodeClamp", section.group_input("Transition"), label="By hand")
-    return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="a")
 
 
 def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

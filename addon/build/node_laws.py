@@ -85,6 +85,37 @@ class Camera:
         return section.switch("FLOAT", known, 0.0, near, label=label)
 
 
+def camera_distance(section: Section, camera: Camera) -> bpy.types.NodeSocket:
+    """d to the input Centre, in the object's coordinates; 0 without a camera: then a level is drawn whole, at rest."""
+    return camera.distance(section, camera.location, section.group_input("Centre"), label="Distance d")
+
+
+def transition_share(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """a = clamp((d − start) / (end − start), 0, 1), or what is set by hand.
+
+    Reads the inputs Start, End, Manual and Transition.
+    """
+    start = section.group_input("Start")
+    span = section.math("SUBTRACT", section.group_input("End"), start)
+    span = section.math("MAXIMUM", span, TINY, label="A step at least")
+    by_camera = section.math("DIVIDE", section.math("SUBTRACT", distance, start), span, label="By camera", clamp=True)
+    by_hand = section.result("ShaderNodeClamp", section.group_input("Transition"), label="By hand")
+    return section.switch("FLOAT", section.group_input("Manual"), by_camera, by_hand, label="a")
+
+
+def declare_transition(tree: bpy.types.NodeTree, panel: Any) -> None:
+    """The inputs that `transition_share` reads where nothing is set by hand."""
+    never = {"default_value": NEVER, **LENGTH}
+    declare(tree, "Start", "Float", "Distance up to which leaves stay in place", panel, **never)
+    declare(tree, "End", "Float", "Distance from which leaves lie on billboards", panel, **never)
+
+
+def declare_by_hand(tree: bpy.types.NodeTree, panel: Any) -> None:
+    """The input Transition, which counts where the input Manual holds."""
+    moved = "0: leaves in place, 1: on their billboards"
+    declare(tree, "Transition", "Float", moved, panel, default_value=0.0, **SHARE)
+
+
 def keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """λ = min((d₀/d)^(log_h ½), 1), as (d₀ / max(d, d₀))^(log_h ½): exactly 1 up to d₀, and defined at d = 0.
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..settings import CHANNELS, EFFECTS, MOVING_LIGHT, BakeSettings, effect_names
+from .wind import Wind
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Facts:
     """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
     translucent: str | None = None
     """A leaf material through which light shines."""
+    wind: Wind | None = None
+    """What the scene's force fields blow on the tree."""
 
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
@@ -36,7 +39,7 @@ def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     if settings.effects == "auto":
         seen = (_transitions(facts), _pruning(facts), _back_sides(), _trunk_levels(facts))
         read = (_normals(facts), _gloss(facts), _translucency(facts))
-        return (*seen, *read, *_SKY, _LEAF_MAP, _contrast(settings, facts), _BAKED_LIGHT)
+        return (*seen, *read, *_SKY, _LEAF_MAP, _contrast(settings, facts), _wind(facts), _BAKED_LIGHT)
     forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
     asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
     if settings.effects == "all":
@@ -116,6 +119,13 @@ def _contrast(settings: BakeSettings, facts: Facts) -> Effect:
     if settings.chain == "billboards" or facts.leaves == 1:
         return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
     return Effect("contrast", True, "pruned leaves grow, and large leaves would make far crowns coarser than they are")
+
+
+def _wind(facts: Facts) -> Effect:
+    if facts.wind is None:
+        return Effect("wind", False, "no force field blows on the tree")
+    blows = "turbulence shakes" if facts.wind.field is None else f"the force field {facts.wind.field!r} blows on"
+    return Effect("wind", True, f"{blows} the tree")
 
 
 _SKY = (

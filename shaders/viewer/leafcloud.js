@@ -3,15 +3,16 @@
 //
 //     const tree = await Tree.load("NAME.glb");
 //     scene.add(tree);
-//     … before each picture: tree.update(camera);
+//     … before each picture: tree.update(camera, seconds);
 //
-// What the shaders need of a level are attributes of its geometry: lcTarget, lcRank, lcPivot, lcPivotTarget, and uniforms.
+// What the shaders need of a level are attributes of its geometry: lcTarget, lcRank, lcPivot, lcPivotTarget, and uniforms;
+// where the file has wind, lcBillboardPivot, lcPhase and lcFreedom, too, and update(camera, seconds) says when it is.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 /** ../leafcloud.glsl, and after it what a vertex shader declares and where it puts a point. */
 export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
-export const DECLARATIONS = `
+const DECLARATIONS = `
 uniform vec3 lcTransitionAt; // distance, start, end
 uniform vec3 lcKeepAt; // distance, prune start, prune half
 uniform float lcShares[LC_SHARES];
@@ -27,6 +28,28 @@ vec3 lcPlaced(vec3 point) {
     float scale = lc_area_scale(keep, lcShares) * lc_trend(keep, lcGrowth);
     float growth = lc_growth(lcRank, keep, scale);
     return lc_place(point, lcTarget, lcPivot, lcPivotTarget, transition, growth);
+}
+`;
+
+/** What a vertex shader declares beside that where the file has wind, for leaves and for wood. */
+const WIND_DECLARATIONS = `
+uniform LcWind lcWind;
+in vec3 lcBillboardPivot;
+in float lcPhase;
+in float lcFreedom;
+
+vec3 lcBlownLeaf(vec3 point) {
+    float transition = lc_transition(lcTransitionAt.x, lcTransitionAt.y, lcTransitionAt.z);
+    vec3 pivot = mix(lcPivot, lcPivotTarget, transition);
+    vec3 turned = lc_flutter(lcPlaced(point), pivot, lcPhase, lcFreedom, transition, lcWind);
+    return lc_blown(turned, lcPivot, lcBillboardPivot, transition, lcWind);
+}
+`;
+const WOOD_DECLARATIONS = `
+uniform LcWind lcWind;
+
+vec3 lcBlownWood(vec3 point) {
+    return lc_blown(point, point, point, 0.0, lcWind);
 }
 `;
 
@@ -62,6 +85,8 @@ const HAND_OVER = 0.998;
  * hysteresis: where nothing fades, by which share a level is drawn longer when the camera comes back, so that it does not
  *   switch to and fro.
  * grazing: billboards fade out from this |cos| between normal and view on.
+ * wind: the strength of the wind, as of Blender's force fields; 0: nothing moves. null: as the file says. Files without wind
+ *   have none.
  * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
  * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
  */
@@ -73,6 +98,7 @@ export const SETTINGS = {
   hysteresis: 0.02,
   grazing: 0,
   contrast: true,
+  wind: null,
   byHand: null,
 };
 
@@ -95,8 +121,8 @@ export class Tree extends THREE.Group {
     this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
   }
 
-  /** Shows what the camera asks for. */
-  update(camera) {
+  /** Shows what the camera asks for, as the wind has it after so many seconds. */
+  update(camera, seconds = 0) {
     const place = this.worldToLocal(camera.getWorldPosition(new THREE.Vector3()));
     this.distance = place.distanceTo(this.centre);
     this.level = this.#levelAt(this.distance);
@@ -108,6 +134,7 @@ export class Tree extends THREE.Group {
       Object.assign(level.uniforms.lcShare, { value: share });
       Object.assign(level.uniforms.lcNext, { value: next });
       this.#move(level);
+      if (level.wind) this.#blow(level, seconds);
     });
   }
 
@@ -154,6 +181,17 @@ export class Tree extends THREE.Group {
     return [[this.distance, start, end], [this.distance, Math.min(from, NEVER), half]];
   }
 
+  /** Where it blows to is told in the world; points are moved in their own coordinates. */
+  #blow({ object, wind, uniforms }, seconds) {
+    const strength = this.settings.wind ?? wind.strength;
+    object.updateWorldMatrix(true, false);
+    const place = new THREE.Vector3().setFromMatrixPosition(object.matrixWorld);
+    const value = uniforms.lcWind.value;
+    value.direction.fromArray(wind.direction).transformDirection(object.matrixWorld.clone().invert());
+    value.force = strength / (Math.abs(strength) + 4);
+    value.turns = seconds / wind.period + PLACE_TURNS.dot(place);
+  }
+
   #move(level) {
     const [transition, keep] = this.#laws(level);
     level.uniforms.lcTransitionAt.value.fromArray(transition);
@@ -169,6 +207,9 @@ export class Tree extends THREE.Group {
 
 /** A distance that no camera reaches. */
 const NEVER = 1e9;
+
+/** LC_PLACE_TURNS of leafcloud.glsl. */
+const PLACE_TURNS = new THREE.Vector3(0.1732, 0.2236, -0.1414);
 
 /** clamp((d − start) / (end − start), 0, 1), as in leafcloud.glsl. */
 function transitionAt(distance, start, end) {
@@ -202,13 +243,15 @@ function newLevel(object, parser) {
   const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
-  const uniforms = newUniforms(pruning);
+  const { wind = null } = object.userData.leafcloud;
+  const uniforms = newUniforms(pruning, wind);
   const pruned = [];
   for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
     const leaves = moves(mesh.geometry);
+    if (wind) mesh.frustumCulled = false; // The wind moves what it likes.
     if (leaves) {
       const table = tableOf(mesh, parser);
-      addAttributes(mesh.geometry);
+      addAttributes(mesh.geometry, wind);
       mesh.frustumCulled = false; // Leaves grow out of the bounds.
       mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
       if (table) {
@@ -221,7 +264,7 @@ function newLevel(object, parser) {
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, pruning, uniforms, pruned };
+  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned };
 }
 
 /** How a level was baked to be pruned, and what was measured of it; never, where its extras do not say. */
@@ -235,8 +278,9 @@ function pruningOf(extras) {
   };
 }
 
-function newUniforms({ growth, mean }) {
+function newUniforms({ growth, mean }, wind) {
   return {
+    ...(wind && { lcWind: { value: newWind(wind) } }),
     lcTransitionAt: { value: new THREE.Vector3(0, NEVER, NEVER) },
     lcKeepAt: { value: new THREE.Vector3(0, NEVER, 0.5) },
     lcShares: { value: Array.from({ length: 65 }, (_, i) => (i / 64) ** 2) },
@@ -249,6 +293,13 @@ function newUniforms({ growth, mean }) {
   };
 }
 
+/** LcWind of leafcloud.glsl, in still air. */
+function newWind({ up, foot, height, spread, gusts, sway, branches, flutter }) {
+  const [upward, standing] = [up, foot].map((vector) => new THREE.Vector3(...vector));
+  const shape = { up: upward, foot: standing, height, spread, gusts, sway, branches, flutter };
+  return { direction: new THREE.Vector3(1, 0, 0), ...shape, force: 0, turns: 0 };
+}
+
 function objectsOf(root) {
   const found = [];
   root.traverse((object) => found.push(object));
@@ -256,7 +307,7 @@ function objectsOf(root) {
 }
 
 function moves({ attributes, morphAttributes }) {
-  return "_leaf_rank" in attributes || "position" in morphAttributes;
+  return "_leaf_rank" in attributes || "_leaf_pivot" in attributes || "position" in morphAttributes;
 }
 
 /** The mesh's tables; from the file itself, for in `userData` a node's extras may replace its mesh's. */
@@ -267,15 +318,30 @@ function tableOf(mesh, parser) {
 }
 
 /** Names what the shaders read; where the file has no ranks, all leaves are protected. */
-function addAttributes(geometry) {
+function addAttributes(geometry, wind) {
   const { position, _leaf_rank: rank, _leaf_pivot: pivot, _leaf_pivot_target: pivotTarget } = geometry.attributes;
   geometry.setAttribute("lcTarget", targetsOf(geometry));
   const ranks = (_, i) => (rank ? rank.getX(i) : -1);
   geometry.setAttribute("lcRank", new THREE.BufferAttribute(Float32Array.from({ length: position.count }, ranks), 1));
   geometry.setAttribute("lcPivot", pivot ?? position);
   geometry.setAttribute("lcPivotTarget", pivotTarget ?? pivot ?? position);
-  ["_leaf_rank", "_leaf_pivot", "_leaf_pivot_target", "uv2", "uv3"].forEach((name) => geometry.deleteAttribute(name));
+  if (wind) addWind(geometry, pivot ?? position);
+  READ.forEach((name) => geometry.deleteAttribute(name));
 }
+
+/** What has no billboard to go to stays with its own pivot; only leaves flutter. */
+function addWind(geometry, pivot) {
+  const { position, _leaf_billboard_pivot: billboardPivot, _leaf_wind: own } = geometry.attributes;
+  const column = (at) => new THREE.BufferAttribute(Float32Array.from({ length: position.count }, (_, i) => at(i)), 1);
+  geometry.setAttribute("lcBillboardPivot", billboardPivot ?? pivot);
+  geometry.setAttribute("lcPhase", column((i) => own?.getX(i) ?? 0));
+  geometry.setAttribute("lcFreedom", column((i) => own?.getY(i) ?? 0));
+}
+
+const READ = [
+  ...["_leaf_rank", "_leaf_pivot", "_leaf_pivot_target", "_leaf_billboard_pivot", "_leaf_wind"],
+  ...["uv2", "uv3", "texcoord_4", "texcoord_5", "texcoord_6"],
+];
 
 /** The morph target as places instead of offsets, as an attribute instead of a texture. */
 function targetsOf(geometry) {
@@ -305,19 +371,29 @@ function boundsOf({ object }, root) {
 function patched(original, uniforms, leaves) {
   const material = original.clone();
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
-  material.customProgramCacheKey = () => `leafcloud ${leaves}`;
+  const wind = "lcWind" in uniforms;
+  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind}`;
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
-    shader.vertexShader = vertexShader(shader.vertexShader, leaves);
+    shader.vertexShader = vertexShader(shader.vertexShader, leaves, wind);
     shader.fragmentShader = fragmentShader(shader.fragmentShader, leaves);
   };
   return material;
 }
 
-function vertexShader(source, leaves) {
-  const declarations = `out vec3 lcView;\n${leaves ? LAWS + DECLARATIONS : ""}`;
-  const placed = leaves ? replaced(source, "#include <begin_vertex>", "vec3 transformed = lcPlaced(position);") : source;
-  return before("void main()", declarations, after("#include <project_vertex>", "lcView = -mvPosition.xyz;", placed));
+/** What a vertex shader declares that places `leaves`, or else wood, and in which expression it puts the point. */
+export function placing(leaves, wind) {
+  if (leaves && wind) return [LAWS + DECLARATIONS + WIND_DECLARATIONS, "lcBlownLeaf(position)"];
+  if (leaves) return [LAWS + DECLARATIONS, "lcPlaced(position)"];
+  return wind ? [LAWS + WOOD_DECLARATIONS, "lcBlownWood(position)"] : ["", "position"];
+}
+
+function vertexShader(source, leaves, wind) {
+  const [declarations, place] = placing(leaves, wind);
+  const placed =
+    place === "position" ? source : replaced(source, "#include <begin_vertex>", `vec3 transformed = ${place};`);
+  const seen = after("#include <project_vertex>", "lcView = -mvPosition.xyz;", placed);
+  return before("void main()", `out vec3 lcView;\n${declarations}`, seen);
 }
 
 function fragmentShader(source, leaves) {

@@ -91,6 +91,7 @@ function fillPanel(farthest) {
   addDistance(farthest);
   addPruning(farthest);
   addByHand();
+  if (tree.levels[0].wind) addWind();
   const fades = controlPanel.addFolder("Fades");
   fades.add(tree.settings, "grazing", 0, 0.5).name("grazing |cos|");
   fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
@@ -137,9 +138,16 @@ function addByHand() {
   apply();
 }
 
-function draw() {
+/** As hard as the file says, or as it is set here. */
+function addWind() {
+  const state = { strength: tree.settings.wind ?? tree.levels[0].wind.strength };
+  const folder = controlPanel.addFolder("Wind");
+  folder.add(state, "strength", 0, 20).onChange((strength) => (tree.settings.wind = strength));
+}
+
+function draw(milliseconds) {
   controls.update();
-  tree?.update(camera);
+  tree?.update(camera, milliseconds / 1000);
   renderer.render(scene, camera);
   if (!tree) return;
   const { level, transition, keep } = tree.state;

@@ -3,13 +3,15 @@
 // {tables: [{expression, rows}], shares}: the vec4 `expression` for each row of 16 numbers x0 … x3 (vec4). `shares` is the
 // table of areas. The answer has a list of four numbers for each row.
 //
-// {tree, settings, eyes}: the file as the viewer shows it from each of the `eyes`: {level, share, triangles, pixels,
-// meshes: [{material, count, places}]}; `count` indices are drawn, `places` are the points where the viewer's own vertex
-// shader puts them. `pixels` are 64 × 64 times four floats, lit so that they are all but the materials' linear colours.
-// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`; the answer
-// has the points for each of the views.
+// {tree, settings, eyes, seconds}: the file as the viewer shows it from each of the `eyes`, after so many `seconds` of wind:
+// {level, share, triangles, pixels, meshes: [{material, count, places}], wood: [{…}]}; `count` indices are drawn, `places`
+// are the points where the viewer's own vertex shader puts them. `pixels` are 64 × 64 times four floats, lit so that they
+// are all but the materials' linear colours.
+//
+// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`;
+// the answer has the points for each of the views.
 import * as THREE from "three";
-import { DECLARATIONS, LAWS, Tree } from "/shaders/viewer/leafcloud.js";
+import { LAWS, Tree, placing } from "/shaders/viewer/leafcloud.js";
 
 const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
 const HEADER = "#version 300 es\nprecision highp float;\nout vec4 result;\n";
@@ -87,15 +89,19 @@ function tabulated({ expression, rows }, shares) {
 
 function placed(geometry, uniforms) {
   const { position } = geometry.attributes;
-  if (!geometry.attributes.lcRank) return position.array;
-  const source = `${HEADER}${LAWS}${DECLARATIONS}in vec3 position;
-    void main() { result = vec4(lcPlaced(position), 1.0); }`;
+  const [declarations, place] = placing("lcRank" in geometry.attributes, "lcWind" in uniforms);
+  if (!declarations) return position.array;
+  const source = `${HEADER}${declarations}in vec3 position;
+    void main() { result = vec4(${place}, 1.0); }`;
   const values = {
     lcTransitionAt: uniforms.lcTransitionAt.value.toArray(),
     lcKeepAt: uniforms.lcKeepAt.value.toArray(),
     lcShares: uniforms.lcShares.value,
     lcGrowth: uniforms.lcGrowth.value.toArray(),
   };
+  for (const [name, value] of Object.entries(uniforms.lcWind?.value ?? {})) {
+    values[`lcWind.${name}`] = value.toArray?.() ?? [value];
+  }
   return computed(source, geometry.attributes, values, position.count).filter((_, i) => i % 4 < 3);
 }
 
@@ -115,9 +121,9 @@ function encoded(values) {
   return btoa(text);
 }
 
-function meshesOf(level) {
+function meshesOf(level, wooden) {
   const found = [];
-  level.object.traverse((object) => object.isMesh && !object.name.endsWith("_wood") && found.push(object));
+  level.object.traverse((object) => object.isMesh && object.name.endsWith("_wood") === wooden && found.push(object));
   return found.map(({ geometry, material }) => ({
     material: material.name,
     count: Math.min(geometry.drawRange.count, geometry.index.count),
@@ -144,7 +150,7 @@ function pictured(renderer, scene, camera) {
   return pixels;
 }
 
-async function seen({ tree: url, settings, eyes }) {
+async function seen({ tree: url, settings, eyes, seconds = 0 }) {
   const tree = await Tree.load(url);
   Object.assign(tree.settings, settings);
   const renderer = newRenderer();
@@ -157,11 +163,12 @@ async function seen({ tree: url, settings, eyes }) {
     camera.fov = (360 / Math.PI) * Math.atan(tree.radius / camera.position.distanceTo(tree.centre));
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
-    tree.update(camera);
+    tree.update(camera, seconds);
     const level = tree.levels[tree.level];
     const pixels = encoded(pictured(renderer, scene, camera));
     const { triangles } = renderer.info.render;
-    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes: meshesOf(level) };
+    const [meshes, wood] = [false, true].map((wooden) => meshesOf(level, wooden));
+    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes, wood };
   });
 }
 
