@@ -72,6 +72,8 @@ class Plan:
     pruning: bool
     switch_distances: tuple[float, ...]
     reaches: tuple[Reach, ...]
+    drawn: range = range(1)
+    """The levels that are seen; without transitions and pruning only these can be, and where it is one it always is."""
     thinning: Thinning = field(default_factory=Thinning)
     growth: tuple[float, float] = (0.0, 0.0)
     """Of pruned leaves beside what their area asks for, as `leafcloud.Chain.growth`."""
@@ -92,7 +94,7 @@ class Plan:
 
     @property
     def follows_camera(self) -> bool:
-        return self.transitions or self.pruning
+        return self.transitions or self.pruning or len(self.drawn) > 1
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ def build_levels(
     """Makes a collection of all levels, not yet in any scene.
 
     Everything lies at the tree's matrix, in the tree's coordinates. Without transitions and pruning nothing follows the
-    camera: then only LOD 0 is shown. When anything fails, what was made is removed again.
+    camera where it sees but one level: then only that is shown. When anything fails, what was made is removed again.
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
@@ -201,7 +203,7 @@ def _add_level(
             wooden = replace(settings, start=NEVER, end=NEVER, prune_start=NEVER)
             add_lod_modifier(member, settings if member is obj else wooden)
         else:
-            member.hide_viewport = member.hide_render = number > 0
+            member.hide_viewport = member.hide_render = number not in plan.drawn
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, members[1] if len(members) > 1 else None, triangles)
     return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)

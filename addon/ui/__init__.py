@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import bpy
 
-from .operators import LEAFCLOUD_OT_bake, cancel_running
-from .panels import LEAFCLOUD_PT_bake
-from .properties import LeafcloudSettings, LeafcloudStatus
+from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, cancel_running
+from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
+from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
 
-_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_PT_bake)
+_CLASSES = (
+    LeafcloudSettings,
+    LeafcloudPlanRow,
+    LeafcloudStatus,
+    LEAFCLOUD_OT_bake,
+    LEAFCLOUD_OT_plan,
+    LEAFCLOUD_PT_bake,
+    LEAFCLOUD_PT_effects,
+)
 
 
 def register() -> None:
