@@ -12,6 +12,7 @@ import math
 import re
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,7 @@ from .scene.light import Light
 from .scene.shading import gloss_of
 from .scene.survey import survey
 from .scene.translucency import translucent_of
-from .settings import BakeSettings, fit_options
+from .settings import EFFECTS, BakeSettings, fit_options
 
 
 def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Facts:
@@ -135,6 +136,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         keep=_keep_at_switch(prepared),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
+        contrast=bool(is_on(prepared.effects, "contrast")),
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),
@@ -166,12 +168,19 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
     switch_distances = rising([0.0, *distances])
     light = prepared.light
+    costs = Costs(_core_seconds(prepared.effects, chain))
+    if light is not None:
+        costs.seconds["baked_light"] = light.seconds
     following = ("transitions", "pruning", "trunk_levels")
     transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     morphs = [transitions and level.cloud is not None for level in levels]
     reached = reaches(switch_distances, [*morphs, False])
     thinning = _thinning(prepared, start, reached[0])
     contrast = bool(is_on(prepared.effects, "contrast"))
+    mean = (0.0, 0.0, 0.0)
+    if contrast:
+        with costs.spent_on("contrast", 0):
+            mean = mean_color(prepared.foliage)
     plan = Plan(
         name=name,
         placement=prepared.placement,
@@ -190,15 +199,37 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         thinning=thinning,
         growth=chain.growth,
         contrast=chain.contrast if contrast else None,
-        mean_color=mean_color(prepared.foliage) if contrast else (0.0, 0.0, 0.0),
+        mean_color=mean,
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
     )
-    costs = Costs({} if light is None else {"baked_light": light.seconds})
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
     return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
+
+
+def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
+    """What each effect took in the core. What nobody asked for took nothing there."""
+    seconds = dict.fromkeys(EFFECTS, 0.0)
+    seconds["pruning"], seconds["contrast"] = chain.seconds["growth"], chain.seconds["contrast"]
+    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.seconds["sky"]
+    of_channel = {
+        "normal": "normals",
+        "gloss": first_on(effects, ("gloss", "occlusion", "self_shadowing")),
+        "translucency": "translucency",
+        "visibility": "self_shadowing",
+        "leaf_uv": "leaf_map",
+        "leaf_id": "leaf_map",
+    }
+    for number, level in enumerate(chain.levels, start=1):
+        own = level.seconds["fit"] + level.seconds["pack"] + level.seconds["bake"]
+        for channel, effect in of_channel.items():
+            spent = level.channel_seconds.get(channel, 0.0)
+            seconds[effect] += spent
+            own -= spent
+        seconds["far_levels"] += own if number > 1 else 0.0
+    return seconds
 
 
 def _drawn(prepared: Prepared, reached: Sequence[Reach]) -> range:
@@ -262,13 +293,14 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         clouds = _levels_by_material(baked)
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
-        with (
-            gltf.engine_attributes(baked.levels, engine),
-            gltf.masked_leaves(baked.levels),
-            mean_light(baked.levels),
-            plain_colors(baked.levels),
-            engine_pages(clouds),
-        ):
+        with ExitStack() as changes:
+            changes.enter_context(gltf.engine_attributes(baked.levels, engine))
+            changes.enter_context(gltf.masked_leaves(baked.levels))
+            if is_on(baked.effects, "baked_light"):
+                changes.enter_context(mean_light(baked.levels))
+            if is_on(baked.effects, "contrast"):
+                changes.enter_context(plain_colors(baked.levels))
+            changes.enter_context(engine_pages(clouds))
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()

@@ -20,8 +20,8 @@ from .thinning import cut_off_distance
 EPSILON_STEP = 2.5
 """How much coarser each cloud is than the one before: the core's own."""
 
-CROSS_DEVIATION = 1.0
-"""How far the cross may deviate from the leaves, as a share of R."""
+CROSS_DEVIATION = 0.5
+"""How far the cross deviates from the leaves, as a share of R: 0.48 to 0.56 on the measured trees."""
 
 STILL = 1e-3
 """A camera whose distance changes by no more than this share of it stands still."""

@@ -132,7 +132,7 @@ fn main() {
     for (name, foliage) in &trees {
         let ranks = order(foliage, 0);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
-        let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5 };
+        let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5, contrast: true };
         let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
         let (kappa, size) = (trend.factor(KEEP).min(1.0), settings.crown_pixels(foliage, KEEP));
         let pruned = thin(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
