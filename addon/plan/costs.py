@@ -1,8 +1,7 @@
 """What an effect will cost: seconds of baking, and bytes of what it adds to the levels before these are packed.
 
 Each is in proportion to one amount that is known before the bake: vertices, texels, triangles. The constants are means
-over the measured trees; `make plan` measures them anew, and compares estimates with what was measured
-(`docs/bench/plan.md`).
+over measured trees; `make plan` measures them anew, and compares estimates with what was measured.
 Seconds are those of the machine that they were measured on.
 """
 
@@ -16,6 +15,8 @@ from .effects import Effect, plan_levels
 from .facts import Facts
 
 BYTES_PER_TEXEL = 4
+BILLBOARD_VERTICES = 1000
+"""About as many vertices are there beside the leaves' own."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
         if effect.name in _SHARING and not paid:
             paid = True
             seconds, nbytes = seconds + _GLOSS.seconds * amount, nbytes + _GLOSS.nbytes * amount
+        if effect.name == "pruning" and settings.chain != "billboards":
+            seconds += _GROWTH_SECONDS
         result.append(replace(effect, seconds=seconds, bytes=round(nbytes)))
     return tuple(result)
 
@@ -79,7 +82,8 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
 
 
 def _vertices(known: Amounts) -> int:
-    return known.vertices
+    """With those of level 1's billboards, and of leaves that lie on several of them."""
+    return known.vertices + BILLBOARD_VERTICES
 
 
 def _triangles(known: Amounts) -> int:
@@ -99,20 +103,22 @@ def _far_texels(known: Amounts) -> int:
 
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
-_GLOSS = Rate(_texels, 0.0, 2.0e-7, BYTES_PER_TEXEL)
+_GLOSS = Rate(_texels, 0.0, 6.4e-7, BYTES_PER_TEXEL)
+_GROWTH_SECONDS = 0.3
+"""Looking at pruned leaves."""
 
 RATES: dict[str, Rate] = {
-    "transitions": Rate(_vertices, 0.0, 1.0e-6, 42.0),
-    "pruning": Rate(_vertices, 0.0, 1.0e-7, 16.8),
+    "transitions": Rate(_vertices, 0.0, 6.0e-7, 40.0),
+    "pruning": Rate(_vertices, 0.0, 1.0e-7, 16.0),
     "back_sides": Rate(_texels, 0.0, 0.0, 1.6),
-    "trunk_levels": Rate(_wood, 0.0, 2.0e-4, 48.0),
-    "far_levels": Rate(_far_texels, 1.0, 5.0e-6, BYTES_PER_TEXEL),
-    "normals": Rate(_texels, 0.0, 2.0e-7, BYTES_PER_TEXEL),
+    "trunk_levels": Rate(_wood, 0.0, 2.5e-4, 44.0),
+    "far_levels": Rate(_far_texels, 3.0, 2.5e-6, BYTES_PER_TEXEL),
+    "normals": Rate(_texels, 0.0, 2.1e-7, BYTES_PER_TEXEL),
     "gloss": Rate(_texels, 0.0, 0.0, 0.0),
-    "translucency": Rate(_texels, 0.0, 2.0e-7, BYTES_PER_TEXEL),
-    "occlusion": Rate(_texels, 1.0, 0.0, 0.0),
-    "self_shadowing": Rate(_texels, 0.0, 2.0e-7, BYTES_PER_TEXEL),
-    "leaf_map": Rate(_texels, 0.0, 4.0e-7, 2 * BYTES_PER_TEXEL),
-    "contrast": Rate(_triangles, 0.1, 1.0e-6, 0.0),
+    "translucency": Rate(_texels, 0.0, 2.6e-7, BYTES_PER_TEXEL),
+    "occlusion": Rate(_texels, 0.6, 0.0, 0.0),
+    "self_shadowing": Rate(_texels, 0.0, 5.7e-7, BYTES_PER_TEXEL),
+    "leaf_map": Rate(_texels, 0.0, 5.7e-7, 2 * BYTES_PER_TEXEL),
+    "contrast": Rate(_triangles, 0.0, 6.0e-5, 0.0),
     "baked_light": Rate(_triangles, 1.0, 1.0e-4, 72.0),
 }
