@@ -4,9 +4,9 @@ usage: python tools/minimal.py [TREE.glb] [--runs N]
 
 A tree, the pine where none is named, before a still camera 3.2 radii away, under a sun. It is baked as planned, and
 with everything forced on but baked light, beside which the rest makes no sense. Seconds are those of the program
-beyond what --plan-only takes, which starts Blender and reads the scene, the least of the runs; bytes those of all .glb files and the .blend. What each effect took for itself, its bytes before
-they are packed, is what the report says. The pictures of both, by Cycles at the scene's own camera, are compared by
-FLIP.
+beyond what --plan-only takes, which starts Blender and reads the scene, the least of the runs; bytes those of all .glb
+files and the .blend. What each effect took for itself, its bytes before they are packed, is what the report says. The
+pictures of both, by Cycles at the scene's own camera, are compared by FLIP.
 Prints tables in Markdown, and writes them to docs/bench/minimal.md for the pine.
 """
 
