@@ -119,6 +119,6 @@ RATES: dict[str, Rate] = {
     "occlusion": Rate(_texels, 0.6, 0.0, 0.0),
     "self_shadowing": Rate(_texels, 0.0, 5.7e-7, BYTES_PER_TEXEL),
     "leaf_map": Rate(_texels, 0.0, 5.7e-7, 2 * BYTES_PER_TEXEL),
-    "contrast": Rate(_triangles, 0.0, 6.0e-5, 0.0),
+    "contrast": Rate(_triangles, 0.2, 1.4e-5, 0.0),
     "baked_light": Rate(_triangles, 1.0, 1.0e-4, 72.0),
 }
