@@ -74,6 +74,16 @@ wood: setup ## measure the wood beside each level: triangles, error, what it cov
 	@mkdir -p docs/bench
 	.venv/bin/python tools/wood.py $(ARGS)
 
+.PHONY: plan
+plan: setup ## compare what the plan expects effects to cost with what they cost, over all trees (on a machine that does nothing else)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/plan_costs.py $(ARGS)
+
+.PHONY: minimal
+minimal: setup .venv/.fidelity ## bake a scene that calls for next to nothing as planned, and with everything forced on
+	@mkdir -p docs/bench
+	.venv/bin/python tools/minimal.py $(ARGS)
+
 .PHONY: three
 three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium

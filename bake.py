@@ -113,20 +113,30 @@ def _tree(options: argparse.Namespace) -> tuple[Tree, str]:
 
 
 def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
-    from addon.pipeline import prepare
+    import bpy
 
-    effects = prepare(_tree(options)[0], settings).effects
+    from addon.pipeline import layer_of, plan
+
+    tree, _ = _tree(options)
+    effects = plan(tree, settings, layer_of(bpy.context.scene))
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
     return plan_table(effects)
 
 
 def plan_table(effects: Sequence[Effect]) -> str:
-    """The plan with a line for each effect: its name, whether it is on, the reason."""
+    """The plan with a line for each effect: its name, whether it is on, what it is expected to cost, the reason."""
     shown = {True: "on", False: "off", None: "auto"}
-    rows = [("effect", "", "reason"), *((effect.name, shown[effect.on], effect.reason) for effect in effects)]
-    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
-    return "\n".join(f"{name:<{widths[0]}}  {on:<{widths[1]}}  {reason}" for name, on, reason in rows)
+    rows = [("effect", "", "seconds", "MB", "reason")]
+    for effect in effects:
+        costs = ("", "") if effect.on is False else (f"{effect.seconds:.1f}", f"{effect.bytes / 1e6:.1f}")
+        rows.append((effect.name, shown[effect.on], *costs, effect.reason))
+    first, second, *widths = (max(len(row[column]) for row in rows) for column in range(4))
+    lines = (
+        f"{name:<{first}}  {on:<{second}}  {seconds:>{widths[0]}}  {size:>{widths[1]}}  {reason}"
+        for name, on, seconds, size, reason in rows
+    )
+    return "\n".join(lines)
 
 
 def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:

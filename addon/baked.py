@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import bpy
@@ -12,7 +11,8 @@ import leafcloud
 from .build.levels import BuiltLevel, Costs
 from .lighting import BakedLight
 from .placement import Placement
-from .plan.effects import Effect
+from .plan.effects import Effect, plan_levels
+from .plan.facts import Facts
 from .plan.reach import View
 from .plan.thinning import Thinning
 from .plan.wind import Wind
@@ -33,6 +33,7 @@ class Prepared:
     wood: leafcloud.Foliage | None
     gloss: Gloss
     translucent: Translucent
+    facts: Facts
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
     materials: tuple[str, ...]
@@ -41,9 +42,9 @@ class Prepared:
     wind: Wind | None = None
 
     @property
-    def leaf_size(self) -> float:
-        """The side of a square as large as a leaf is in the mean, world units."""
-        return math.sqrt(self.foliage.area / self.foliage.leaf_count)
+    def levels(self) -> tuple[int, bool]:
+        """How many clouds are made, and whether the cross is."""
+        return plan_levels(self.settings, self.facts, self.effects)
 
 
 @dataclass(frozen=True)

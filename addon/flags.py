@@ -146,7 +146,20 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--effects",
         default=default.effects,
         metavar="NAMES",
-        help=f"auto, all, none, or out of {','.join(EFFECTS)} with commas between (default: %(default)s)",
+        help=f"auto, all, none, or out of {','.join(EFFECTS)} with commas between; behind that +NAME and -NAME "
+        "force one on or off, and alone they do so over auto, as in --effects=-gloss (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--viewer",
+        default=default.viewer,
+        metavar="NAME",
+        help="who looks at the levels: camera, those of the scene where it has any and no --engine is named, over all "
+        "frames; anywhere, as without a camera (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--unlit",
+        action="store_true",
+        help="what draws the levels shows their colours as they are: light that stands still is baked into them",
     )
     parser.add_argument(
         "--plan-only", action="store_true", help="print which effects the bake would carry, and why; write nothing"

@@ -12,6 +12,7 @@ import math
 import re
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.engine_pages import engine_pages
-from .export.plain_materials import plain_materials
+from .export.plain_materials import plain_colors, wood_of_meshes
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
@@ -37,71 +38,111 @@ from .export.unlit import mean_light
 from .job import Progress, wait
 from .lighting import light_of
 from .placement import Placement
-from .plan.effects import Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
-from .plan.reach import WOOD_PIXELS, View, reaches, rising, wood_errors
+from .plan.costs import with_costs
+from .plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, plan_levels, settle_back_sides
+from .plan.facts import Facts
+from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
+from .plan.sight import level_at, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, Tree, texture_uvs, world_positions
 from .scene.light import Light
 from .scene.shading import gloss_of
+from .scene.survey import survey
 from .scene.translucency import translucent_of
 from .scene.wind import wind_on
-from .settings import BakeSettings, fit_options
+from .settings import EFFECTS, BakeSettings, fit_options
+
+
+def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Facts:
+    """What the plan looks at. Without a layer nothing is known of what surrounds the tree.
+
+    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked.
+    """
+    placement, leaves = Placement(tree.matrix), tree.leaves
+    shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
+    blended = tuple(
+        material.name for material in leaves.materials if material is not None and gltf.is_blended(material)
+    )
+    facts = Facts(
+        engine=settings.engine,
+        leaves=shape.leaf_count,
+        vertices=len(leaves.positions),
+        triangles=shape.triangle_count,
+        wood=0 if tree.wood is None else len(tree.wood.triangles),
+        radius=shape.radius,
+        area=shape.area,
+        glossy=gloss_of(leaves.materials).varies,
+        translucent=translucent_of(leaves.materials).material,
+        blended=blended,
+    )
+    if layer is None or not tree.sources:
+        return facts
+    scene = layer.id_data
+    around = survey(layer, tree, shape.centre.tolist(), view_of(scene))
+    sees = settings.viewer == "camera" and settings.engine == "generic"
+    camera = around.camera if sees else None
+    return replace(
+        facts, camera=camera, lights=around.lights, wind=wind_on(tree.sources, scene), renderer=scene.render.engine
+    )
+
+
+def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> tuple[Effect, ...]:
+    """The effects that a bake would carry, and what each would cost. As `prepare`, which does what they ask for."""
+    facts = describe(tree, settings, layer)
+    return with_costs(settings, facts, plan_effects(settings, facts))
 
 
 def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
     """Brings the tree into the world, decides on the effects, and bakes the light in the scene of `layer` if one asks.
 
-    Without a layer, which is enough for the plan, no light is baked.
+    Without a layer the viewer may be anywhere, and no light is baked.
     Raises `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a texture that is missing, or
     light that cannot be baked.
     """
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
+    facts = describe(tree, settings, layer)
+    effects = with_costs(settings, facts, plan_effects(settings, facts))
+    clouds, cross = plan_levels(settings, facts, effects)
     gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
-    branches = 0 if tree.wood is None else len(tree.wood.triangles)
-    wind = wind_on(tree.sources, bpy.context.scene if layer is None else layer.id_data)
-    facts = Facts(settings.engine, wood=branches, glossy=gloss.varies, translucent=translucent.material, wind=wind)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
-    lit = is_on(plan_effects(settings, facts), "baked_light") and layer is not None
+    lit = is_on(effects, "baked_light") and layer is not None
     # Only the cross shows the wood.
-    light = light_of(tree, layer, with_wood=settings.cross and tree.wood is not None) if lit else None
+    light = light_of(tree, layer, with_wood=cross and tree.wood is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.wood)
     foliage, leaf_warnings = _foliage(tree.leaves, placement, channels, share, sides[0])
     wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels, share, sides[1])
-    effects = plan_effects(settings, replace(facts, leaves=foliage.leaf_count))
-    blended = [
-        f"material {material.name!r} is blended: the glTF files cut it out at an alpha of 0.5"
-        for material in tree.leaves.materials
-        if material is not None and gltf.is_blended(material)
-    ]
+    blended = [f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5" for name in facts.blended]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
-    pages = ktx2.warning(settings, settings.levels + settings.cross)
+    pages = ktx2.warning(settings, clouds + cross)
     read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
-    blowing = (wind or BREEZE) if is_on(effects, "wind") else None
+    blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
     return Prepared(
-        tree, settings, placement, foliage, wood, gloss, translucent, effects, warnings, names, light, blowing
+        tree, settings, placement, foliage, wood, gloss, translucent, facts, effects, warnings, names, light, blowing
     )
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     """Starts the core on a thread of its own."""
     settings = prepared.settings
+    clouds, cross = prepared.levels
     return leafcloud.start_chain(
         prepared.foliage,
         wood=prepared.wood,
-        levels=0 if settings.chain == "pruning" else settings.levels,
-        cross=settings.cross,
+        levels=clouds,
+        cross=cross,
         texture_size=settings.texture_size,
         texture_height=settings.texture_height,
         close_cracks=settings.close_cracks,
         keep=_keep_at_switch(prepared),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
+        contrast=bool(is_on(prepared.effects, "contrast")),
         back_sides=is_on(prepared.effects, "back_sides"),
         normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
         gloss=bool(is_on(prepared.effects, "gloss")),
@@ -128,17 +169,24 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         max(seen(deviation, pixels), seen(level.texel_size, 1.0))
         for level, deviation in zip(levels, deviations, strict=True)
     ]
-    start = seen(prepared.leaf_size, prepared.settings.prune_pixels)
+    start = seen(prepared.facts.leaf_size, prepared.settings.prune_pixels)
     if prepared.settings.chain == "pruning":
         distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
     switch_distances = rising([0.0, *distances])
     light = prepared.light
+    costs = Costs(_core_seconds(prepared.effects, chain))
+    if light is not None:
+        costs.seconds["baked_light"] = light.seconds
     following = ("transitions", "pruning", "trunk_levels")
     transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     clouds = [False, *(level.cloud is not None for level in levels)]
     reached = reaches(switch_distances, clouds, transitions=transitions)
     thinning = _thinning(prepared, start, reached[1].appear)
     contrast = bool(is_on(prepared.effects, "contrast"))
+    mean = (0.0, 0.0, 0.0)
+    if contrast:
+        with costs.spent_on("contrast", 0):
+            mean = mean_color(prepared.foliage)
     plan = Plan(
         name=name,
         placement=prepared.placement,
@@ -150,18 +198,18 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
         pruning=pruning,
+        drawn=_drawn(prepared, reached),
         wood_errors=wood_errors(deviations, reached, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
         switch_distances=switch_distances,
         reaches=reached,
         thinning=thinning,
         growth=chain.growth,
         contrast=chain.contrast if contrast else None,
-        mean_color=mean_color(prepared.foliage) if contrast else (0.0, 0.0, 0.0),
+        mean_color=mean,
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
     )
-    costs = Costs({} if light is None else {"baked_light": light.seconds})
     collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
@@ -177,17 +225,52 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
     return WindSettings(stature(tree.leaves.positions, wood, tree.matrix), prepared.wind)
 
 
+def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
+    """What each effect took in the core. What nobody asked for took nothing there."""
+    seconds = dict.fromkeys(EFFECTS, 0.0)
+    seconds["pruning"], seconds["contrast"] = chain.seconds["growth"], chain.seconds["contrast"]
+    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.seconds["sky"]
+    of_channel = {
+        "normal": "normals",
+        "gloss": first_on(effects, ("gloss", "occlusion", "self_shadowing")),
+        "translucency": "translucency",
+        "visibility": "self_shadowing",
+        "leaf_uv": "leaf_map",
+        "leaf_id": "leaf_map",
+    }
+    for number, level in enumerate(chain.levels, start=1):
+        own = level.seconds["fit"] + level.seconds["pack"] + level.seconds["bake"]
+        for channel, effect in of_channel.items():
+            spent = level.channel_seconds.get(channel, 0.0)
+            seconds[effect] += spent
+            own -= spent
+        seconds["far_levels"] += own if number > 1 else 0.0
+    return seconds
+
+
+def _drawn(prepared: Prepared, reached: Sequence[Reach]) -> range:
+    """The levels that the scene's cameras see, of those that are made; the leaves where the viewer may be anywhere.
+
+    What they were expected to see is not drawn coarser, only finer, should that turn out to be needed.
+    """
+    seen, camera = sight(prepared.settings, prepared.facts), prepared.facts.camera
+    if seen is None or camera is None:
+        return range(1)
+    first, last = (level_at(away, reached) for away in (camera.nearest, camera.farthest))
+    return range(min(first, seen.first), min(last, seen.last) + 1)
+
+
 def _keep_at_switch(prepared: Prepared) -> float | None:
-    """λ where level 1 takes over; None in the chain of billboards, where nothing is pruned before.
+    """λ where level 1 takes over; None where nothing is pruned before, as in the chain of billboards.
 
     It depends on no camera: both distances are in proportion to the same.
     """
     settings = prepared.settings
-    if settings.chain == "billboards":
+    if settings.chain == "billboards" or not is_on(prepared.effects, "pruning"):
         return None
     if settings.chain == "pruning":
         return 1.0
-    start = prepared.leaf_size / settings.prune_pixels
+    start = prepared.facts.leaf_size / settings.prune_pixels
     switch = settings.epsilon * prepared.foliage.radius / settings.pixels
     return share_left(start, switch, settings.prune_half)
 
@@ -201,7 +284,7 @@ def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
     keep = _keep_at_switch(prepared)
     if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
         return Thinning(start_for(keep, hand_over, half), half)
-    return Thinning(start if prepared.settings.chain == "pruning" else math.inf, half)
+    return Thinning(math.inf if keep is None or prepared.settings.chain != "pruning" else start, half)
 
 
 def bake_prepared(prepared: Prepared, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
@@ -226,13 +309,16 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         clouds = _levels_by_material(baked)
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
-        with (
-            gltf.engine_attributes(baked.levels, engine),
-            gltf.masked_leaves(baked.levels),
-            mean_light(baked.levels),
-            plain_materials(baked.levels),
-            engine_pages(clouds),
-        ):
+        with ExitStack() as changes:
+            changes.enter_context(gltf.engine_attributes(baked.levels, engine))
+            changes.enter_context(gltf.masked_leaves(baked.levels))
+            if is_on(baked.effects, "baked_light"):
+                changes.enter_context(mean_light(baked.levels))
+            if is_on(baked.effects, "contrast"):
+                changes.enter_context(plain_colors(baked.levels))
+            if is_on(baked.effects, "transitions"):
+                changes.enter_context(wood_of_meshes(baked.levels))
+            changes.enter_context(engine_pages(clouds))
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)
                 begin = time.perf_counter()

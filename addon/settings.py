@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Literal, TypedDict, get_args
 
@@ -18,6 +19,7 @@ EFFECTS = (
     "pruning",
     "back_sides",
     "trunk_levels",
+    "far_levels",
     "normals",
     "gloss",
     "translucency",
@@ -33,7 +35,8 @@ MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")
-"""What may stand in place of a list of effects."""
+"""What a list of effects may begin with in place of names."""
+VIEWERS = ("camera", "anywhere")
 
 MOST_LEVELS = 8
 SMALLEST_TEXTURE = 64
@@ -72,8 +75,11 @@ class BakeSettings:
     close_cracks: whether billboards also show the parts of other billboards' leaves that lie within ε of their plane.
     cross: whether crossed billboards of the whole tree follow behind the clouds.
     bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
-    effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them.
+    effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them; +NAME and -NAME behind that
+        force one on or off, and alone they do so over "auto".
     engine: which engine the glTF files are meant for.
+    viewer: who looks at the levels: "camera", those of the scene where it has any and no engine is named; "anywhere".
+    unlit: whether what draws the levels shows their colours as they are, without any light.
     chain: how the levels follow one another: "billboards", all leaves until level 1; "pruning", ever fewer leaves and
         then the cross; "both", level 1 of the leaves that pruning has left.
     prune_pixels: in the latter two leaves are pruned where one is seen smaller than this many pixels; > 0.
@@ -108,6 +114,8 @@ class BakeSettings:
     bend_normals: float = 0.0
     effects: str = "auto"
     engine: str = "generic"
+    viewer: str = "camera"
+    unlit: bool = False
     chain: str = "billboards"
     prune_pixels: float = 16.0
     prune_half: float = 0.5
@@ -146,16 +154,20 @@ class BakeSettings:
         )
         self._require("bend_normals", 0.0 <= self.bend_normals <= 1.0, "from 0 to 1")
         self._require("engine", self.engine in ENGINES, f"one of {', '.join(ENGINES)}")
+        self._require("viewer", self.viewer in VIEWERS, f"one of {', '.join(VIEWERS)}")
         self._require("chain", self.chain in CHAINS, f"one of {', '.join(CHAINS)}")
         ends = self.chain != "pruning" or self.cross
         self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
         self._require("prune_pixels", 0.0 < self.prune_pixels < math.inf, "greater than 0 and finite")
         self._require("prune_half", 0.0 < self.prune_half <= 0.5, "greater than 0 and at most 0.5")
-        known = self.effects in EFFECT_CHOICES or set(effect_names(self.effects)) <= set(EFFECTS)
-        choices = f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between"
+        asked = asked_effects(self.effects)
+        known = asked.known and {*asked.names, *asked.forced} <= set(EFFECTS)
+        choices = (
+            f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between, + or - before"
+        )
         self._require("effects", known, choices)
-        prunes = self.chain == "billboards" or {"auto", "all", "pruning"} & set(effect_names(self.effects))
-        self._require("effects", bool(prunes), f"with pruning for --chain {self.chain}")
+        prunes = self.chain == "billboards" or asked.state("pruning") is not False
+        self._require("effects", prunes, f"with pruning for --chain {self.chain}")
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
@@ -196,6 +208,34 @@ def flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def effect_names(effects: str) -> tuple[str, ...]:
-    """The names in a list with commas between, without the spaces around them."""
-    return tuple(name.strip() for name in effects.split(","))
+@dataclass(frozen=True)
+class AskedEffects:
+    """What a list of effects asks for: its `base`, or None and the `names` that it begins with; what is `forced`."""
+
+    base: str | None
+    names: tuple[str, ...]
+    forced: Mapping[str, bool]
+
+    @property
+    def known(self) -> bool:
+        """Whether a base stands alone, and where it may."""
+        return self.base is None or not self.names
+
+    def state(self, name: str) -> bool | None:
+        """Whether an effect is asked for; None leaves it to the plan. Levels are asked for by settings of their own."""
+        if name in self.forced:
+            return self.forced[name]
+        if self.base == "auto":
+            return None
+        if name == "far_levels":
+            return True
+        return name in (MOVING_LIGHT if self.base == "all" else self.names)
+
+
+def asked_effects(effects: str) -> AskedEffects:
+    """Reads a list with commas between, of which the names are not checked."""
+    words = [word.strip() for word in effects.split(",")]
+    forced = {word[1:].strip(): word[0] == "+" for word in words if word[:1] in ("+", "-")}
+    plain = [word for word in words if word[:1] not in ("+", "-")]
+    base = next((word for word in plain if word in EFFECT_CHOICES), None if plain else "auto")
+    return AskedEffects(base, tuple(word for word in plain if word != base), forced)

@@ -22,7 +22,8 @@ from addon.export.report import report
 from addon.export.unlit import mean_light
 from addon.lighting import BakedLight, light_of
 from addon.pipeline import prepare
-from addon.plan.effects import Facts, is_on, plan_channels, plan_effects
+from addon.plan.effects import is_on, plan_channels, plan_effects
+from addon.plan.facts import Facts
 from addon.scene import SceneError, light
 from addon.scene.extract import Tree
 from addon.settings import EFFECTS, BakeSettings
@@ -242,7 +243,7 @@ def test_what_is_for_moving_light_is_left_out_beside_it() -> None:
     settings = BakeSettings(effects=",".join(EFFECTS))
     effects = plan_effects(settings, Facts("generic", 2))
     on = [effect.name for effect in effects if effect.on]
-    assert on == ["transitions", "pruning", "back_sides", "trunk_levels", "baked_light"]
+    assert on == ["transitions", "pruning", "back_sides", "trunk_levels", "far_levels", "wind", "baked_light"]
     assert all("the light is baked in" in effect.reason for effect in effects if not effect.on)
     assert plan_channels(settings, Facts("generic", 2)) == ()
     assert is_on(plan_effects(BakeSettings(effects="baked_light"), Facts("generic", 2)), "back_sides")

@@ -441,10 +441,14 @@ def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
 
 
 def test_effects_tell_what_they_cost() -> None:
-    source, costs = tree(), Costs()
-    build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix)), costs)
+    source, costs, made = tree(), Costs(), chain()
+    build_levels(source, FOLIAGE, made, plan(Placement(source.matrix)), costs)
     vertices = 12 + 10
-    assert costs.bytes == {"pruning": vertices * 16, "transitions": vertices * (4 + 2 * 12 + 12)}
+    assert costs.bytes == {
+        "pruning": vertices * 16,
+        "transitions": vertices * (4 + 2 * 12 + 12),
+        "far_levels": sum(level.base_color.nbytes for level in made.levels[1:]),
+    }
     assert all(seconds > 0.0 for seconds in costs.seconds.values())
 
 

@@ -25,7 +25,7 @@ from addon.build.contrast import CONTRAST_NODE, contrast_material, mean_color
 from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
 from addon.build.node_laws import MEAN_SHARE
 from addon.export.gltf import export_level
-from addon.export.plain_materials import plain_materials
+from addon.export.plain_materials import plain_colors
 from addon.pipeline import prepare
 from addon.plan.thinning import CUT_OFF, cut_off_distance, share_left, start_for
 from addon.scene.meshes import PROTECT
@@ -255,7 +255,7 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
     result = baked(obj, "both", prune_pixels=100.0)
     [copy] = result.levels[0].object.data.materials
     assert CONTRAST_NODE in copy.node_tree.nodes
-    with plain_materials(result.levels):
+    with plain_colors(result.levels):
         export_level(result.levels[0], tmp_path / "leaves.glb")
     data = (tmp_path / "leaves.glb").read_bytes()
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])

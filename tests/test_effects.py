@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from addon.plan.effects import Effect, Facts, first_on, is_on, plan_channels, plan_effects, settle_back_sides
+from addon.plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, settle_back_sides
+from addon.plan.facts import Facts
 from addon.plan.reach import Reach, reaches, rising, wood_reach
-from addon.settings import MOVING_LIGHT, BakeSettings
+from addon.settings import MOVING_LIGHT, BakeSettings, SettingsError
 
 FACTS = Facts(engine="generic", leaves=672)
 
@@ -25,6 +26,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "pruning": True,
         "back_sides": None,
         "trunk_levels": False,
+        "far_levels": True,
         "normals": True,
         "gloss": False,
         "translucency": False,
@@ -75,9 +77,9 @@ def test_one_leaf_is_not_pruned() -> None:
     ("asked", "on"),
     [
         ("all", set(MOVING_LIGHT)),
-        ("none", set()),
-        ("pruning", {"pruning"}),
-        ("back_sides, transitions", {"back_sides", "transitions"}),
+        ("none", {"far_levels"}),
+        ("pruning", {"pruning", "far_levels"}),
+        ("back_sides, transitions", {"back_sides", "transitions", "far_levels"}),
     ],
 )
 def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None:
@@ -85,6 +87,35 @@ def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None
     assert {name for name, state in states(effects).items() if state} == on
     assert None not in states(effects).values()
     assert all(asked in effect.reason for effect in effects)
+
+
+@pytest.mark.parametrize(
+    ("asked", "changed"),
+    [
+        ("auto,+occlusion,-normals", {"occlusion": True, "normals": False}),
+        ("-pruning", {"pruning": False}),
+        ("+gloss", {"gloss": True}),
+        ("auto,+back_sides", {"back_sides": True}),
+    ],
+)
+def test_single_effects_are_forced_over_the_plan(asked: str, changed: dict[str, bool]) -> None:
+    planned = states(plan_effects(BakeSettings(), FACTS))
+    forced = plan_effects(BakeSettings(effects=asked), FACTS)
+    assert states(forced) == planned | changed
+    assert all(asked in effect.reason for effect in forced if effect.name in changed)
+
+
+def test_names_and_all_may_be_followed_by_exceptions() -> None:
+    some = states(plan_effects(BakeSettings(effects="pruning,+gloss,-far_levels"), FACTS))
+    assert {name for name, on in some.items() if on} == {"pruning", "gloss"}
+    most = states(plan_effects(BakeSettings(effects="all,-leaf_map"), FACTS))
+    assert {name for name, on in most.items() if on} == set(MOVING_LIGHT) - {"leaf_map"}
+
+
+def test_a_chain_that_prunes_wants_pruning() -> None:
+    with pytest.raises(SettingsError, match="with pruning"):
+        BakeSettings(chain="both", effects="auto,-pruning")
+    assert BakeSettings(chain="both", effects="none,+pruning").chain == "both"
 
 
 def test_back_sides_are_settled_by_what_the_levels_kept() -> None:

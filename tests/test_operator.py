@@ -11,7 +11,7 @@ import pytest
 
 import addon
 import leafcloud
-from addon.settings import CHAINS, BakeSettings
+from addon.settings import CHAINS, EFFECTS, BakeSettings
 from addon.ui import operators
 from addon.ui.properties import bake_settings, leaf_names
 
@@ -58,11 +58,25 @@ def test_the_settings_start_as_those_of_the_command_line() -> None:
 def test_effects_and_leaves_can_be_chosen() -> None:
     settings = bpy.context.scene.leafcloud
     settings.leaves = "needles, twig cards ,"
-    settings.effect_choice, settings.chosen_effects = "some", {"pruning", "transitions"}
     assert leaf_names(settings) == ["needles", "twig cards"]
-    assert bake_settings(settings).effects == "transitions,pruning"
-    settings.chosen_effects = set()
-    assert bake_settings(settings).effects == "none"
+    settings.effect_pruning, settings.effect_normals = "OFF", "ON"
+    assert bake_settings(settings).effects == "auto,-pruning,+normals"
+    settings.effect_pruning = settings.effect_normals = "AUTO"
+    assert bake_settings(settings).effects == "auto"
+
+
+def test_the_plan_is_shown_without_baking(selected_shrub: list[bpy.types.Object]) -> None:
+    before = counts()
+    assert bpy.ops.leafcloud.plan() == {"FINISHED"}
+    rows = {row.name: row for row in bpy.context.window_manager.leafcloud.plan}
+    assert tuple(rows) == EFFECTS
+    assert (rows["normals"].state, rows["back_sides"].state, rows["gloss"].state) == ("ON", "AUTO", "OFF")
+    assert rows["gloss"].cost == ""
+    assert rows["normals"].cost.endswith(" MB")
+    assert counts() == before
+    bpy.context.scene.leafcloud.leaves = "petals"
+    with pytest.raises(RuntimeError, match="petals"):
+        bpy.ops.leafcloud.plan()
 
 
 def test_every_chain_can_be_chosen() -> None:

@@ -55,6 +55,9 @@ def test_the_defaults_are_those_of_the_promised_command_line() -> None:
         ("prune_half", 0.6),
         ("effects", "transitions,glitter"),
         ("effects", ""),
+        ("effects", "+glitter"),
+        ("effects", "auto,pruning"),
+        ("viewer", "nowhere"),
     ],
 )
 def test_a_value_outside_its_range_is_refused(name: str, value: object) -> None:
@@ -66,7 +69,20 @@ def test_a_value_outside_its_range_is_refused(name: str, value: object) -> None:
     assert "\n" not in message
 
 
-@pytest.mark.parametrize("effects", ["auto", "all", "none", "pruning", "transitions, back_sides"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        "auto",
+        "all",
+        "none",
+        "pruning",
+        "transitions, back_sides",
+        "auto,+gloss,-normals",
+        "-pruning",
+        "pruning,+gloss",
+        "all, -leaf_map",
+    ],
+)
 def test_effects_may_be_a_choice_or_a_list(effects: str) -> None:
     assert BakeSettings(effects=effects).effects == effects
 

@@ -18,7 +18,8 @@ import leafcloud
 from addon.baked import Baked
 from addon.build.wood import simplified, whole
 from addon.placement import Placement
-from addon.plan.effects import Facts, is_on, plan_effects
+from addon.plan.effects import is_on, plan_effects
+from addon.plan.facts import Facts
 from addon.plan.reach import WOOD_PIXELS, Reach, wood_errors
 from addon.scene.extract import Geometry
 from addon.settings import BakeSettings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -76,6 +76,8 @@ class Plan:
     pruning: bool
     switch_distances: tuple[float, ...]
     reaches: tuple[Reach, ...]
+    drawn: range = range(1)
+    """The levels that are seen; without transitions and pruning only these can be, and where it is one it always is."""
     thinning: Thinning = field(default_factory=Thinning)
     growth: tuple[float, float] = (0.0, 0.0)
     """Of pruned leaves beside what their area asks for, as `leafcloud.Chain.growth`."""
@@ -98,7 +100,7 @@ class Plan:
 
     @property
     def follows_camera(self) -> bool:
-        return self.transitions or self.pruning
+        return self.transitions or self.pruning or len(self.drawn) > 1
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def build_levels(
     """Makes a collection of all levels, not yet in any scene.
 
     Everything lies at the tree's matrix, in the tree's coordinates. Without transitions and pruning nothing follows the
-    camera: then only LOD 0 is shown. When anything fails, what was made is removed again.
+    camera where it sees but one level: then only that is shown. When anything fails, what was made is removed again.
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
@@ -146,7 +148,8 @@ def build_levels(
         behind = chain.levels
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
-            _add_leaf_map(obj, level, tree, costs)
+            if level.leaf_uv is not None and level.leaf_id is not None:
+                _add_leaf_map(obj, level.leaf_uv, level.leaf_id, tree, costs)
             built = _add_level(collection, obj, number, woods[number], plan, costs)
             if level.two_sided:
                 built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
@@ -216,7 +219,7 @@ def _add_level(
         if plan.follows_camera:
             add_lod_modifier(member, _lod_settings(reach, plan, thins=number == 0 and member is obj))
         else:
-            member.hide_viewport = member.hide_render = number > 0
+            member.hide_viewport = member.hide_render = number not in plan.drawn
     if plan.wind is not None:
         with costs.spent_on("wind", 0):
             for member, reach in members.items():
@@ -303,7 +306,7 @@ def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud
     return _Shape(
         surface=triangle_surface(geometry, order, split),
         ranks=ranks[order],
-        pruning=_pruning(ranks[of_vertex], chain.pivots[of_vertex], plan),
+        pruning=_pruning(ranks[of_vertex], chain.pivots[of_vertex], plan) if plan.pruning else None,
         transition=transition,
         light=None if plan.light is None else plan.light.at(order),
         swaying=None if plan.wind is None else _leaf_swaying(leaf_ids, moves, chain, plan, of_vertex),
@@ -342,7 +345,7 @@ def _cloud_object(
 ) -> bpy.types.Object:
     name = f"{plan.name}_LOD{number}"
     cutoff = level.alpha_cutoff
-    page = _page(name, level, plan, costs)
+    page = _page(name, number, level, plan, costs)
     double = not level.two_sided
     if plan.light is None:
         material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
@@ -362,9 +365,13 @@ def _cloud_object(
     return _object(mesh, shape, extras, plan.reaches[number], costs)
 
 
-def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
-    """The level's images in Blender."""
-    page = Page(atlas_image(name, level.base_color), roughness=plan.roughness, metallic=plan.metallic)
+def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
+    """The images in Blender of the level with this number."""
+    base_color = level.base_color
+    # The first level is what a bake is for.
+    with costs.spent_on("far_levels", base_color.nbytes) if number > 1 else nullcontext():
+        image = atlas_image(name, base_color)
+    page = Page(image, roughness=plan.roughness, metallic=plan.metallic)
     if (normal := level.normal) is not None:
         with costs.spent_on("normals", normal.nbytes):
             page = replace(page, normal=atlas_image(f"{name}_normal", normal, data=True))
@@ -383,10 +390,10 @@ def _page(name: str, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
     return page
 
 
-def _add_leaf_map(obj: bpy.types.Object, level: leafcloud.Level, tree: Tree, costs: Costs) -> None:
-    """Gives the level's material, where the chain has a leaf map, what it needs to show another season."""
-    if (uv := level.leaf_uv) is None or (leaf := level.leaf_id) is None:
-        return
+def _add_leaf_map(
+    obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], tree: Tree, costs: Costs
+) -> None:
+    """Gives the level's material what it needs to show another season: the chain's leaf map."""
     with costs.spent_on("leaf_map", uv.nbytes + leaf.nbytes):
         uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
         leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
@@ -422,7 +429,7 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     return _Shape(
         surface=surface,
         ranks=ranks[faces.billboards],
-        pruning=_pruning(ranks[billboards], following.pivots[of_vertex], plan),
+        pruning=_pruning(ranks[billboards], following.pivots[of_vertex], plan) if plan.pruning else None,
         transition=transition,
         swaying=swaying,
     )
@@ -455,9 +462,9 @@ def _parents(level: leafcloud.Level) -> NDArray[np.int32]:
     return level.cloud.parents.astype(np.int32)
 
 
-def _pruning(ranks: NDArray[np.float32], pivots: NDArray[np.float64], plan: Plan) -> Pruning | None:
+def _pruning(ranks: NDArray[np.float32], pivots: NDArray[np.float64], plan: Plan) -> Pruning:
     """For vertices with `ranks` (v,), whose leaves have `pivots` (v, 3) in the world."""
-    return Pruning(ranks, plan.placement.to_tree(pivots)) if plan.pruning else None
+    return Pruning(ranks, plan.placement.to_tree(pivots))
 
 
 def _transition(

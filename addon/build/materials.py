@@ -58,6 +58,8 @@ def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> 
         image.pack()
     image.name = name
     image.filepath_raw = f"//{name}.png"
+    for packed in image.packed_files:
+        packed.filepath = image.filepath_raw  # Else it keeps the folder's name, which is another one every time.
     # Colours are dilated under transparent texels and wanted there: they must not be multiplied by alpha.
     image.alpha_mode = "CHANNEL_PACKED"
     if data:
@@ -93,21 +95,15 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
     tree.links.new(threshold.outputs[0], surface.inputs["Alpha"])
     if page.gloss is not None:
-        parts = _node(tree, "ShaderNodeSeparateColor", (-280.0, -100.0))
-        tree.links.new(_image_node(tree, page.gloss, 0.0).outputs["Color"], parts.inputs[0])
-        tree.links.new(parts.outputs["Green"], surface.inputs["Roughness"])
-        tree.links.new(parts.outputs["Blue"], surface.inputs["Metallic"])
+        parts = _add_gloss(tree, surface, page.gloss)
         if page.occluded:
             tree.links.new(parts.outputs["Red"], _gltf_output(tree).inputs["Occlusion"])
     if page.normal is not None:
-        normal = _node(tree, "ShaderNodeNormalMap", (-280.0, -300.0))
-        tree.links.new(_image_node(tree, page.normal, -300.0).outputs["Color"], normal.inputs["Color"])
-        tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
+        _add_normal(tree, surface, page.normal)
     if page.translucency is not None:
         _shine_through(tree, surface, threshold, page)
     if page.visibility is not None:
-        # No renderer of Blender's asks for it: it waits for a shader that does, and for the export.
-        _image_node(tree, page.visibility, -600.0).name = VISIBILITY_NODE
+        _add_visibility(tree, page.visibility)
     if not double_sided:
         hide_back_in_cycles(tree)
     return material
@@ -134,6 +130,26 @@ def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
     tree.links.new(front.outputs[0], shown.inputs["Surface"])
     shown.target = "CYCLES"
     output.is_active_output = True
+
+
+def _add_gloss(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.types.Image) -> bpy.types.Node:
+    """Links the image's green and blue; gives the node that takes it apart."""
+    parts = _node(tree, "ShaderNodeSeparateColor", (-280.0, -100.0))
+    tree.links.new(_image_node(tree, image, 0.0).outputs["Color"], parts.inputs[0])
+    tree.links.new(parts.outputs["Green"], surface.inputs["Roughness"])
+    tree.links.new(parts.outputs["Blue"], surface.inputs["Metallic"])
+    return parts
+
+
+def _add_normal(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.types.Image) -> None:
+    normal = _node(tree, "ShaderNodeNormalMap", (-280.0, -300.0))
+    tree.links.new(_image_node(tree, image, -300.0).outputs["Color"], normal.inputs["Color"])
+    tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
+
+
+def _add_visibility(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
+    """No renderer of Blender's asks for it: it waits for a shader that does, and for the export."""
+    _image_node(tree, image, -600.0).name = VISIBILITY_NODE
 
 
 def _shine_through(tree: bpy.types.NodeTree, surface: bpy.types.Node, threshold: bpy.types.Node, page: Page) -> None:

@@ -11,15 +11,17 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..build.baked_light import FRONT
 from ..build.cloud_mesh import add_uv_map
 from ..build.levels import BuiltLevel
+from ..build.materials import TRANSLUCENCY_NODE
 from ..build.morphs import add_point_attribute
 from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
 from .translucency import add_translucency
-from .unlit import add_unlit, color_options
-from .waiting import add_waiting
+from .unlit import COLOR_OPTIONS, add_unlit
+from .waiting import WAITING_NODES, add_waiting
 
 FIRST_FALLBACK = 2
 """TEXCOORD_2 is (rank, pivot.x), TEXCOORD_3 is (pivot.y, pivot.z), of the pivot in glTF's Y-up coordinates. With wind
@@ -103,18 +105,29 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
 
     Raises `ExportError` when the file could not be written whole.
     """
+    lit = any(FRONT in obj.data.color_attributes for obj in collection.objects)
     try:
         bpy.ops.export_scene.gltf(
-            filepath=str(path), collection=collection.name, **_OPTIONS, **color_options(collection)
+            filepath=str(path), collection=collection.name, **_OPTIONS, **(COLOR_OPTIONS if lit else {})
         )
     except RuntimeError as error:
         raise ExportError(f"{path.name}: {reason(error)}") from error
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
-    add_waiting(path, collection)
-    add_translucency(path, collection)
-    add_unlit(path, collection)
+    nodes = _node_names(collection)
+    if nodes & set(WAITING_NODES):
+        add_waiting(path, collection)
+    if TRANSLUCENCY_NODE in nodes:
+        add_translucency(path, collection)
+    if lit:
+        add_unlit(path, collection)
     add_tangents(path)
+
+
+def _node_names(collection: bpy.types.Collection) -> set[str]:
+    """Of all materials' nodes: what the exporter does not know is added after it, where there is any."""
+    materials = {material for obj in collection.objects for material in obj.data.materials if material is not None}
+    return {node.name for material in materials if material.node_tree for node in material.node_tree.nodes}
 
 
 def export_level(level: BuiltLevel, path: Path) -> None:

@@ -16,10 +16,20 @@ from ..build.levels import BuiltLevel
 
 
 @contextmanager
-def plain_materials(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Passes the contrast nodes of LOD 0's materials by, and gives all wood the materials of its mesh."""
+def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Links what lies under each contrast node of LOD 0's materials past it."""
     materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
     passed = [pair for material in materials if material.node_tree is not None for pair in _pass(material.node_tree)]
+    try:
+        yield
+    finally:
+        for tree, mixed, socket in passed:
+            tree.links.new(mixed, socket)
+
+
+@contextmanager
+def wood_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Gives all wood the materials of its mesh."""
     woods = [level.wood for level in levels if level.wood is not None]
     own = [slot for wood in woods for slot in wood.material_slots if slot.link == "OBJECT"]
     for slot in own:
@@ -29,8 +39,6 @@ def plain_materials(levels: Sequence[BuiltLevel]) -> Iterator[None]:
     finally:
         for slot in own:
             slot.link = "OBJECT"
-        for tree, mixed, socket in passed:
-            tree.links.new(mixed, socket)
 
 
 def _pass(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.NodeSocket, bpy.types.NodeSocket]]:

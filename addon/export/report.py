@@ -11,10 +11,9 @@ import leafcloud
 
 from ..baked import Baked
 from ..build.levels import BuiltLevel
+from ..plan.costs import BYTES_PER_TEXEL
 from ..plan.effects import Effect, is_on
 from ..settings import BakeSettings
-
-BYTES_PER_TEXEL = 4
 
 
 def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -> dict[str, Any]:
@@ -105,8 +104,15 @@ def billboard_count(level: leafcloud.Level) -> int:
 
 
 def _effect(effect: Effect, baked: Baked) -> dict[str, Any]:
+    """What it has cost beside what it was expected to."""
     nbytes = baked.costs.bytes.get(effect.name, 0)
     if effect.name == "back_sides":
         nbytes = sum(level.texels // 2 for level in baked.chain.levels if level.two_sided) * BYTES_PER_TEXEL
-    seconds = baked.costs.seconds.get(effect.name, 0.0)
-    return {"name": effect.name, "on": effect.on, "reason": effect.reason, "seconds": seconds, "bytes": nbytes}
+    return {
+        "name": effect.name,
+        "on": effect.on,
+        "reason": effect.reason,
+        "seconds": baked.costs.seconds.get(effect.name, 0.0),
+        "bytes": nbytes,
+        "estimate": {"seconds": effect.seconds, "bytes": effect.bytes},
+    }

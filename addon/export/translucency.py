@@ -25,8 +25,6 @@ def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
         for material in obj.data.materials
         if material is not None and material.node_tree is not None and TRANSLUCENCY_NODE in material.node_tree.nodes
     }
-    if not trees:
-        return
     document, binary = read_glb(path)
     for material in document.get("materials", []):
         tree = trees.get(material["name"])

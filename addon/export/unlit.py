@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -19,6 +18,9 @@ from numpy.typing import NDArray
 from ..build.baked_light import BACK, FRONT
 from ..build.levels import BuiltLevel
 from .glb_file import read_glb, write_glb
+
+COLOR_OPTIONS = {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
+"""What the exporter is told where colours are light: to write those that render, and no others."""
 
 UNLIT = "KHR_materials_unlit"
 _MEAN = "leafcloud_light_mean"
@@ -46,13 +48,6 @@ def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
     finally:
         attributes.remove(attributes[_MEAN])
         attributes.render_color_index = own
-
-
-def color_options(collection: bpy.types.Collection) -> dict[str, Any]:
-    """What the exporter is told where colours are light: to write those that render, and no others."""
-    if not any(_is_lit(obj.data) for obj in collection.objects):
-        return {}
-    return {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
 
 
 def add_unlit(path: Path, collection: bpy.types.Collection) -> None:

@@ -21,7 +21,7 @@ from ..build.leaf_map import ID_NODE, UV_NODE
 from ..build.materials import VISIBILITY_NODE
 from .glb_file import append_texture, read_glb, write_glb
 
-_KEYS = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
+WAITING_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
 """By the names of the image nodes that wait."""
 _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}
@@ -35,8 +35,6 @@ def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
         for material in obj.data.materials
         if material is not None and (images := _images(material))
     }
-    if not waiting:
-        return
     document, binary = read_glb(path)
     for material in document.get("materials", []):
         for key, image in waiting.get(material["name"], {}).items():
@@ -50,7 +48,7 @@ def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
 def _images(material: bpy.types.Material) -> dict[str, bpy.types.Image]:
     """The images that wait in a material, as far as they are packed, by their keys."""
     nodes = {} if material.node_tree is None else material.node_tree.nodes
-    images = {key: nodes[name].image for name, key in _KEYS.items() if name in nodes}
+    images = {key: nodes[name].image for name, key in WAITING_NODES.items() if name in nodes}
     return {key: image for key, image in images.items() if image is not None and image.packed_file is not None}
 
 

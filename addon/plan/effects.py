@@ -2,54 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ..settings import CHANNELS, EFFECTS, MOVING_LIGHT, BakeSettings, effect_names
-from .wind import Wind
+from ..settings import CHANNELS, EFFECTS, BakeSettings, asked_effects
+from .facts import Facts
+from .sight import Sight, pixels_of, prune_start, sight
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: `on` is None while it is left to each cloud to decide as it is baked. `reason` is one sentence."""
+    """One effect: `on` is None while it is left to each cloud to decide as it is baked. `reason` is one sentence.
+
+    seconds, bytes: what it is expected to cost (`plan.costs`).
+    """
 
     name: str
     on: bool | None
     reason: str
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What the plan looks at: the engine that draws the tree, how much there is of it, what lights do there."""
-
-    engine: str
-    leaves: int = 0
-    wood: int = 0
-    """Triangles of trunk and branches."""
-    glossy: str | None = None
-    """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
-    translucent: str | None = None
-    """A leaf material through which light shines."""
-    wind: Wind | None = None
-    """What the scene's force fields blow on the tree."""
+    seconds: float = 0.0
+    bytes: int = 0
 
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
-    if settings.effects == "auto":
-        seen = (_transitions(facts), _pruning(facts), _back_sides(), _trunk_levels(facts))
-        read = (_normals(facts), _gloss(facts), _translucency(facts))
-        return (*seen, *read, *_SKY, _LEAF_MAP, _contrast(settings, facts), _wind(facts), _BAKED_LIGHT)
-    forced = {"all": MOVING_LIGHT, "none": ()}.get(settings.effects, effect_names(settings.effects))
-    asked = tuple(Effect(name, name in forced, f"asked for by --effects {settings.effects}") for name in EFFECTS)
-    if settings.effects == "all":
-        left_out = replace(_BAKED_LIGHT, reason=f"{_BAKED_LIGHT.reason}, not by --effects all")
-        return tuple(left_out if effect.name == left_out.name else effect for effect in asked)
-    return tuple(map(_under_baked_light, asked)) if "baked_light" in forced else asked
+    scene = _Scene(settings, facts, sight(settings, facts))
+    effects = tuple(_asked(settings, name) or _RULES[name](scene) for name in EFFECTS)
+    return tuple(map(_under_baked_light, effects)) if is_on(effects, "baked_light") else effects
 
 
 def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
-    """The channels that are read from the materials; it does not matter how many leaves there are.
+    """The channels that are read from the materials.
 
     Occlusion shares a texture with gloss, and needs it whole.
     """
@@ -57,6 +40,16 @@ def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
     if on & {"occlusion", "self_shadowing"}:
         on.add("gloss")
     return tuple(name for name in CHANNELS if name in on)
+
+
+def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[int, bool]:
+    """How many clouds are made, and whether the cross is: without the effect far_levels those that are seen, or one."""
+    clouds = 0 if settings.chain == "pruning" else settings.levels
+    if is_on(effects, "far_levels"):
+        return clouds, settings.cross
+    seen = sight(settings, facts)
+    last = 1 if seen is None else max(seen.last, 1)
+    return min(clouds, last), settings.cross and last > clouds
 
 
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
@@ -77,70 +70,214 @@ def first_on(effects: Sequence[Effect], names: Sequence[str]) -> str:
     return next((name for name in names if is_on(effects, name)), names[0])
 
 
-def _transitions(facts: Facts) -> Effect:
-    return Effect("transitions", True, f"{_free_camera(facts.engine)}, so it sees levels take over from one another")
+@dataclass(frozen=True)
+class _Scene:
+    """What the rules look at. `seen` is None when the viewer may be anywhere."""
+
+    settings: BakeSettings
+    facts: Facts
+    seen: Sight | None
+
+    @property
+    def free_camera(self) -> str:
+        engine = self.facts.engine
+        return "the camera may be anywhere" if engine == "generic" else f"the camera may be anywhere in {engine}"
+
+    @property
+    def only_leaves(self) -> bool:
+        """Whether no camera sees anything but LOD 0."""
+        return self.seen is not None and self.seen.last == 0
+
+    @property
+    def where(self) -> str:
+        """From where the cameras see the tree, as the beginning of a sentence."""
+        assert self.facts.camera is not None
+        near, far = (
+            f"{away / self.facts.radius:.3g}" for away in (self.facts.camera.nearest, self.facts.camera.farthest)
+        )
+        trees = len(self.facts.camera.spans)
+        if trees > 1:
+            return f"the camera sees the {trees} trees from {near} to {far} radii"
+        return f"the camera stays at {far} radii" if near == far else f"the camera stays between {near} and {far} radii"
+
+    def takes_over(self, level: int) -> str:
+        assert self.seen is not None
+        return f"level {level} takes over at {self.seen.switches[level] / self.facts.radius:.3g}"
+
+    @property
+    def before_level_1(self) -> str:
+        """Why no billboard is seen."""
+        return f"{self.where}, and {self.takes_over(1)}: no billboard is seen"
 
 
-def _pruning(facts: Facts) -> Effect:
+def _asked(settings: BakeSettings, name: str) -> Effect | None:
+    """What the settings say of an effect, if they do."""
+    asked = asked_effects(settings.effects)
+    on = asked.state(name)
+    if on is None:
+        return None
+    reason = f"asked for by --effects {settings.effects}"
+    if name not in asked.forced and name == "far_levels":
+        return Effect(name, on, f"asked for by --levels {settings.levels} beside --effects {settings.effects}")
+    if name not in asked.forced and name == "baked_light" and asked.base == "all":
+        return Effect(name, on, f"{_BY_NAME}, not by --effects {settings.effects}")
+    return Effect(name, on, reason)
+
+
+_BY_NAME = "the light would have to stand still for good, so it has to be asked for by name or by --unlit"
+
+
+def _transitions(scene: _Scene) -> Effect:
+    seen = scene.seen
+    if seen is None:
+        return Effect("transitions", True, f"{scene.free_camera}, so it sees levels take over from one another")
+    if seen.passed:
+        return Effect("transitions", True, f"{scene.where}, and {scene.takes_over(seen.passed[0])}")
+    if seen.first != seen.last:
+        return Effect("transitions", False, f"{scene.where}, and none of them is seen to change from level to level")
+    if seen.last + 1 < len(seen.switches):
+        return Effect("transitions", False, f"{scene.where}, and {scene.takes_over(seen.last + 1)}")
+    return Effect("transitions", False, f"{scene.where}, behind the last level's {scene.takes_over(seen.last)}")
+
+
+def _pruning(scene: _Scene) -> Effect:
+    facts, settings, camera = scene.facts, scene.settings, scene.facts.camera
     if facts.leaves == 1:
         return Effect("pruning", False, "the foliage is one leaf, there is nothing to prune")
-    return Effect("pruning", True, f"{_free_camera(facts.engine)}, so it may see {facts.leaves} leaves from far away")
+    if camera is None:
+        reason = f"{scene.free_camera}, so it may see {facts.leaves} leaves from far away"
+        return Effect("pruning", True, reason)
+    if settings.chain != "billboards":
+        start = prune_start(settings, facts, camera.view)
+        begins = f"leaves are pruned from {start / facts.radius:.3g} on"
+        return Effect("pruning", camera.farthest > start, f"{scene.where}, and {begins}")
+    pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)
+    if len(camera.spans) > 1 and pixels < 1.0:
+        reason = f"{scene.where}, where a leaf is {pixels:.2g} pixels large, so a scene may share its leaves out"
+        return Effect("pruning", True, reason)
+    return Effect("pruning", False, f"{scene.where}, where all leaves stay until level 1 takes over from them")
 
 
-def _back_sides() -> Effect:
+def _back_sides(scene: _Scene) -> Effect:
+    if scene.only_leaves:
+        return Effect("back_sides", False, scene.before_level_1)
     return Effect("back_sides", None, "each level keeps a texture of its own for the back where the two sides differ")
 
 
-def _trunk_levels(facts: Facts) -> Effect:
-    if facts.wood == 0:
+def _trunk_levels(scene: _Scene) -> Effect:
+    wood = scene.facts.wood
+    if wood == 0:
         return Effect("trunk_levels", False, "there is no wood beside the leaves")
-    reason = f"{_free_camera(facts.engine)}, so it may see {facts.wood} triangles of wood from far away"
-    return Effect("trunk_levels", True, reason)
+    if scene.only_leaves:
+        return Effect("trunk_levels", False, f"{scene.where}, and {scene.takes_over(1)}: the wood is seen as it came")
+    if scene.seen is not None:
+        return Effect("trunk_levels", True, f"{scene.where}, and sees {wood} triangles of wood beside billboards")
+    return Effect("trunk_levels", True, f"{scene.free_camera}, so it may see {wood} triangles of wood from far away")
 
 
-def _normals(facts: Facts) -> Effect:
-    return Effect("normals", True, f"{_free_light(facts.engine)}, so the billboards are lit as their leaves would be")
+def _far_levels(scene: _Scene) -> Effect:
+    seen = scene.seen
+    if seen is None:
+        return Effect("far_levels", True, f"{scene.free_camera}, so it may be as far away as any level is for")
+    needed = max(seen.last, 1)
+    if needed + 1 >= len(seen.switches):
+        return Effect("far_levels", True, f"{scene.where}, and {scene.takes_over(needed)}: every level is seen")
+    left = f"only level {needed} is made" if needed == 1 else f"none behind level {needed} is made"
+    return Effect("far_levels", False, f"{scene.where}, and {scene.takes_over(needed + 1)}: {left}")
 
 
-def _gloss(facts: Facts) -> Effect:
-    if facts.glossy is None:
+def _normals(scene: _Scene) -> Effect:
+    if (nobody := _why_unlit(scene)) is not None:
+        return Effect("normals", False, nobody)
+    reason = f"{_whose_light(scene)}, so the billboards are lit as their leaves would be"
+    return Effect("normals", True, reason)
+
+
+def _gloss(scene: _Scene) -> Effect:
+    if scene.facts.glossy is None:
         return Effect("gloss", False, "all leaves are equally glossy, which takes a number and no texture")
-    return Effect("gloss", True, f"lights are mirrored in the material {facts.glossy!r} otherwise than elsewhere")
+    if (nobody := _why_unlit(scene)) is not None:
+        return Effect("gloss", False, nobody)
+    return Effect("gloss", True, f"lights are mirrored in the material {scene.facts.glossy!r} otherwise than elsewhere")
 
 
-def _translucency(facts: Facts) -> Effect:
-    if facts.translucent is None:
+def _translucency(scene: _Scene) -> Effect:
+    if scene.facts.translucent is None:
         return Effect("translucency", False, "no light shines through the leaves' materials")
-    reason = f"{_free_light(facts.engine)}, and it shines through the material {facts.translucent!r}"
+    if (nobody := _why_unlit(scene)) is not None:
+        return Effect("translucency", False, nobody)
+    reason = f"{_whose_light(scene)}, and it shines through the material {scene.facts.translucent!r}"
     return Effect("translucency", True, reason)
 
 
-def _contrast(settings: BakeSettings, facts: Facts) -> Effect:
-    if settings.chain == "billboards" or facts.leaves == 1:
+def _contrast(scene: _Scene) -> Effect:
+    if scene.settings.chain == "billboards" or scene.facts.leaves == 1:
         return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
+    pruning = asked_effects(scene.settings.effects).state("pruning")
+    if not (_pruning(scene).on if pruning is None else pruning):
+        return Effect("contrast", False, f"{scene.where}, where no leaf is pruned")
     return Effect("contrast", True, "pruned leaves grow, and large leaves would make far crowns coarser than they are")
 
 
-def _wind(facts: Facts) -> Effect:
-    if facts.wind is None:
+def _wind(scene: _Scene) -> Effect:
+    wind = scene.facts.wind
+    if wind is None:
         return Effect("wind", False, "no force field blows on the tree")
-    blows = "turbulence shakes" if facts.wind.field is None else f"the force field {facts.wind.field!r} blows on"
+    blows = "turbulence shakes" if wind.field is None else f"the force field {wind.field!r} blows on"
     return Effect("wind", True, f"{blows} the tree")
 
 
-_SKY = (
-    Effect("occlusion", False, "the leaves have none of their own, so it would show where billboards take over"),
-    Effect(
-        "self_shadowing", False, "renderers cast shadows themselves, and only a shader made for it reads the texture"
+def _baked_light(scene: _Scene) -> Effect:
+    lights = scene.facts.lights
+    if not scene.settings.unlit:
+        return Effect("baked_light", False, _BY_NAME)
+    if not lights.names:
+        return Effect("baked_light", False, "nothing is lit where the levels go, but no light is in the scene either")
+    if lights.changing is not None:
+        return Effect("baked_light", False, f"nothing is lit where the levels go, but {lights.changing}")
+    shining = ", ".join(repr(name) for name in lights.names[:3]) + (" and others" if len(lights.names) > 3 else "")
+    return Effect("baked_light", True, f"nothing is lit where the levels go, and {shining} stand still")
+
+
+def _why_unlit(scene: _Scene) -> str | None:
+    """Why nobody would read what billboards answer lights with; None where somebody does."""
+    if scene.settings.unlit:
+        return "nothing is lit where the levels go"
+    return scene.before_level_1 if scene.only_leaves else None
+
+
+def _whose_light(scene: _Scene) -> str:
+    facts = scene.facts
+    if facts.engine != "generic":
+        return f"light may come from anywhere in {facts.engine}"
+    if facts.camera is None:
+        return "light may come from anywhere"
+    return facts.lights.changing or "Blender lights the tree as it renders"
+
+
+def _always(name: str, reason: str) -> Callable[[_Scene], Effect]:
+    """The rule of an effect that has to be asked for."""
+    return lambda scene: Effect(name, False, reason)
+
+
+_RULES: dict[str, Callable[[_Scene], Effect]] = {
+    "transitions": _transitions,
+    "pruning": _pruning,
+    "back_sides": _back_sides,
+    "trunk_levels": _trunk_levels,
+    "far_levels": _far_levels,
+    "normals": _normals,
+    "gloss": _gloss,
+    "translucency": _translucency,
+    "occlusion": _always("occlusion", "the leaves have none of their own, so it would show where billboards take over"),
+    "self_shadowing": _always(
+        "self_shadowing", "renderers cast shadows themselves, and only a shader made for it reads the texture"
     ),
-)
-
-_LEAF_MAP = Effect("leaf_map", False, "the leaves keep their textures until somebody wants another season")
-
-
-_BAKED_LIGHT = Effect(
-    "baked_light", False, "the light would have to stand still, which no file says, so it has to be asked for by name"
-)
+    "leaf_map": _always("leaf_map", "the leaves keep their textures until somebody wants another season"),
+    "contrast": _contrast,
+    "wind": _wind,
+    "baked_light": _baked_light,
+}
 
 
 def _under_baked_light(effect: Effect) -> Effect:
@@ -157,14 +294,6 @@ def _under_baked_light(effect: Effect) -> Effect:
 
 
 _FOR_MOVING_LIGHT = (*CHANNELS, "occlusion", "self_shadowing")
-
-
-def _free_light(engine: str) -> str:
-    return "light may come from anywhere" if engine == "generic" else f"light may come from anywhere in {engine}"
-
-
-def _free_camera(engine: str) -> str:
-    return "the camera may be anywhere" if engine == "generic" else f"the camera may be anywhere in {engine}"
 
 
 def _settled(effect: Effect, two_sided: Sequence[int]) -> Effect:

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import bpy
 
-from .operators import LEAFCLOUD_OT_bake, cancel_running
-from .panels import LEAFCLOUD_PT_bake
-from .properties import LeafcloudSettings, LeafcloudStatus
+from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, cancel_running
+from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
+from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
 from .viewport import LEAFCLOUD_OT_preview, stop_preview
 
-_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_OT_preview, LEAFCLOUD_PT_bake)
+_CLASSES = (
+    LeafcloudSettings,
+    LeafcloudPlanRow,
+    LeafcloudStatus,
+    LEAFCLOUD_OT_bake,
+    LEAFCLOUD_OT_plan,
+    LEAFCLOUD_OT_preview,
+    LEAFCLOUD_PT_bake,
+    LEAFCLOUD_PT_effects,
+)
 
 
 def register() -> None:

@@ -11,11 +11,11 @@ import leafcloud
 
 from ..build.rollback import removed_on_failure
 from ..job import POLL_SECONDS, wait
-from ..pipeline import file_name, finish, layer_of, prepare, start, view_of, write
+from ..pipeline import file_name, finish, layer_of, plan, prepare, start, view_of, write
 from ..scene import SceneError
 from ..scene.extract import extract
 from ..settings import SettingsError
-from .properties import bake_settings, leaf_names
+from .properties import bake_settings, leaf_names, show_plan
 
 _REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -36,6 +36,29 @@ def cancel_running() -> None:
     _running.clear()
 
 
+class LEAFCLOUD_OT_plan(bpy.types.Operator):
+    """Tell which effects a bake of the selected objects would carry, why, and what each would cost"""
+
+    bl_idname = "leafcloud.plan"
+    bl_label = "Plan Effects"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _may_read(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.leafcloud
+        try:
+            sources = tuple(context.selected_objects)
+            tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
+            effects = plan(tree, bake_settings(settings), layer_of(context.scene))
+        except _REFUSALS as error:
+            self.report({"ERROR"}, " ".join(str(error).split()))
+            return {"CANCELLED"}
+        show_plan(context.window_manager.leafcloud, effects)
+        return {"FINISHED"}
+
+
 class LEAFCLOUD_OT_bake(bpy.types.Operator):
     """Bake the selected objects into levels of detail, in a new collection"""
 
@@ -45,16 +68,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.selected_objects:
-            cls.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave Edit Mode first")
-            return False
-        if _running:
-            cls.poll_message_set("A bake is running")
-            return False
-        return True
+        return _may_read(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bakes from start to end; nothing else happens meanwhile."""
@@ -120,6 +134,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             if scene.leafcloud.directory:
                 directory = Path(bpy.path.abspath(scene.leafcloud.directory))
                 write(baked, directory, lambda stage, fraction: _show(context, stage, fraction), blend=False)
+        show_plan(context.window_manager.leafcloud, baked.effects)
         for obj in self._sources:
             obj.hide_set(True)
             obj.hide_render = True
@@ -132,6 +147,20 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
         """Tells why nothing was baked; the scene is as it was."""
         self.report({"ERROR"}, " ".join(str(error).split()))
         return {"CANCELLED"}
+
+
+def _may_read(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether what is selected can be read now; else the operator's button says why not."""
+    if not context.selected_objects:
+        cls.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+        return False
+    if context.mode != "OBJECT":
+        cls.poll_message_set("Leave Edit Mode first")
+        return False
+    if _running:
+        cls.poll_message_set("A bake is running")
+        return False
+    return True
 
 
 def _free_name(wanted: str) -> str:

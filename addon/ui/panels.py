@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import bpy
 
+from ..settings import EFFECTS
+from .properties import AUTO, OFF, ON, effect_property
 from .viewport import is_previewed
+
+_LINE = 48
+"""Characters of a reason on a line: the sidebar wraps no text."""
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
@@ -34,9 +41,9 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("effort", "max_billboards", "max_corners", "candidates", "bend_normals", "seed"):
             column.prop(settings, name)
-        layout.prop(settings, "effect_choice")
-        if settings.effect_choice == "some":
-            layout.column().prop(settings, "chosen_effects")
+        column = layout.column(align=True)
+        for name in ("viewer", "unlit"):
+            column.prop(settings, name)
         column = layout.column(align=True)
         column.prop(settings, "directory")
         if settings.directory:
@@ -45,3 +52,34 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
             layout.progress(factor=status.fraction, text=f"{status.stage}, Esc to cancel")
         layout.operator("leafcloud.bake")
         layout.operator("leafcloud.preview", depress=is_previewed())
+
+
+class LEAFCLOUD_PT_effects(bpy.types.Panel):
+    """A row for each effect: what was planned last, a choice that overrides it, what it costs; below it why."""
+
+    bl_idname = "LEAFCLOUD_PT_effects"
+    bl_label = "Effects"
+    bl_parent_id = "LEAFCLOUD_PT_bake"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, planned = context.scene.leafcloud, context.window_manager.leafcloud.plan
+        layout = self.layout
+        layout.operator("leafcloud.plan")
+        for name in EFFECTS:
+            row = planned.get(name)
+            column = layout.column(align=True)
+            line = column.row(align=True)
+            line.label(text=name.replace("_", " ").title(), icon="BLANK1" if row is None else _ICONS[row.state])
+            line.prop(settings, effect_property(name), text="")
+            if row is None:
+                continue
+            below = column.column(align=True)
+            below.active = row.state != OFF
+            for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _LINE)]:
+                below.label(text=text, icon="BLANK1")
+
+
+_ICONS = {ON: "CHECKBOX_HLT", OFF: "CHECKBOX_DEHLT", AUTO: "QUESTION"}

@@ -6,19 +6,23 @@ keep bpy itself alive at exit, which crashes.
 
 from __future__ import annotations
 
-import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from collections.abc import Sequence
 
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from ..plan.effects import Effect
 from ..settings import (
     EFFECTS,
     ENGINES,
     LARGEST_TEXTURE,
     MOST_CANDIDATES,
     MOST_LEVELS,
-    MOVING_LIGHT,
     SMALLEST_TEXTURE,
     BakeSettings,
 )
+
+AUTO, ON, OFF = "AUTO", "ON", "OFF"
 
 _DEFAULTS = BakeSettings()
 _LARGEST_INT = 2**31 - 1
@@ -26,7 +30,15 @@ _DIGITS = 6
 """After the point: properties are single precision, and 0.04 has to mean what it means on the command line."""
 
 # Blender evaluates the annotations below: in them a comprehension sees no names of this module.
-_EFFECT_ITEMS = [(name, name.replace("_", " ").title(), "") for name in EFFECTS]
+_EFFECT_ITEMS = [
+    (AUTO, "Auto", "Where the scene calls for it"),
+    (ON, "On", "In any case"),
+    (OFF, "Off", "In no case"),
+]
+_VIEWER_ITEMS = [
+    ("camera", "Camera", "The scene's cameras, over all frames, unless the files are for an engine"),
+    ("anywhere", "Anywhere", "The viewer may come and go as far as there are levels"),
+]
 _ENGINE_ITEMS = [(name, name.title(), "") for name in ENGINES]
 
 
@@ -43,6 +55,11 @@ _CHAIN_ITEMS = [
     ("pruning", "Pruning", "Ever fewer leaves, then the cross"),
     ("both", "Both", "Fewer leaves on the way to a first cloud of those that are left"),
 ]
+
+
+def effect_property(name: str) -> str:
+    """The property that forces the effect `name` on or off, or leaves it to the plan."""
+    return f"effect_{name}"
 
 
 class LeafcloudSettings(bpy.types.PropertyGroup):
@@ -153,28 +170,22 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
     seed: IntProperty(
         name="Seed", description="Of every random choice", default=_DEFAULTS.seed, min=0, max=_LARGEST_INT
     )
-    effect_choice: EnumProperty(
-        name="Effects",
-        description="Which effects the levels carry",
-        items=[
-            ("auto", "Automatic", "Those that the scene calls for"),
-            ("all", "All", "All effects for light that may move"),
-            ("none", "None", "No effects: plain levels"),
-            ("some", "Chosen", "Those chosen below"),
-        ],
-    )
-    chosen_effects: EnumProperty(
-        name="Chosen Effects",
-        description="The effects that the levels carry",
-        items=_EFFECT_ITEMS,
-        options={"ENUM_FLAG"},
-        default=set(MOVING_LIGHT),
-    )
     engine: EnumProperty(
         name="Engine",
         description="Which engine the glTF files are meant for",
         items=_ENGINE_ITEMS,
         default=_DEFAULTS.engine,
+    )
+    viewer: EnumProperty(
+        name="Viewer",
+        description="Who looks at the levels",
+        items=_VIEWER_ITEMS,
+        default=_DEFAULTS.viewer,
+    )
+    unlit: BoolProperty(
+        name="Unlit",
+        description="What draws the levels shows their colours as they are: light that stands still is baked into them",
+        default=_DEFAULTS.unlit,
     )
     directory: StringProperty(
         name="Folder",
@@ -183,18 +194,45 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
     )
 
 
+for _name in EFFECTS:
+    LeafcloudSettings.__annotations__[effect_property(_name)] = EnumProperty(
+        name=_name.replace("_", " ").title(),
+        description="Whether the levels carry this effect",
+        items=_EFFECT_ITEMS,
+        default=AUTO,
+    )
+
+
+class LeafcloudPlanRow(bpy.types.PropertyGroup):
+    """An effect as it was planned last; its `name` is the effect's."""
+
+    state: EnumProperty(items=_EFFECT_ITEMS)
+    reason: StringProperty()
+    cost: StringProperty()
+
+
 class LeafcloudStatus(bpy.types.PropertyGroup):
-    """What the bake that runs now is doing; `stage` is empty while none runs."""
+    """What the bake that runs now is doing; `stage` is empty while none runs. `plan` is the last one, or empty."""
 
     stage: StringProperty(options={"SKIP_SAVE"})
     fraction: FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)
+    plan: CollectionProperty(type=LeafcloudPlanRow, options={"SKIP_SAVE"})
+
+
+def show_plan(status: LeafcloudStatus, effects: Sequence[Effect]) -> None:
+    """Puts the effects into the table."""
+    status.plan.clear()
+    for effect in effects:
+        row = status.plan.add()
+        row.name, row.reason = effect.name, effect.reason
+        row.state = {True: ON, False: OFF, None: AUTO}[effect.on]
+        row.cost = "" if effect.on is False else f"{effect.seconds:.1f} s, {effect.bytes / 1e6:.1f} MB"
 
 
 def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
     """The settings as a bake takes them."""
-    effects = properties.effect_choice
-    if effects == "some":
-        effects = ",".join(name for name in EFFECTS if name in properties.chosen_effects) or "none"
+    states = {name: getattr(properties, effect_property(name)) for name in EFFECTS}
+    forced = [f"{'+' if state == ON else '-'}{name}" for name, state in states.items() if state != AUTO]
     return BakeSettings(
         epsilon=round(properties.epsilon, _DIGITS),
         candidates=properties.candidates,
@@ -206,8 +244,10 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
         seed=properties.seed,
         texture_size=properties.texture_size,
         cross=properties.cross,
-        effects=effects,
+        effects=",".join(["auto", *forced]),
         engine=properties.engine,
+        viewer=properties.viewer,
+        unlit=properties.unlit,
         pixels=round(properties.pixels, _DIGITS),
         chain=properties.chain,
         prune_pixels=round(properties.prune_pixels, _DIGITS),

@@ -141,6 +141,14 @@ class BakeSeconds(TypedDict):
     pack: float
     bake: float
 
+class LookSeconds(TypedDict):
+    sky: float
+    """Finding how much of the sky is seen."""
+    growth: float
+    """Finding how pruned leaves grow."""
+    contrast: float
+    """Finding how much contrast they keep."""
+
 class Level:
     """A cloud with its outlines, its atlas page and the transition of the level before onto it.
 
@@ -250,6 +258,9 @@ class Level:
         """The judge's image error against the leaves."""
     @property
     def seconds(self) -> BakeSeconds: ...
+    @property
+    def channel_seconds(self) -> dict[str, float]:
+        """What each image of the page took of the seconds ``bake``, by its name: "base_color", "normal" …"""
     def foliage(self) -> Foliage:
         """The billboards as foliage again."""
 
@@ -271,6 +282,9 @@ class Chain:
     def contrast(self) -> tuple[float, float]:
         """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their
         distance from the mean. Measured likewise."""
+    @property
+    def seconds(self) -> LookSeconds:
+        """What it took to look at the leaves before the levels; 0 for what was not asked for."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
         """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than
@@ -389,6 +403,7 @@ def build_chain(
     keep: float | None = None,
     leaf_pixels: float = 16.0,
     prune_half: float = 0.5,
+    contrast: bool = True,
     close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,
@@ -429,7 +444,7 @@ def build_chain(
     of those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
     ``leaf_pixels``: how many pixels a leaf is long where pruning begins, > 0; ``prune_half``: h of :func:`keep`. With
     a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth`` and
-    ``contrast``).
+    ``contrast``; without ``contrast`` the latter is not).
     ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
@@ -460,6 +475,7 @@ def start_chain(
     keep: float | None = None,
     leaf_pixels: float = 16.0,
     prune_half: float = 0.5,
+    contrast: bool = True,
     close_cracks: bool = False,
     normals: float | None = None,
     gloss: bool = False,

@@ -106,6 +106,16 @@ impl PyChain {
     }
 
     #[getter]
+    fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let seconds = self.chain.seconds;
+        let dict = PyDict::new(py);
+        dict.set_item("sky", seconds.sky)?;
+        dict.set_item("growth", seconds.growth)?;
+        dict.set_item("contrast", seconds.contrast)?;
+        Ok(dict)
+    }
+
+    #[getter]
     fn kept<'py>(&self, py: Python<'py>) -> Option<KeptArrays<'py>> {
         let kept = self.chain.kept.as_ref()?;
         Some((kept.triangles.clone().into_pyarray(py), kept.growth.clone().into_pyarray(py)))
@@ -124,7 +134,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { ranks, pivots, growth, contrast, kept, .. } = chain.as_ref();
+        let Chain { ranks, pivots, growth, contrast, kept, seconds, .. } = chain.as_ref();
         Chain {
             levels: Vec::new(),
             ranks: ranks.clone(),
@@ -132,6 +142,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             growth: *growth,
             contrast: *contrast,
             kept: kept.clone(),
+            seconds: *seconds,
         }
     };
     let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
@@ -340,6 +351,15 @@ impl PyLevel {
         dict.set_item("fit", seconds.fit)?;
         dict.set_item("pack", seconds.pack)?;
         dict.set_item("bake", seconds.bake)?;
+        Ok(dict)
+    }
+
+    #[getter]
+    fn channel_seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for (name, seconds) in &self.level().channel_seconds {
+            dict.set_item(name, seconds)?;
+        }
         Ok(dict)
     }
 

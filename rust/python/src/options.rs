@@ -121,7 +121,8 @@ impl<'py> Options<'py> {
     fn pruning(&self) -> PyResult<Option<PruneSettings>> {
         let (leaf_pixels, half) = (self.number("leaf_pixels", 16.0)?, self.number("prune_half", 0.5)?);
         let keep: Option<f64> = self.some("keep", "a number or None")?;
-        Ok(keep.map(|keep| PruneSettings { keep, leaf_pixels, half }))
+        let contrast = self.flag("contrast", true)?;
+        Ok(keep.map(|keep| PruneSettings { keep, leaf_pixels, half, contrast }))
     }
 
     pub fn chain(&self) -> PyResult<ChainSettings> {

@@ -131,7 +131,7 @@ fn main() {
     );
     println!("| | pixels across | κ | with contrast kept | without |\n|---|---|---|---|---|");
     for (name, foliage) in &trees {
-        let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5 };
+        let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5, contrast: true };
         let size = settings.crown_pixels(foliage, KEEP);
         let (mean, all) = colors(foliage, foliage, size);
         if all < 1e-3 {

@@ -15,7 +15,7 @@ use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
 use crate::sheet::{PageSize, Sheet, SheetSettings};
-use crate::textures::{Channels, Drawn, Sky, bake};
+use crate::textures::{Channels, Drawn, Sky, bake_timed};
 
 /// The leaves are the first of the parts.
 pub(super) fn build(
@@ -42,7 +42,7 @@ pub(super) fn build(
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
-    let page = bake(&sheet, settings.samples, channels, |plane| {
+    let (page, channel_seconds) = bake_timed(&sheet, settings.samples, channels, |plane| {
         let plane = planes[plane as usize];
         let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
             reach: f64::INFINITY,
@@ -79,6 +79,7 @@ pub(super) fn build(
         sheet,
         page,
         seconds: Seconds { fit: 0.0, pack: (packed - started).as_secs_f64(), bake: packed.elapsed().as_secs_f64() },
+        channel_seconds,
         engine: OnceLock::new(),
     })
 }

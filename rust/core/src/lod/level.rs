@@ -16,7 +16,7 @@ use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
-use crate::textures::{Channels, Page, Sky, bake, for_plain_means, mips};
+use crate::textures::{ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, mips};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -63,6 +63,8 @@ pub struct Level {
     pub judgement: Judgement,
     /// Where the time went.
     pub seconds: Seconds,
+    /// What each image of the page took of `seconds.bake`.
+    pub channel_seconds: ChannelSeconds,
     /// Of the whole page, other trees' that share it, too.
     pub(super) regions: Arc<[Region]>,
     pub(super) engine: OnceLock<(Image, f32)>,
@@ -113,10 +115,10 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
-    let page = if settings.close_cracks {
-        bake(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
+    let (page, channel_seconds) = if settings.close_cracks {
+        bake_timed(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
     } else {
-        bake(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
+        bake_timed(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
     };
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
@@ -149,6 +151,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             pack: (packed - fitted).as_secs_f64(),
             bake: packed.elapsed().as_secs_f64(),
         },
+        channel_seconds,
         engine: OnceLock::new(),
     })
 }

@@ -11,6 +11,8 @@ mod tune;
 pub use level::{Level, Seconds, billboards};
 pub use shared::share_page;
 
+use std::time::Instant;
+
 use glam::DVec3;
 
 use crate::error::{Error, Result};
@@ -69,11 +71,13 @@ pub struct PruneSettings {
     pub leaf_pixels: f64,
     /// h of λ's law, in (0, ½].
     pub half: f64,
+    /// Whether it is measured how much contrast is lost.
+    pub contrast: bool,
 }
 
 impl PruneSettings {
     fn check(&self) -> Result<()> {
-        let Self { keep, leaf_pixels, half } = *self;
+        let Self { keep, leaf_pixels, half, contrast: _ } = *self;
         let ranges = [
             ("keep", keep, keep > 0.0 && keep <= 1.0, "greater than 0 and at most 1"),
             ("leaf_pixels", leaf_pixels, leaf_pixels > 0.0 && leaf_pixels.is_finite(), "greater than 0 and finite"),
@@ -159,6 +163,25 @@ impl ChainSettings {
     }
 }
 
+/// Where the time went before the levels; 0 for what was not asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LookSeconds {
+    /// Finding how much of the sky is seen.
+    pub sky: f64,
+    /// Finding how pruned leaves grow.
+    pub growth: f64,
+    /// Finding how much contrast they keep.
+    pub contrast: f64,
+}
+
+/// What `work` gives; the seconds that it took are written into `seconds`.
+fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = work();
+    *seconds = started.elapsed().as_secs_f64();
+    result
+}
+
 /// All levels behind the leaves, finest first.
 #[derive(Clone, Debug)]
 pub struct Chain {
@@ -174,6 +197,8 @@ pub struct Chain {
     pub contrast: Trend,
     /// Which of the leaves' triangles level 1 is made of; `None` when of all as they are.
     pub kept: Option<Kept>,
+    /// What it took to look at the leaves for the sake of some effects.
+    pub seconds: LookSeconds,
 }
 
 /// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
@@ -192,13 +217,15 @@ pub fn build_chain(
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let ranks = prune::order(foliage, settings.fit.seed);
     let pivots = pivots(foliage);
-    let (growth, contrast) = match &settings.pruning {
-        Some(pruning) => {
-            let growth = pruned_look::growth(foliage, &ranks, settings.up)?;
-            (growth, pruned_look::contrast(foliage, &ranks, growth, pruning, settings.up)?)
+    let mut seconds = LookSeconds::default();
+    let (mut growth, mut contrast) = Default::default();
+    if let Some(pruning) = &settings.pruning {
+        growth = timed(&mut seconds.growth, || pruned_look::growth(foliage, &ranks, settings.up))?;
+        if pruning.contrast {
+            let look = || pruned_look::contrast(foliage, &ranks, growth, pruning, settings.up);
+            contrast = timed(&mut seconds.contrast, look)?;
         }
-        None => Default::default(),
-    };
+    }
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
     let thinned = keep.map(|keep| prune::thin(foliage, &ranks, keep, growth.factor(keep))).transpose()?;
     let whole = foliage;
@@ -210,7 +237,7 @@ pub fn build_chain(
     let channels = settings.channels.completed();
     let wood = wood.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&wood).collect();
-    let sky = channels.need_sky().then(|| Sky::over(&parts, &frame));
+    let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
         // The first level sees all leaves and takes most of the time.
@@ -247,7 +274,7 @@ pub fn build_chain(
         levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
     }
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, ranks, pivots, growth, contrast, kept })
+    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, seconds })
 }
 
 /// The pivot of each triangle's leaf, caller's units.

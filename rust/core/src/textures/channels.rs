@@ -48,6 +48,20 @@ pub struct Seen<'a> {
 const LEAST_TOWARD_VIEWER: f32 = 0.02;
 
 impl Channel<'_> {
+    /// As the page calls its image.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::BaseColor => "base_color",
+            Self::Normal(_) => "normal",
+            Self::Gloss(_) => "gloss",
+            Self::Translucency => "translucency",
+            Self::Visibility(_) => "visibility",
+            Self::LeafUv => "leaf_uv",
+            Self::LeafId => "leaf_id",
+            Self::Depth => "depth",
+        }
+    }
+
     /// What it shows of a point.
     pub(super) fn look(self, seen: &Seen) -> Vec3 {
         match self {

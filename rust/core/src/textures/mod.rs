@@ -11,6 +11,8 @@ mod raster;
 mod sky;
 mod tone;
 
+use std::time::Instant;
+
 use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
@@ -18,12 +20,16 @@ pub use channels::Channel;
 pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
+use raster::rasterise_timed;
 pub use raster::{Canvas, ScreenTriangle, Window, rasterise};
 pub use sky::{Outlook, Sky};
 
 use crate::error::{Error, Result};
 use crate::foliage::Foliage;
 use crate::sheet::{Billboard, Sheet};
+
+/// What each image of a page took, by its name.
+pub type ChannelSeconds = Vec<(&'static str, f64)>;
 
 /// Sub-samples along each side of a texel, in [1, 16].
 #[derive(Clone, Copy, Debug)]
@@ -80,9 +86,19 @@ pub struct Drawn<'a> {
 pub fn bake<'a>(
     sheet: &Sheet,
     samples: Samples,
-    (channels, sky): (&Channels, Option<&Sky>),
+    channels: (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
 ) -> Page {
+    bake_timed(sheet, samples, channels, drawn).0
+}
+
+/// The page, and the seconds that each of its images took, by name.
+pub fn bake_timed<'a>(
+    sheet: &Sheet,
+    samples: Samples,
+    (channels, sky): (&Channels, Option<&Sky>),
+    drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
+) -> (Page, ChannelSeconds) {
     let places: Vec<ToPage> = sheet.billboards.iter().map(ToPage::new).collect();
     let place = |index: usize| {
         let drawn = drawn(sheet.billboards[index].plane);
@@ -90,16 +106,22 @@ pub fn bake<'a>(
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
     let channels = channels.list(sky);
-    let canvases = rasterise(&triangles, sheet.size.width, sheet.size.height, samples, &channels);
-    let images = channels.into_iter().zip(canvases).map(|(channel, mut canvas)| {
+    let (canvases, spent) = rasterise_timed(&triangles, sheet.size.width, sheet.size.height, samples, &channels);
+    let mut seconds: ChannelSeconds = channels.iter().map(|channel| channel.name()).zip(spent).collect();
+    let of_image = seconds.iter_mut().map(|(_, seconds)| seconds);
+    let images = channels.into_iter().zip(canvases).zip(of_image).map(|((channel, mut canvas), seconds)| {
+        let started = Instant::now();
         if channel.is_label() {
             labels::spread(&mut canvas);
         } else {
             dilate::fill_transparent(&mut canvas);
         }
-        (channel, channel.to_image(&canvas))
+        let image = channel.to_image(&canvas);
+        *seconds += started.elapsed().as_secs_f64();
+        (channel, image)
     });
-    Page::of(images).expect("base colour is always there")
+    let page = Page::of(images).expect("base colour is always there");
+    (page, seconds)
 }
 
 /// The map from a billboard's plane to texels of the page.

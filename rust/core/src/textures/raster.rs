@@ -9,6 +9,8 @@
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -80,6 +82,20 @@ pub fn rasterise<'a>(
     samples: Samples,
     channels: &[Channel<'_>],
 ) -> Vec<Canvas> {
+    rasterise_timed(triangles, width, height, samples, channels).0
+}
+
+/// The canvases, and the seconds that each of them took beside finding what is seen: its share of all threads' time.
+pub(super) fn rasterise_timed<'a>(
+    triangles: &[ScreenTriangle<'a>],
+    width: usize,
+    height: usize,
+    samples: Samples,
+    channels: &[Channel<'_>],
+) -> (Vec<Canvas>, Vec<f64>) {
+    let started = Instant::now();
+    // Of finding what is seen, then of each channel.
+    let spent: Vec<AtomicU64> = (0..=channels.len()).map(|_| AtomicU64::new(0)).collect();
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);
     let empty = |_: &Channel| Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
@@ -94,17 +110,27 @@ pub fn rasterise<'a>(
     let draw = |tile: &mut Tile<'a>, (row, mut band): (usize, Vec<&mut [Vec4]>)| {
         for column in 0..tiles.columns {
             let index = row * tiles.columns + column;
+            let mut before = Instant::now();
+            let mut spend = |on: usize| {
+                let now = Instant::now();
+                spent[on].fetch_add((now - before).as_nanos() as u64, Ordering::Relaxed);
+                before = now;
+            };
             tile.draw(triangles, &lists[index], tiles.origin(index));
-            for (channel, pixels) in channels.iter().zip(&mut band) {
+            spend(0);
+            for (number, (channel, pixels)) in channels.iter().zip(&mut band).enumerate() {
                 for (y, line) in pixels.chunks_mut(width).enumerate() {
                     let end = width.min((column + 1) * TILE);
                     tile.resolve(triangles, *channel, y, &mut line[column * TILE..end]);
                 }
+                spend(1 + number);
             }
         }
     };
     bands.into_par_iter().enumerate().for_each_init(|| Tile::new(samples), draw);
-    canvases
+    let spent: Vec<f64> = spent.into_iter().map(|nanoseconds| nanoseconds.into_inner() as f64).collect();
+    let share = started.elapsed().as_secs_f64() / spent.iter().sum::<f64>().max(1.0);
+    (canvases, spent[1..].iter().map(|each| each * share).collect())
 }
 
 struct Tiles {

@@ -1,0 +1,242 @@
+"""An effect that is off costs nothing: a bake does without the code that is its own, and nothing is left of it.
+
+For each effect all others are on. What is baked with it off is compared with what is baked when all that it alone uses
+raises as soon as it is called: the files, the data-blocks, the report. And where it is on, its traces are there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+from dumps import dump
+from plan_scenes import add_crown, add_light, principled
+from scenes import add_mesh, bake, read
+
+from addon.export.glb_file import read_glb
+from addon.pipeline import write
+from addon.settings import EFFECTS, BakeSettings
+
+
+@dataclass(frozen=True)
+class Own:
+    """What an effect alone uses: modules, or `module:name` of what stands beside others; and what it leaves behind.
+
+    traces: parts of lines of the dump, or of a file's JSON, all of which are there just where the effect is on.
+    """
+
+    modules: tuple[str, ...]
+    traces: tuple[str, ...]
+    without: tuple[str, ...] = ()
+    """Other effects that share some of it, off as well."""
+    chain: str = "both"
+
+
+EFFECTS_APART = {
+    "transitions": Own(
+        (
+            "addon.build.leaf_moves",
+            "addon.build.morphs:add_transition",
+            "addon.build.morphs:Transition",
+            "addon.build.fading",
+            "addon.export.plain_materials:wood_of_meshes",
+        ),
+        ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
+    ),
+    "pruning": Own(
+        (
+            "addon.build.morphs:add_pruning",
+            "addon.build.morphs:Pruning",
+            "addon.build.levels:prefix_table",
+            "addon.build.levels:area_shares",
+            "addon.export.gltf:_add_engine_attributes",
+        ),
+        ("attributes leaf_rank", "attributes leaf_pivot is", "_LEAF_RANK", "prefixes"),
+        without=("wind",),
+        chain="billboards",
+    ),
+    # The core alone decides whether sides differ; what is left here settles what it found.
+    "back_sides": Own(
+        ("addon.plan.effects:_settled", "addon.build.side_nodes"), ("materials tree_LOD1 use_backface_culling = True",)
+    ),
+    "trunk_levels": Own(
+        ("addon.build.wood:simplified", "addon.build.wood:gathered", "addon.plan.reach:wood_errors"),
+        ("meshes tree_wood_1 is there",),
+    ),
+    # Levels are made by what makes the first: there is nothing that only the others use.
+    "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),
+    "normals": Own(("addon.build.materials:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
+    "gloss": Own(
+        ("addon.build.materials:_add_gloss",),
+        ("images tree_LOD1_gloss is there", "metallicRoughnessTexture"),
+        without=("occlusion", "self_shadowing"),
+    ),
+    "translucency": Own(
+        (
+            "addon.export.translucency",
+            "addon.build.materials:_shine_through",
+            "addon.build.levels:_with_opaque_parts",
+            "addon.scene.describe:_part_light",
+        ),
+        ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
+    ),
+    "occlusion": Own(
+        ("addon.build.materials:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
+    ),
+    "self_shadowing": Own(
+        ("addon.build.materials:_add_visibility",), ("images tree_LOD1_visibility is there", "visibilityTexture")
+    ),
+    "leaf_map": Own(
+        ("addon.build.leaf_map", "addon.build.levels:_add_leaf_map"),
+        ("images tree_LOD1_leaf_uv is there", "node_groups Leafcloud Leaf Map is there", "leafUvTexture"),
+    ),
+    "contrast": Own(
+        ("addon.build.contrast", "addon.export.plain_materials:plain_colors"),
+        ("nodes Leafcloud Contrast is there", "mean_color"),
+    ),
+    "wind": Own(
+        ("addon.build.swaying", "addon.build.wind_nodes:add_wind_modifier", "addon.build.wind_nodes:wind_group"),
+        ("attributes leaf_phase", "node_groups Leafcloud Wind is there", "_LEAF_WIND"),
+    ),
+    "baked_light": Own(
+        ("addon.lighting", "addon.scene.light", "addon.build.baked_light", "addon.export.unlit"),
+        ("attributes leafcloud_light is there", "KHR_materials_unlit"),
+        chain="billboards",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Written:
+    """All that a bake leaves."""
+
+    files: dict[str, bytes]
+    documents: list[str]
+    blocks: list[str]
+    report: dict[str, Any]
+
+    @property
+    def words(self) -> str:
+        return "\n".join([*self.blocks, *self.documents])
+
+
+def tree() -> list[bpy.types.Object]:
+    """Cards of two materials that differ in gloss and let light through, on a tube of more triangles than it needs."""
+    crown = add_crown(principled("shiny", Roughness=0.2, Subsurface_Weight=0.5))
+    crown.data.materials.append(principled("dull", Roughness=0.9, Subsurface_Weight=0.5))
+    crown.data.uv_layers.new(name="UVMap")
+    for polygon in crown.data.polygons:
+        polygon.material_index = polygon.index % 2
+        for corner, place in zip(polygon.loop_indices, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
+            crown.data.uv_layers[0].data[corner].uv = place
+    sides, rings = 16, 12
+    turns = [2.0 * math.pi * side / sides for side in range(sides)]
+    vertices = [
+        (0.1 * math.cos(turn), 0.1 * math.sin(turn), 1.5 * ring / rings - 1.5)
+        for ring in range(rings + 1)
+        for turn in turns
+    ]
+    faces = [
+        (row + side, row + (side + 1) % sides, row + sides + (side + 1) % sides, row + sides + side)
+        for row in range(0, rings * sides, sides)
+        for side in range(sides)
+    ]
+    add_light("SUN")
+    bpy.context.view_layer.update()
+    return [crown, add_mesh("trunk", vertices, faces)]
+
+
+def baked(out: Path, effects: str, chain: str, **changed: Any) -> Written:
+    """A bake in a scene of its own, with other settings where they are given."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bake_tree = read(tree(), ["leaves"])
+    settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
+    report = write(bake(bake_tree, BakeSettings(**settings)), out, lambda stage, fraction: None, blend=False)
+    paths = [out / name for name in report["files"] if name.endswith(".glb")]
+    documents = [json.dumps(read_glb(path)[0]) for path in paths]
+    return Written({path.name: path.read_bytes() for path in paths}, documents, dump(), report)
+
+
+def without_times(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: without_times(each) for key, each in value.items() if key != "seconds"}
+    return [without_times(each) for each in value] if isinstance(value, list) else value
+
+
+def all_but(effect: str) -> str:
+    own = EFFECTS_APART[effect]
+    return ",".join(["all", *(f"-{name}" for name in (effect, *own.without))])
+
+
+def forbid(monkeypatch: pytest.MonkeyPatch, entry: str) -> int:
+    """Makes all functions and classes of a module, or the one that is named, raise wherever the add-on calls them."""
+    module, _, name = entry.partition(":")
+    members = vars(importlib.import_module(module))
+    found = [members[name]] if name else [each for each in members.values() if _is_own(each, module)]
+
+    def touched(*arguments: object, **keywords: object) -> None:
+        raise AssertionError(f"{entry} was touched")
+
+    for user in [each for key, each in sys.modules.items() if key.split(".")[0] == "addon"]:
+        for key, value in list(vars(user).items()):
+            if any(value is each for each in found):
+                monkeypatch.setattr(user, key, touched)
+    return len(found)
+
+
+def _is_own(value: object, module: str) -> bool:
+    return (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__ == module
+
+
+def test_every_effect_says_what_is_its_own() -> None:
+    assert tuple(sorted(EFFECTS_APART)) == tuple(sorted(EFFECTS))
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = EFFECTS_APART[effect]
+    off = baked(tmp_path / "off", all_but(effect), own.chain)
+    with monkeypatch.context() as patched:
+        assert all(forbid(patched, entry) > 0 for entry in own.modules)
+        forbidden = baked(tmp_path / "forbidden", all_but(effect), own.chain)
+    assert off.files == forbidden.files
+    assert off.blocks == forbidden.blocks
+    assert without_times(off.report) == without_times(forbidden.report)
+    [said] = [each for each in off.report["effects"] if each["name"] == effect]
+    assert (said["on"], said["seconds"], said["bytes"]) == (False, 0.0, 0)
+    assert [trace for trace in own.traces if trace in off.words] == []
+
+
+@pytest.mark.parametrize(
+    ("effects", "chain", "shown"),
+    [
+        ("all", "both", [name for name in EFFECTS if EFFECTS_APART[name].chain == "both"]),
+        ("all", "billboards", ["pruning"]),
+        ("transitions,baked_light", "billboards", ["baked_light"]),
+    ],
+)
+def test_an_effect_that_is_on_leaves_its_traces(effects: str, chain: str, shown: list[str], tmp_path: Path) -> None:
+    words = baked(tmp_path, effects, chain).words
+    assert [trace for name in shown for trace in EFFECTS_APART[name].traces if trace not in words] == []
+
+
+def test_an_effect_that_is_on_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That what is forbidden is felt, at the hands of one that is on."""
+    forbid(monkeypatch, "addon.build.leaf_map")
+    with pytest.raises(AssertionError, match="leaf_map was touched"):
+        baked(tmp_path, "all", "billboards")
+
+
+def test_without_far_levels_a_bake_is_that_of_one_level(tmp_path: Path) -> None:
+    short = baked(tmp_path / "short", "none,-far_levels", "billboards")
+    one = baked(tmp_path / "one", "none", "billboards", levels=1, cross=False)
+    assert short.files == one.files
+    assert short.blocks == one.blocks

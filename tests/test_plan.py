@@ -1,0 +1,239 @@
+"""Scenes and the effects that they call for: each is built, read and planned, with the reason told to the artist."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import pytest
+from mathutils import Matrix
+from plan_scenes import (
+    CARDS,
+    add_camera,
+    add_crown,
+    add_light,
+    add_wind,
+    bounds,
+    copies,
+    facts_of,
+    fly,
+    on,
+    plan_of,
+    principled,
+)
+
+from addon.settings import BakeSettings
+
+ANYWHERE = {"transitions", "pruning", "far_levels", "normals"}
+"""What is on of a plain crown where the viewer may be anywhere; back sides are left to each level."""
+
+# At 1080 pixels over 50° a deviation of ε = 0.04 R is seen 8 pixels large from 5.79 R, one of 0.14 R from 20.3 R.
+
+
+def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
+    crown = add_crown()
+    add_camera(3.2, crown)
+    plan = plan_of(crown)
+    assert on(plan) == set()
+    assert plan["back_sides"].on is False
+    assert plan["transitions"].reason == "the camera stays at 3.2 radii, and level 1 takes over at 5.79"
+    assert plan["far_levels"].reason == (
+        "the camera stays at 3.2 radii, and level 2 takes over at 20.3: only level 1 is made"
+    )
+    assert plan["normals"].reason.endswith("no billboard is seen")
+
+
+def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:
+    crown = add_crown()
+    add_camera(12.0, crown)
+    plan = plan_of(crown)
+    assert on(plan) == {"normals"}
+    assert plan["back_sides"].on is None
+    assert plan["transitions"].reason == "the camera stays at 12 radii, and level 2 takes over at 20.3"
+
+
+def test_a_camera_that_flies_through_sees_every_hand_over() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    middle, radius = bounds(crown)
+    fly(camera, (middle.x, middle.y - 3.0 * radius, middle.z), (middle.x, middle.y - 300.0 * radius, middle.z))
+    plan = plan_of(crown)
+    assert on(plan) == {"transitions", "far_levels", "normals"}
+    assert plan["transitions"].reason == "the camera stays between 3 and 300 radii, and level 1 takes over at 5.79"
+
+
+def test_a_camera_that_flies_about_within_one_level_sees_no_hand_over() -> None:
+    crown = add_crown()
+    camera = add_camera(1.0, crown)
+    fly(camera, (0.0, -1.2, 0.0), (0.0, -1.8, 0.0), (0.5, -1.5, 0.0))
+    assert on(plan_of(crown)) == set()
+
+
+def test_at_night_one_lamp_that_moves_calls_for_normals() -> None:
+    crown = add_crown()
+    add_camera(12.0, crown)
+    fly(add_light("POINT"), (-3.0, -2.0, 1.0), (3.0, -2.0, 1.0))
+    plan = plan_of(crown)
+    assert on(plan) == {"normals"}
+    assert plan["normals"].reason.startswith("the lamp 'Point' moves or changes, so")
+    unlit = plan_of(crown, BakeSettings(unlit=True))
+    assert on(unlit) == set()
+    assert unlit["baked_light"].reason == "nothing is lit where the levels go, but the lamp 'Point' moves or changes"
+
+
+def test_a_still_sun_lights_the_levels_as_blender_renders() -> None:
+    crown = add_crown()
+    add_camera(12.0, crown)
+    add_light("SUN")
+    plan = plan_of(crown)
+    assert on(plan) == {"normals"}
+    assert plan["normals"].reason.startswith("Blender lights the tree as it renders")
+
+
+def test_an_unlit_game_gets_the_light_of_a_still_sun() -> None:
+    crown = add_crown(principled("laurel", Subsurface_Weight=0.5))
+    add_camera(3.0, crown)
+    add_light("SUN")
+    plan = plan_of(crown, BakeSettings(engine="three", unlit=True))
+    assert on(plan) == {"transitions", "pruning", "far_levels", "back_sides", "baked_light"}
+    assert plan["baked_light"].reason == "nothing is lit where the levels go, and 'Sun' stand still"
+
+
+def test_an_unlit_game_without_a_light_in_the_scene_gets_none() -> None:
+    plan = plan_of(add_crown(), BakeSettings(engine="three", unlit=True))
+    assert on(plan) == {"transitions", "pruning", "far_levels"}
+    assert "no light is in the scene" in plan["baked_light"].reason
+
+
+def test_leaves_that_differ_in_gloss_call_for_it_where_billboards_are_seen() -> None:
+    crown = add_crown(principled("laurel", Roughness=0.2))
+    crown.data.materials.append(principled("moss", Roughness=1.0))
+    for polygon in crown.data.polygons[:10]:
+        polygon.material_index = 1
+    assert on(plan_of(crown)) == ANYWHERE | {"gloss"}
+    add_camera(3.0, crown)
+    plan = plan_of(crown)
+    assert on(plan) == set()
+    assert plan["gloss"].reason.endswith("no billboard is seen")
+
+
+def test_opaque_leaves_that_are_all_alike_call_for_no_texture_beside_normals() -> None:
+    plan = plan_of(add_crown(principled("leaf", Roughness=0.3)))
+    assert on(plan) == ANYWHERE
+    assert plan["gloss"].reason.startswith("all leaves are equally glossy")
+    assert plan["translucency"].reason == "no light shines through the leaves' materials"
+
+
+def test_a_wind_that_reaches_the_tree_moves_it() -> None:
+    crown = add_crown()
+    add_wind(2.5, (0.0, math.pi / 2.0, 0.0))
+    far = add_wind(7.0, (0.0, 0.0, 0.0))
+    far.location = (100.0, 0.0, 0.0)
+    far.field.use_max_distance, far.field.distance_max = True, 50.0
+    add_wind(0.0, (0.0, 0.0, 0.0))
+    wind = facts_of(crown).wind
+    assert wind is not None
+    assert wind.strength == 2.5
+    assert wind.direction == pytest.approx((1.0, 0.0, 0.0), abs=1e-6)
+    plan = plan_of(crown)
+    assert on(plan) == {*ANYWHERE, "wind"}
+    assert plan["wind"].reason == f"the force field {wind.field!r} blows on the tree"
+
+
+def test_without_a_wind_there_is_none() -> None:
+    plan = plan_of(add_crown())
+    assert (plan["wind"].on, plan["wind"].reason) == (False, "no force field blows on the tree")
+
+
+def test_a_hundred_trees_stand_on_every_level_and_change_none() -> None:
+    crown = add_crown()
+    add_camera(3.0, crown)
+    copies(crown, 100, 4.0)
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    assert len(facts.camera.spans) == 100
+    plan = plan_of(crown)
+    assert on(plan) == {"pruning", "far_levels", "normals"}
+    assert plan["transitions"].reason.endswith("none of them is seen to change from level to level")
+    assert plan["pruning"].reason.startswith("the camera sees the 100 trees from 3 to ")
+
+
+def test_one_tree_before_a_camera_that_nears_it_a_little() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    middle, radius = bounds(crown)
+    fly(camera, *((middle.x, middle.y - radii * radius, middle.z) for radii in (8.0, 4.0)))
+    plan = plan_of(crown)
+    assert on(plan) == {"transitions", "normals"}
+    assert plan["far_levels"].on is False
+
+
+def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
+    plan = plan_of(add_crown())
+    assert on(plan) == ANYWHERE
+    assert plan["pruning"].reason == f"the camera may be anywhere, so it may see {CARDS} leaves from far away"
+
+
+@pytest.mark.parametrize("settings", [BakeSettings(engine="godot"), BakeSettings(viewer="anywhere")])
+def test_for_an_engine_or_if_asked_for_the_camera_does_not_count(settings: BakeSettings) -> None:
+    crown = add_crown()
+    add_camera(3.0, crown)
+    assert on(plan_of(crown, settings)) == ANYWHERE
+
+
+def test_a_camera_that_hangs_on_what_moves_is_followed() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    rail = bpy.data.objects.new("rail", None)
+    bpy.context.scene.collection.objects.link(rail)
+    camera.parent = rail
+    fly(rail, (0.0, 0.0, 0.0), (0.0, -40.0, 0.0))
+    assert "transitions" in on(plan_of(crown))
+
+
+def test_a_constraint_that_copies_what_moves_is_followed() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    rail = bpy.data.objects.new("rail", None)
+    bpy.context.scene.collection.objects.link(rail)
+    camera.constraints.new("COPY_LOCATION").target = rail
+    fly(rail, (0.0, -3.0, 0.0), (0.0, -40.0, 0.0))
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    assert facts.camera.farthest == pytest.approx(40.0, rel=0.02)
+
+
+def test_markers_cut_between_cameras() -> None:
+    crown = add_crown()
+    near, far = add_camera(3.0, crown), add_camera(30.0, crown)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end, scene.camera = 1, 20, near
+    for frame, camera in ((1, near), (10, far)):
+        scene.timeline_markers.new(camera.name, frame=frame).camera = camera
+    radius = bounds(crown)[1]
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    assert (facts.camera.nearest, facts.camera.farthest) == pytest.approx((3.0 * radius, 30.0 * radius), rel=1e-4)
+    assert (scene.camera, scene.frame_current) == (near, 1)
+
+
+def test_reading_a_scene_leaves_its_frame() -> None:
+    crown = add_crown()
+    fly(add_camera(3.0, crown), (0.0, -3.0, 0.0), (0.0, -300.0, 0.0))
+    bpy.context.scene.frame_set(7, subframe=0.25)
+    before = bpy.context.scene.camera.matrix_world.copy()
+    facts_of(crown)
+    assert (bpy.context.scene.frame_current, bpy.context.scene.frame_subframe) == (7, 0.25)
+    assert bpy.context.scene.camera.matrix_world == before
+
+
+def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
+    crown = add_crown()
+    add_camera(10.0, crown)
+    other = bpy.data.objects.new("large", crown.data)
+    other.matrix_world = Matrix.Scale(2.0, 4)
+    bpy.context.scene.collection.objects.link(other)
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    (own, _), (large, _) = facts.camera.spans
+    assert large == pytest.approx(own / 2.0, rel=0.02)

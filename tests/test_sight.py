@@ -1,0 +1,151 @@
+"""Which levels cameras see, and what effects are expected to cost: decided without Blender."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from addon.plan.costs import BYTES_PER_TEXEL, with_costs
+from addon.plan.effects import Effect, is_on, plan_effects, plan_levels
+from addon.plan.facts import Camera, Facts, Lights
+from addon.plan.reach import View
+from addon.plan.sight import expected_switches, pixels_of, sight
+from addon.settings import EFFECTS, BakeSettings
+
+VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
+"""At the distance d a length of 2 d is seen 1000 pixels large."""
+
+FACTS = Facts("generic", leaves=100, vertices=400, triangles=200, wood=50, radius=2.0, area=4.0)
+SETTINGS = BakeSettings(epsilon=0.08, pixels=10.0)
+# So level 1 takes over where 0.16 is seen 10 pixels large, from 8; level 2 where 0.56 is, from 28; the cross from 50.
+
+
+def seen_from(*spans: tuple[float, float]) -> Facts:
+    return replace(FACTS, camera=Camera(spans, VIEW))
+
+
+def test_levels_take_over_where_their_bounds_are_seen_small() -> None:
+    assert expected_switches(SETTINGS, FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0, 50.0))
+    assert expected_switches(replace(SETTINGS, cross=False), FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0))
+
+
+def test_pruned_leaves_give_way_to_the_cross_where_next_to_none_are_left() -> None:
+    pruning = replace(SETTINGS, chain="pruning", prune_pixels=10.0)
+    # A leaf of side 0.2 is 10 pixels large from 10; half are left from 20, 0.5 % from 2000.
+    assert expected_switches(pruning, FACTS, VIEW) == pytest.approx((0.0, 2000.0))
+
+
+@pytest.mark.parametrize(
+    ("span", "first", "last", "passed"),
+    [
+        ((3.0, 3.5), 0, 0, ()),
+        ((3.0, 4.5), 0, 0, (1,)),
+        ((7.0, 7.0), 0, 0, ()),
+        ((9.0, 12.0), 1, 1, ()),
+        ((9.0, 30.0), 1, 2, (2,)),
+        ((30.0, 40.0), 2, 2, ()),
+        ((1.0, 1000.0), 0, 3, (1, 2, 3)),
+        ((60.0, 1000.0), 3, 3, ()),
+    ],
+)
+def test_what_a_camera_sees_of_the_levels(
+    span: tuple[float, float], first: int, last: int, passed: tuple[int, ...]
+) -> None:
+    seen = sight(SETTINGS, seen_from(span))
+    assert seen is not None
+    assert (seen.first, seen.last, seen.passed) == (first, last, passed)
+
+
+def test_trees_that_stand_far_and_near_are_seen_on_levels_of_their_own() -> None:
+    seen = sight(SETTINGS, seen_from((3.0, 3.0), (40.0, 40.0)))
+    assert seen is not None
+    assert (seen.first, seen.last, seen.passed) == (0, 2, ())
+
+
+def test_nobody_knows_what_a_free_viewer_sees() -> None:
+    assert sight(SETTINGS, FACTS) is None
+
+
+def test_a_length_fills_as_many_pixels_as_its_angle() -> None:
+    assert pixels_of(2.0, 1.0, VIEW) == pytest.approx(1000.0)
+    assert pixels_of(2.0, 10.0, VIEW) == pytest.approx(100.0)
+    assert pixels_of(2.0, 0.0, VIEW) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("away", "effects", "made"),
+    [
+        (3.0, "auto", (1, False)),
+        (9.0, "auto", (1, False)),
+        (30.0, "auto", (2, False)),
+        (60.0, "auto", (2, True)),
+        (3.0, "+far_levels", (2, True)),
+        (3.0, "none", (2, True)),
+        (30.0, "none,-far_levels", (2, False)),
+    ],
+)
+def test_only_levels_that_are_seen_are_made(away: float, effects: str, made: tuple[int, bool]) -> None:
+    settings, facts = replace(SETTINGS, effects=effects), seen_from((away, away))
+    assert plan_levels(settings, facts, plan_effects(settings, facts)) == made
+
+
+def test_the_cross_is_made_behind_pruned_leaves_though_it_is_not_seen() -> None:
+    settings, facts = replace(SETTINGS, chain="pruning", effects="-far_levels"), seen_from((3.0, 3.0))
+    assert plan_levels(settings, facts, plan_effects(settings, facts)) == (0, True)
+
+
+@pytest.mark.parametrize(("away", "pruned"), [(6.0, False), (6.5, True)])
+def test_a_chain_that_prunes_does_so_where_leaves_are_seen_small(away: float, pruned: bool) -> None:
+    # A leaf of side 0.2 is 16 pixels large from 6.25.
+    effects = plan_effects(replace(SETTINGS, chain="both"), seen_from((away, away)))
+    assert (is_on(effects, "pruning"), is_on(effects, "contrast")) == (pruned, pruned)
+
+
+def test_light_is_baked_where_nothing_is_lit_and_no_light_moves() -> None:
+    unlit = replace(SETTINGS, unlit=True)
+    sun = replace(FACTS, lights=Lights(("Sun",)))
+    assert is_on(plan_effects(unlit, sun), "baked_light")
+    assert not is_on(plan_effects(SETTINGS, sun), "baked_light")
+    moving = replace(FACTS, lights=Lights(("Lamp",), "the lamp 'Lamp' moves or changes"))
+    assert not is_on(plan_effects(unlit, moving), "baked_light")
+    forced = plan_effects(replace(unlit, effects="-baked_light"), sun)
+    assert not is_on(forced, "baked_light")
+
+
+def costs(settings: BakeSettings) -> dict[str, Effect]:
+    return {effect.name: effect for effect in with_costs(settings, FACTS, plan_effects(settings, FACTS))}
+
+
+def test_what_is_off_is_expected_to_cost_nothing() -> None:
+    assert all((e.seconds, e.bytes) == (0.0, 0) for e in costs(replace(SETTINGS, effects="none,-far_levels")).values())
+
+
+def test_a_texture_costs_four_bytes_a_texel_of_all_pages() -> None:
+    texels = 256 * 256 + 128 * 128 + 64 * 64
+    expected = costs(replace(SETTINGS, texture_size=256, effects="all"))
+    for name, images in [("normals", 1), ("translucency", 1), ("leaf_map", 2), ("gloss", 1), ("occlusion", 0)]:
+        assert expected[name].bytes == images * BYTES_PER_TEXEL * texels, name
+    assert expected["far_levels"].bytes == BYTES_PER_TEXEL * (texels - 256 * 256)
+
+
+def test_occlusion_without_gloss_pays_for_the_image_that_they_share() -> None:
+    alone = costs(replace(SETTINGS, texture_size=256, effects="none,+occlusion"))
+    assert alone["occlusion"].bytes == BYTES_PER_TEXEL * (256 * 256 + 128 * 128 + 64 * 64)
+
+
+def test_an_effect_that_is_undecided_is_expected_to_cost_what_it_may() -> None:
+    assert costs(SETTINGS)["back_sides"].bytes > 0
+
+
+@pytest.mark.parametrize(("name", "amount"), [("transitions", 40 * 400), ("pruning", 16 * 400), ("trunk_levels", 1)])
+def test_more_of_a_tree_costs_more(name: str, amount: int) -> None:
+    settings, twice = replace(SETTINGS, effects="all"), replace(FACTS, vertices=800, triangles=400, wood=100)
+    [larger] = [e for e in with_costs(settings, twice, plan_effects(settings, twice)) if e.name == name]
+    assert larger.bytes - costs(settings)[name].bytes >= amount
+    assert larger.seconds > costs(settings)[name].seconds
+
+
+def test_the_rules_cover_every_effect_in_order() -> None:
+    assert tuple(effect.name for effect in plan_effects(SETTINGS, FACTS)) == EFFECTS

@@ -1,0 +1,152 @@
+"""What is left out where a scene does not call for it: `make minimal`.
+
+usage: python tools/minimal.py [TREE.glb] [--runs N]
+
+A tree, the pine where none is named, before a still camera 3.2 radii away, under a sun. It is baked as planned, and
+with everything forced on but baked light, beside which the rest makes no sense. Seconds are those of the program
+beyond what --plan-only takes, which starts Blender and reads the scene, the least of the runs; bytes those of all .glb
+files and the .blend. What each effect took for itself, its bytes before they are packed, is what the report says. The
+pictures of both, by Cycles at the scene's own camera, are compared by FLIP.
+Prints tables in Markdown, and writes them to docs/bench/minimal.md for the pine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import flip_evaluator
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import bpy  # noqa: E402
+from mathutils import Vector  # noqa: E402
+
+from addon.pipeline import describe  # noqa: E402
+from addon.scene.extract import extract, world_positions  # noqa: E402
+from addon.scene.load import load  # noqa: E402
+from addon.settings import BakeSettings  # noqa: E402
+
+PINE = ROOT.parent / "shared" / "foliage" / "pine_cards_20k.glb"
+RADII = 3.2
+SIZE, SAMPLES = 256, 32
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tree", nargs="?", type=Path, default=PINE)
+    parser.add_argument("--runs", type=int, default=1)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        scene = staged(options.tree, Path(folder) / "scene.blend")
+        lines = report(scene, Path(folder), options.runs)
+    print("\n".join(lines))
+    if options.tree == PINE:
+        (ROOT / "docs" / "bench" / "minimal.md").write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def staged(tree: Path, path: Path) -> Path:
+    """A .blend of the tree, a camera and a sun."""
+    load(tree)
+    scene = bpy.context.scene
+    read = extract(bpy.context.evaluated_depsgraph_get(), None)
+    facts = describe(read, BakeSettings())
+    points = world_positions(read.leaves, read.matrix)
+    centre = Vector((points.min(0) + points.max(0)) / 2.0)
+    for old in [obj for obj in scene.objects if obj.type in ("CAMERA", "LIGHT")]:
+        bpy.data.objects.remove(old)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.location = centre + Vector((0.0, -RADII * facts.radius, 0.0))
+    camera.rotation_euler = (math.pi / 2.0, 0.0, 0.0)
+    camera.data.sensor_fit, camera.data.angle = "VERTICAL", math.radians(50.0)
+    camera.data.clip_end = 100.0 * facts.radius
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.3, 0.0)
+    for obj in (camera, sun):
+        scene.collection.objects.link(obj)
+    scene.camera = camera
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def report(scene: Path, folder: Path, runs: int) -> list[str]:
+    reading = timed(runs, "--input", str(scene), "--plan-only")
+    planned, seconds, size = baked(scene, folder / "auto", runs)
+    forced, all_seconds, all_size = baked(scene, folder / "all", runs, "--effects", "all")
+    seconds, all_seconds = seconds - reading, all_seconds - reading
+    error = flip(folder / "auto" / "scene.blend", folder / "all" / "scene.blend")
+    faster, smaller = all_seconds / seconds, all_size / size
+    return [
+        "| bake | seconds | MB of files |",
+        "|---|---|---|",
+        f"| starting and reading, in neither of the two below | {reading:.1f} | |",
+        f"| as planned | {seconds:.1f} | {size / 1e6:.2f} |",
+        f"| everything on | {all_seconds:.1f} | {all_size / 1e6:.2f} |",
+        "",
+        f"As planned: {faster:.1f} × faster, {smaller:.1f} × smaller, FLIP {error:.4f}.",
+        "",
+        "| effect | planned | why | its seconds if it is forced on | its MB then |",
+        "|---|---|---|---|---|",
+        *(row(ours, on) for ours, on in zip(planned["effects"], forced["effects"], strict=True)),
+    ]
+
+
+def row(planned: dict[str, Any], forced: dict[str, Any]) -> str:
+    costs = f"{forced['seconds']:.2f} | {forced['bytes'] / 1e6:.2f}"
+    return f"| {planned['name']} | {'on' if planned['on'] else 'off'} | {planned['reason']} | {costs} |"
+
+
+def baked(scene: Path, out: Path, runs: int, *flags: str) -> tuple[dict[str, Any], float, int]:
+    """The report, the seconds of the whole program, the bytes of all files that engines and Blender read."""
+    seconds = timed(runs, "--input", str(scene), "--out", str(out), *flags)
+    size = sum(file.stat().st_size for file in out.iterdir() if file.suffix in (".glb", ".blend"))
+    return json.loads((out / "report.json").read_text(encoding="utf-8")), seconds, size
+
+
+def timed(runs: int, *flags: str) -> float:
+    """The seconds that bake.py takes, the least of the runs."""
+    seconds = math.inf
+    for _ in range(runs):
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, str(ROOT / "bake.py"), *flags], check=True, capture_output=True)
+        seconds = min(seconds, time.perf_counter() - begin)
+    return seconds
+
+
+def flip(first: Path, second: Path) -> float:
+    """The mean FLIP between what two files show at their cameras."""
+    pictures = [picture(path) for path in (first, second)]
+    return float(np.mean(flip_evaluator.evaluate(*pictures, "LDR", applyMagma=False)[0]))
+
+
+def picture(path: Path) -> NDArray[np.float32]:
+    """(SIZE, SIZE, 3) by Cycles, sRGB."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    scene = bpy.context.scene
+    render, cycles = scene.render, scene.cycles
+    render.engine, cycles.device, cycles.samples, cycles.seed = "CYCLES", "CPU", SAMPLES, 0
+    cycles.use_denoising = cycles.use_adaptive_sampling = False
+    cycles.transparent_max_bounces = 1024
+    render.resolution_x = render.resolution_y = SIZE
+    render.resolution_percentage = 100
+    scene.view_settings.view_transform = "Standard"
+    render.filepath = str(path.with_suffix(".png"))
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(render.filepath)
+    pixels = np.empty(SIZE * SIZE * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return np.ascontiguousarray(pixels.reshape(SIZE, SIZE, 4)[::-1, :, :3])
+
+
+if __name__ == "__main__":
+    main()
