@@ -1,26 +1,39 @@
-"""The interface: an operator, a panel in the 3D view's sidebar, and the settings that both show."""
+"""The interface: operators, their panels in the 3D view's sidebar, and the settings that both show."""
 
 from __future__ import annotations
 
 import bpy
 
+from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .operators import LEAFCLOUD_OT_bake, cancel_running
 from .panels import LEAFCLOUD_PT_bake
 from .properties import LeafcloudSettings, LeafcloudStatus
+from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 
-_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_PT_bake)
+_OF_SCENE = {
+    "leafcloud": LeafcloudSettings,
+    "leafcloud_scene": LeafcloudSceneSettings,
+    "leafcloud_forest": LeafcloudForestSettings,
+}
+_CLASSES = (
+    *(*_OF_SCENE.values(), LeafcloudStatus),
+    *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
+    *(LEAFCLOUD_PT_bake, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+)
 
 
 def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.leafcloud = bpy.props.PointerProperty(type=LeafcloudSettings)
+    for name, settings in _OF_SCENE.items():
+        setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
 
 
 def unregister() -> None:
     cancel_running()
     del bpy.types.WindowManager.leafcloud
-    del bpy.types.Scene.leafcloud
+    for name in _OF_SCENE:
+        delattr(bpy.types.Scene, name)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
