@@ -11,6 +11,7 @@ import leafcloud
 
 from .build.levels import BuiltLevel, Costs
 from .lighting import BakedLight
+from .part import Part
 from .placement import Placement
 from .plan.effects import Effect
 from .plan.reach import View
@@ -37,6 +38,8 @@ class Prepared:
     materials: tuple[str, ...]
     """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
+    wood_part: Part | None = None
+    """Of which the levels' own wood is made."""
 
     @property
     def leaf_size(self) -> float:

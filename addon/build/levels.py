@@ -99,7 +99,8 @@ class Plan:
 class BuiltLevel:
     """One level in Blender. `triangles` counts those of the object, without the wood.
 
-    wood_error: how far the wood lies from that of LOD 0, world units.
+    wood_error: how far the wood lies from that of LOD 0, world units. wood_corners: which corners of that are left, as
+    `Wood.corners`.
     """
 
     number: int
@@ -108,6 +109,7 @@ class BuiltLevel:
     triangles: int
     wood_triangles: int = 0
     wood_error: float = 0.0
+    wood_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,9 @@ def _add_level(
             member.hide_viewport = member.hide_render = number > 0
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, members[1] if len(members) > 1 else None, triangles)
-    return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
+    if wood is None:
+        return built
+    return replace(built, wood_triangles=wood.triangles, wood_error=wood.error, wood_corners=wood.corners)
 
 
 def _lod_settings(number: int, plan: Plan) -> LodSettings:
