@@ -51,6 +51,8 @@ Made by `make forest` (see `tools/forest.py`): {SIDE * SIDE:,} pines, {SPACING:.
 seen from {DISTANCES[0]:.0f} R from the middle, inside, to {DISTANCES[-1]:.0f} R; the forest ends at
 {SIDE * SPACING / 2:.0f} R. *Forest*: as the extension plants it, baked with `--chain both`. *Plain*: the same levels,
 switched at one distance, no pruned leaves. *Leaves*: all of them at any distance. Nothing is culled by the view.
+Of this pine level 1 takes over before half of the leaves are pruned: the forest has no pruned variant, only trees that
+switch apart, none nearer than in *plain* and up to 15 % farther away.
 
 - *Triangles*: of all instances together, wood included. Instances share their meshes: this is what a rasteriser draws,
   not what lies in memory.

@@ -55,7 +55,8 @@ Made by `make speed` (see `tools/speed.py`). Each level with its wood, seen from
   processor time, all threads together. It is the difference between {MANY} and {FEW} samples, without scene and BVH.
 - *three.js*: {PICTURE}², as the viewer draws it, in Chromium *without a graphics card* (SwiftShader draws in software,
   where pixels cost more than they do on a card, and triangles less). Shortest of {ROUNDS} pictures, which took turns.
-- *×*: how much faster than the leaves.
+- *×*: how much faster than the leaves. *Area*: of all cards or billboards over that of the leaves, with what is cut out
+  of them: each ray and each pixel that meets it has to ask whether it passes.
 """
 AT_DISTANCES = """
 ## Against distance
@@ -69,9 +70,10 @@ Seconds of processor time for a picture, scene and BVH left out.
 
 @dataclass(frozen=True)
 class Near:
-    """Of one subject, seen near: triangles, Cycles' samples a second, three.js's milliseconds."""
+    """Of one subject, seen near: triangles; area without the wood; Cycles' samples a second; three.js's milliseconds."""
 
     triangles: int
+    area: float
     samples: float
     frame: float
 
@@ -88,7 +90,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Times Cycles and three.js on the leaves and on the levels.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: pine and oak of ../shared/foliage)")
     trees = parser.parse_args().trees or list(TREES)
-    near = ["| | | triangles | Cycles, samples/s | × | three.js, ms | × |", "|---|---|---|---|---|---|---|"]
+    near = ["| | | triangles | area | Cycles, samples/s | × | three.js, ms | × |", "|---|---|---|---|---|---|---|---|"]
     far: list[list[Far]] = []
     for tree in trees:
         found, curves = measure(tree.resolve(), with_distances=tree == trees[0])
@@ -127,12 +129,14 @@ def in_browser(baked: Baked) -> list[float]:
     return [min(times) for times in answer["times"]]
 
 
-def near_in_cycles(baked: Baked, camera: bpy.types.Object, number: int, keep: float) -> tuple[int, float]:
-    """Triangles, and samples a second, of a level that does not follow the camera."""
+def near_in_cycles(baked: Baked, camera: bpy.types.Object, number: int, keep: float) -> tuple[int, float, float]:
+    """Triangles, area, and samples a second, of a level that does not follow the camera."""
     show_only(baked, number)
     set_manual(baked.levels[number].object.modifiers[0], transition=0.0, keep=keep)
     place(baked, camera, NEAR)
-    return shown_triangles(), SIZE**2 * (MANY - FEW) / sampling_time()
+    evaluated = baked.levels[number].object.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    area = sum(face.area for face in evaluated.data.polygons)
+    return shown_triangles(), area, SIZE**2 * (MANY - FEW) / sampling_time()
 
 
 def curve(baked: Baked, camera: bpy.types.Object, number: int) -> list[Far]:
@@ -179,11 +183,12 @@ def shown_triangles() -> int:
 
 def near_rows(name: str, found: Sequence[Near]) -> list[str]:
     leaves = found[0]
-    return [
-        f"| {name} | {subject} | {each.triangles:,} | {each.samples:,.0f} | {each.samples / leaves.samples:.2f} | "
-        f"{each.frame:.1f} | {leaves.frame / each.frame:.2f} |"
-        for subject, each in zip(SUBJECTS, found, strict=True)
-    ]
+    rows = []
+    for subject, each in zip(SUBJECTS, found, strict=True):
+        faster = (each.samples / leaves.samples, leaves.frame / each.frame)
+        cycles, three = f"{each.samples:,.0f} | {faster[0]:.2f}", f"{each.frame:.1f} | {faster[1]:.2f}"
+        rows.append(f"| {name} | {subject} | {each.triangles:,} | {each.area / leaves.area:.2f} | {cycles} | {three} |")
+    return rows
 
 
 def far_rows(curves: Sequence[Sequence[Far]]) -> list[str]:
