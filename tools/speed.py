@@ -70,7 +70,7 @@ Seconds of processor time for a picture, scene and BVH left out.
 
 @dataclass(frozen=True)
 class Near:
-    """Of one subject, seen near: triangles; area without the wood; Cycles' samples a second; three.js's milliseconds."""
+    """Of one subject, seen near: triangles, area without the wood, Cycles' samples a second, three.js's ms."""
 
     triangles: int
     area: float
