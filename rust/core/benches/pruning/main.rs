@@ -6,7 +6,7 @@ mod common;
 use glam::{DVec3, Vec3, Vec4};
 use leafcloud::foliage::{Foliage, Image, Material};
 use leafcloud::gltf;
-use leafcloud::judge::{Judge, View, Views, render};
+use leafcloud::judge::{Judge, View, Views, render, visibility};
 use leafcloud::lod::{PruneSettings, pruned_look};
 use leafcloud::prune::{leaf_scale, order, thin, toward_mean};
 use leafcloud::textures::Samples;
@@ -45,8 +45,9 @@ fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let judge = judge(foliage, views());
     let seen = |foliage: &Foliage| judge.glance(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
+    let visible = visibility(foliage, DVec3::Z).expect("pixels");
     for seed in 0..SEEDS {
-        let ranks = order(foliage, seed);
+        let ranks = order(foliage, &visible, seed);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         for (i, &keep) in KEEPS.iter().enumerate() {
             let by_area = |growth: f64| thin(foliage, &ranks, keep, growth).expect("leaves are left").foliage;
@@ -130,7 +131,7 @@ fn main() {
     );
     println!("| | pixels across | κ | with contrast kept | without |\n|---|---|---|---|---|");
     for (name, foliage) in &trees {
-        let ranks = order(foliage, 0);
+        let ranks = order(foliage, &visibility(foliage, DVec3::Z).expect("pixels"), 0);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5 };
         let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
