@@ -52,7 +52,7 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
-	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight)
+	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
 
 .PHONY: fidelity
 fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)
@@ -63,6 +63,17 @@ fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what
 flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and see whether anything pops (an hour)
 	@mkdir -p docs/bench
 	PYTHONPATH=$(CURDIR) .venv/bin/python tools/flight.py $(ARGS)
+
+.PHONY: forest
+forest: setup ## measure a forest of 10,000 pines from seven distances: triangles, evaluation, Cycles (ten minutes)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/forest.py $(ARGS)
+
+.PHONY: speed
+speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time Cycles and three.js on the leaves and on the levels, near and far
+	@tools/prerequisites.sh chromium
+	@mkdir -p docs/bench
+	.venv/bin/python tools/speed.py $(ARGS)
 
 .PHONY: relit
 relit: setup ## light level 1 and its leaves with six suns in Cycles, and compare

@@ -10,6 +10,7 @@ import leafcloud
 
 from .build.levels import BuiltLevel, Costs
 from .lighting import BakedLight
+from .part import Part
 from .placement import Placement
 from .plan.effects import Effect, plan_levels
 from .plan.facts import Facts
@@ -40,6 +41,8 @@ class Prepared:
     """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
     wind: Wind | None = None
+    wood_part: Part | None = None
+    """Of which the levels' own wood is made."""
 
     @property
     def levels(self) -> tuple[int, bool]:

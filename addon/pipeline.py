@@ -25,7 +25,7 @@ import leafcloud
 
 from .baked import Baked, Prepared
 from .build.contrast import mean_color
-from .build.levels import Costs, Plan, build_levels
+from .build.levels import BuiltLevel, Costs, Plan, build_levels
 from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
@@ -37,6 +37,7 @@ from .export.staging import Staging
 from .export.unlit import mean_light
 from .job import Progress, wait
 from .lighting import light_of
+from .part import described_part
 from .placement import Placement
 from .plan.costs import with_costs
 from .plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, plan_levels, settle_back_sides
@@ -45,9 +46,7 @@ from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
 from .plan.sight import level_at, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
-from .scene.describe import describe_materials
-from .scene.extract import Geometry, Tree, texture_uvs, world_positions
-from .scene.light import Light
+from .scene.extract import Geometry, Tree, world_positions
 from .scene.shading import gloss_of
 from .scene.survey import survey
 from .scene.translucency import translucent_of
@@ -113,17 +112,31 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     # Only the cross shows the wood.
     light = light_of(tree, layer, with_wood=cross and tree.wood is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.wood)
-    foliage, leaf_warnings = _foliage(tree.leaves, placement, channels, share, sides[0])
-    wood, wood_warnings = (None, []) if tree.wood is None else _foliage(tree.wood, placement, channels, share, sides[1])
+    leaves = described_part(tree.leaves, placement, channels, share, sides[0])
+    woods = None if tree.wood is None else described_part(tree.wood, placement, channels, share, sides[1])
+    foliage, wood = leaves.foliage(), None if woods is None else woods.foliage()
     blended = [f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5" for name in facts.blended]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, clouds + cross)
-    read = [*leaf_warnings, *wood_warnings, *gloss.warnings, *translucent.warnings]
+    read = [*leaves.messages, *(() if woods is None else woods.messages), *gloss.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
     blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
     return Prepared(
-        tree, settings, placement, foliage, wood, gloss, translucent, facts, effects, warnings, names, light, blowing
+        tree,
+        settings,
+        placement,
+        foliage,
+        wood,
+        gloss,
+        translucent,
+        facts,
+        effects,
+        warnings,
+        names,
+        light,
+        blowing,
+        woods,
     )
 
 
@@ -335,13 +348,25 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
             save_blend(staging.path(f"{name}.blend"))
         progress("write preview.png", 0.0)
         picture = preview_image(
-            baked.prepared.foliage, baked.prepared.wood, baked.chain.levels, baked.switch_distances, baked.view
+            baked.prepared.foliage, level_woods(baked), baked.chain.levels, baked.switch_distances, baked.view
         )
         leafcloud.write_png(str(staging.path("preview.png")), picture)
         content = report(baked, seconds, sorted([*staging.files, "report.json"]))
         staging.write_json("report.json", content)
         staging.commit()
     return content
+
+
+def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
+    """What each level has beside it of the wood, the leaves first; None where that is nothing."""
+    came, part = baked.prepared.wood, baked.prepared.wood_part
+
+    def wood(level: BuiltLevel) -> leafcloud.Foliage | None:
+        if part is None or level.wood is None:
+            return None
+        return came if level.wood_corners is None else part.of(level.wood_corners).foliage()
+
+    return [wood(level) for level in baked.levels]
 
 
 def _levels_by_material(baked: Baked) -> dict[str, leafcloud.Level]:
@@ -369,38 +394,6 @@ def view_of(scene: bpy.types.Scene) -> View:
     height, depth = np.ptp(frame[:, 1]), -frame[0, 2]
     resolution = scene.render.resolution_y * scene.render.resolution_percentage / 100.0
     return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
-
-
-def _foliage(
-    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float, light: Light | None
-) -> tuple[leafcloud.Foliage, list[str]]:
-    """The geometry in the world as the core takes it, and what had to be left aside of its materials."""
-    described = describe_materials(geometry, channels, placement.matrix, share)
-    front, back = _colors(described.colors, light)
-    foliage = leafcloud.Foliage(
-        world_positions(geometry, placement.matrix),
-        placement.wind(geometry.triangles),
-        uvs=placement.wind(texture_uvs(geometry)),
-        normals=placement.wind(placement.normals_to_world(geometry.normals)),
-        colors=placement.wind(front),
-        back_colors=placement.wind(back),
-        material_ids=geometry.material_ids,
-        materials=[leafcloud.Material(**keywords) for keywords in described.materials],
-        protected=geometry.protected,
-    )
-    return foliage, described.messages
-
-
-def _colors(
-    colors: NDArray[np.float32] | None, light: Light | None
-) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
-    if light is None:
-        return colors, None
-    front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()
-    back = front[..., :3] * light.back
-    front[..., :3] *= light.front
-    return front, back
 
 
 def _without_shear(tree: Tree) -> Tree:

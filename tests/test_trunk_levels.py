@@ -17,6 +17,8 @@ from scenes import add_mesh, bake, material, read
 import leafcloud
 from addon.baked import Baked
 from addon.build.wood import simplified, whole
+from addon.export import preview
+from addon.pipeline import level_woods
 from addon.placement import Placement
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
@@ -221,6 +223,38 @@ def test_each_level_shows_its_own_wood() -> None:
         assert built.wood_error <= result.switch_distances[built.number] / pixel
     assert result.costs.seconds["trunk_levels"] > 0.0
     assert result.costs.bytes["trunk_levels"] > 0
+
+
+def covered(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Of the columns of the preview's first row, from the leaves on, how many pixels are not ground."""
+    cell = (picture.shape[1] - preview.GAP) // 4
+    row = picture[preview.GAP : cell, : 4 * cell, :3].astype(int)
+    return (row != preview.GROUND).any(axis=2).reshape(len(row), 4, cell).sum(axis=(0, 2))
+
+
+def test_the_preview_draws_each_level_with_its_own_wood() -> None:
+    """As large as the meshes beside the levels; and in its picture a level whose wood is taken away loses it."""
+    result = baked_tree("auto")
+    woods = level_woods(result)
+    assert woods[3] is None, "the cross shows it in its textures"
+    for built, wood in zip(result.levels[:3], woods, strict=False):
+        assert wood is not None
+        assert wood.triangle_count == built.wood_triangles
+        assert wood.area == pytest.approx(sum(face.area for face in built.wood.data.polygons), rel=1e-5)
+
+    def drawn(shown: list[leafcloud.Foliage | None]) -> NDArray[np.int64]:
+        foliage, levels = result.prepared.foliage, result.chain.levels
+        return covered(preview.preview_image(foliage, shown, levels, result.switch_distances, result.view))
+
+    lost = drawn(woods) - drawn([woods[0], None, *woods[2:]])
+    assert lost[1] > 50
+    assert not lost[[0, 2, 3]].any()
+
+
+def test_the_preview_shows_what_came_where_wood_stays_as_it_is() -> None:
+    result = baked_tree("transitions")
+    came = result.prepared.wood
+    assert level_woods(result) == [came, came, came, None]
 
 
 def test_without_the_effect_all_levels_share_what_came() -> None:

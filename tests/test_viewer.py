@@ -14,82 +14,16 @@ import bpy
 import numpy as np
 import pytest
 from command_line import QUICK, bake, saved
-from glb import Node, Primitive, read_glb
-from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
-from lod_scenes import add_camera, evaluate, points_of
+from glb import Node, read_glb
+from laws import KNOTS, Floats, drawn_share, ramp, transition, trend
+from lod_scenes import add_camera
 from mathutils import Euler, Matrix, Vector
+from viewing import PAGE, PATIENCE, Pruning, apart, attribute, by_leaf, drawn_by_nodes, drawn_by_shader, pivots_of
 
 from addon.build.lod_nodes import NEVER
-from addon.export.gltf import y_up
 from addon.scene.meshes import PROTECT
 from addon.versions import set_modifier_input
 from tools.browser import ask
-
-PAGE = "tests/shaders/probe.html"
-PATIENCE = 120.0
-
-
-@dataclass(frozen=True)
-class Pruning:
-    """d₀ in the scene's units, h, the numbers of γ and κ, and the mean of the leaves' colours."""
-
-    start: float
-    half: float = 0.5
-    growth: tuple[float, float] = (0.0, 0.0)
-    contrast: tuple[float, float] = (0.0, 0.0)
-    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def keep(self, distance: float) -> float:
-        return float(kept(np.array(distance), self.start, self.half))
-
-    def growth_at(self, keep: float) -> float:
-        return float(trend(np.array(keep), *self.growth))
-
-
-def by_leaf(ranks: Floats, rows: Floats) -> dict[float, Floats]:
-    """`rows` (n, …) by their `ranks` (n,)."""
-    order = np.argsort(ranks, kind="stable")
-    keys, first = np.unique(ranks[order], return_index=True)
-    return dict(zip(keys.tolist(), np.split(rows[order], first[1:]), strict=True))
-
-
-def attribute(primitive: Primitive, name: str) -> Floats:
-    """(v, 3), all 0 where the level does not have it."""
-    places = primitive.attributes["POSITION"]
-    return primitive.attributes.get(name, np.zeros_like(places)).astype(float)
-
-
-def pivots_of(primitive: Primitive) -> Floats:
-    """(v, 6) at rest, and on the billboard of each vertex: a leaf that lies on several has several."""
-    return np.hstack([attribute(primitive, "_LEAF_PIVOT"), attribute(primitive, "_LEAF_PIVOT_TARGET")])
-
-
-def drawn_by_shader(node: Node, meshes: list[dict[str, Any]]) -> dict[float, Floats]:
-    """Leaves of which a triangle is more than a point: by rank, of each corner the place and the pivots (n, 9)."""
-    ranks, rows = [], []
-    for primitive, mesh in zip(node.primitives, meshes, strict=True):
-        assert mesh["material"] == primitive.material["name"]
-        places = np.frombuffer(base64.b64decode(mesh["places"]), "<f4").reshape(-1, 3).astype(float)
-        triangles = primitive.indices[: mesh["count"] // 3]
-        triangles = triangles[(np.ptp(places[triangles], axis=1) > 0.0).any(axis=1)]
-        ranks.append(attribute(primitive, "_LEAF_RANK")[triangles, 0].ravel())
-        rows.append(np.hstack([places, pivots_of(primitive)])[triangles].reshape(-1, 9))
-    return by_leaf(np.concatenate(ranks), np.concatenate(rows))
-
-
-def drawn_by_nodes(obj: bpy.types.Object) -> dict[float, Floats]:
-    """By rank the points that the evaluated modifier leaves, in glTF's coordinates."""
-    mesh = evaluate(obj)
-    ranks = np.zeros(len(mesh.vertices), np.float32)
-    if "leaf_rank" in mesh.attributes:
-        mesh.attributes["leaf_rank"].data.foreach_get("value", ranks)
-    return by_leaf(ranks.astype(float), y_up(points_of(mesh)).astype(float)) if len(ranks) else {}
-
-
-def apart(one: Floats, other: Floats) -> float:
-    """The greatest distance from a point of either to the nearest of the other."""
-    distances = np.linalg.norm(one[:, None] - other[None], axis=2)
-    return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,7 @@ class BuiltLevel:
 
     wood_error: how far the wood lies from that of LOD 0, world units. apart: how far each of a pair of billboards is
     held in front of its place (`side_nodes`), in the object's own unit; 0 where there are no pairs.
+    wood_corners: which corners of that of LOD 0 are left, as `Wood.corners`.
     """
 
     number: int
@@ -118,6 +119,7 @@ class BuiltLevel:
     wood_triangles: int = 0
     wood_error: float = 0.0
     apart: float = 0.0
+    wood_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -230,7 +232,9 @@ def _add_level(
                     obj[EXTRAS]["wind"] = wind_extras(wind)
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, wooden, triangles)
-    return built if wood is None else replace(built, wood_triangles=wood.triangles, wood_error=wood.error)
+    if wood is None:
+        return built
+    return replace(built, wood_triangles=wood.triangles, wood_error=wood.error, wood_corners=wood.corners)
 
 
 def _let_fade(wood: bpy.types.Object) -> None:

@@ -22,7 +22,8 @@ from .materials import layer_names
 class Wood:
     """The wood of one level. `mesh` is None where nothing is left.
 
-    name: of the wood of all levels; error: how far it lies from what came, world units; nbytes: of what made the mesh.
+    name: of the wood of all levels; error: how far it lies from what came, world units; nbytes: of what made the mesh;
+    corners: (n, 3) the corners of what came, counted through all its triangles, of which it is made; None of all.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Wood:
     triangles: int
     error: float
     nbytes: int
+    corners: NDArray[np.integer[Any]] | None = None
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
@@ -61,26 +63,29 @@ def simplified(first: Wood, geometry: Geometry, placement: Placement, errors: Se
             continue
         left = gathered(geometry, found.corners)
         mesh = geometry_mesh(f"{first.name}_{level}", left) if len(found.corners) else None
-        result.append(Wood(first.name, mesh, len(found.corners), found.error, _nbytes(left)))
+        result.append(Wood(first.name, mesh, len(found.corners), found.error, _nbytes(left), found.corners))
     return result[1:]
 
 
 def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
     """Triangles (n, 3) of corners of `geometry`, counted through all of its triangles, with all that these carry."""
 
-    def per_corner(values: NDArray[np.float32]) -> NDArray[np.float32]:
-        return values.reshape(-1, values.shape[-1])[corners]
-
     of_triangle = corners[:, 0] // 3
     return replace(
         geometry,
         triangles=geometry.triangles.ravel()[corners],
-        uvs=None if geometry.uvs is None else per_corner(geometry.uvs),
-        normals=per_corner(geometry.normals),
-        colors=None if geometry.colors is None else per_corner(geometry.colors),
+        uvs=None if geometry.uvs is None else per_corner(geometry.uvs, corners),
+        normals=per_corner(geometry.normals, corners),
+        colors=None if geometry.colors is None else per_corner(geometry.colors, corners),
         material_ids=geometry.material_ids[of_triangle],
         randoms=None if geometry.randoms is None else geometry.randoms[of_triangle],
+        protected=None if geometry.protected is None else geometry.protected[of_triangle],
     )
+
+
+def per_corner(values: NDArray[np.float32], corners: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """(n, 3, …) of the `values` (t, 3, …) at the corners, counted through all triangles."""
+    return values.reshape(-1, values.shape[-1])[corners]
 
 
 def _nbytes(geometry: Geometry) -> int:

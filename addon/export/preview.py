@@ -25,19 +25,18 @@ DIRECTION = (0.45, -1.0, 0.2)
 
 def preview_image(
     foliage: leafcloud.Foliage,
-    wood: leafcloud.Foliage | None,
+    woods: Sequence[leafcloud.Foliage | None],
     levels: Sequence[leafcloud.Level],
     switch_distances: Sequence[float],
     view: View,
 ) -> NDArray[np.uint8]:
     """Three rows (h, w, 4): leaves and levels enlarged; the leaves, and below them each level, as it takes over.
 
-    `switch_distances` has one for each level, the leaves first.
+    `woods`, what stands beside each level, and `switch_distances` have one for each, the leaves first.
     """
-    trunk = [] if wood is None else [wood]
-    subjects = [[foliage, *trunk]]
-    subjects += [[level.foliage(), *(trunk if level.cloud is not None else [])] for level in levels]
-    centre, radius = _sphere([foliage, *trunk])
+    leaves = [foliage, *(level.foliage() for level in levels)]
+    subjects = [[part, *([] if wood is None else [wood])] for part, wood in zip(leaves, woods, strict=True)]
+    centre, radius = _sphere(subjects[0])
     cell = min(LARGEST_CELL, (WIDEST - GAP) // len(subjects) - GAP)
     sizes = [seen_size(radius, distance, view, cell) for distance in switch_distances[1:]]
 

@@ -1,30 +1,33 @@
-"""The interface: an operator, a panel in the 3D view's sidebar, and the settings that both show."""
+"""The interface: operators, their panels in the 3D view's sidebar, and the settings that both show."""
 
 from __future__ import annotations
 
 import bpy
 
+from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, cancel_running
 from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
+from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .viewport import LEAFCLOUD_OT_preview, stop_preview
 
+_OF_SCENE = {
+    "leafcloud": LeafcloudSettings,
+    "leafcloud_scene": LeafcloudSceneSettings,
+    "leafcloud_forest": LeafcloudForestSettings,
+}
 _CLASSES = (
-    LeafcloudSettings,
-    LeafcloudPlanRow,
-    LeafcloudStatus,
-    LEAFCLOUD_OT_bake,
-    LEAFCLOUD_OT_plan,
-    LEAFCLOUD_OT_preview,
-    LEAFCLOUD_PT_bake,
-    LEAFCLOUD_PT_effects,
+    *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
+    *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
+    *(LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
 )
 
 
 def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.leafcloud = bpy.props.PointerProperty(type=LeafcloudSettings)
+    for name, settings in _OF_SCENE.items():
+        setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
 
 
@@ -32,6 +35,7 @@ def unregister() -> None:
     cancel_running()
     stop_preview()
     del bpy.types.WindowManager.leafcloud
-    del bpy.types.Scene.leafcloud
+    for name in _OF_SCENE:
+        delattr(bpy.types.Scene, name)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -6,7 +6,7 @@ mod common;
 use glam::{DVec3, Vec3, Vec4};
 use leafcloud::foliage::{Foliage, Image, Material};
 use leafcloud::gltf;
-use leafcloud::judge::{Judge, View, Views, render};
+use leafcloud::judge::{Judge, View, Views, render, visibility};
 use leafcloud::lod::{PruneSettings, pruned_look};
 use leafcloud::prune::{leaf_scale, order, thin, toward_mean};
 use leafcloud::textures::Samples;
@@ -45,8 +45,9 @@ fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let judge = judge(foliage, views());
     let seen = |foliage: &Foliage| judge.glance(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
+    let visible = visibility(foliage, DVec3::Z).expect("pixels");
     for seed in 0..SEEDS {
-        let ranks = order(foliage, seed);
+        let ranks = order(foliage, &visible, seed);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         for (i, &keep) in KEEPS.iter().enumerate() {
             let by_area = |growth: f64| thin(foliage, &ranks, keep, growth).expect("leaves are left").foliage;
@@ -138,9 +139,10 @@ fn main() {
             println!("| {name} | {size} | | its leaves are of one colour | |");
             continue;
         }
+        let seen = visibility(foliage, DVec3::Z).expect("pixels");
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
-                let ranks = order(foliage, seed);
+                let ranks = order(foliage, &seen, seed);
                 let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
                 let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
                 let kappa = trend.factor(KEEP).min(1.0);

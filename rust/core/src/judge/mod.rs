@@ -2,9 +2,11 @@
 
 mod measure;
 mod render;
+mod visibility;
 
 pub use measure::{Judgement, compare};
 pub use render::{View, render};
+pub use visibility::visibility;
 
 use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
@@ -41,6 +43,20 @@ impl Views {
             upright * DVec3::new(radius * libm::cos(angle), radius * libm::sin(angle), z)
         })
     }
+
+    /// The views that the sphere of `frame` fills.
+    fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
+        let (centre, radius) = (frame.centre, frame.radius * 1.025);
+        let Self { size, samples, up, .. } = self;
+        self.directions().collect::<Vec<_>>().into_iter().map(move |direction| View {
+            direction,
+            up,
+            centre,
+            radius,
+            size,
+            samples,
+        })
+    }
 }
 
 /// Pictures of one thing from all views, to compare others with.
@@ -55,15 +71,7 @@ impl Judge {
     /// # Errors
     /// A picture without pixels.
     pub fn new(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
-        let view = |direction| View {
-            direction,
-            up: views.up,
-            centre: frame.centre,
-            radius: frame.radius * 1.025,
-            size: views.size,
-            samples: views.samples,
-        };
-        let views: Vec<View> = views.directions().map(view).collect();
+        let views: Vec<View> = views.around(frame).collect();
         let pictures = views.iter().map(|v| render(base, v)).collect::<Result<_>>()?;
         Ok(Self { views, pictures })
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
-use crate::textures::{Channel, Samples, ScreenTriangle, Window, rasterise};
+use crate::textures::{Channel, Samples, ScreenTriangle, Window, count_seen, rasterise};
 
 /// Where the picture is taken from.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +30,21 @@ pub struct View {
 /// No parts; a direction without length; a centre or "up" that is not finite; a radius or a size that is not above 0; parts so much larger
 /// than the picture that single precision cannot place them.
 pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
+    let triangles = on_screen(parts, view)?;
+    let channel = Channel::BaseColor;
+    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
+}
+
+/// At how many samples of the picture each triangle is seen.
+///
+/// # Errors
+/// As [`render`].
+pub fn seen_samples(foliage: &Foliage, view: &View) -> Result<Vec<u32>> {
+    Ok(count_seen(&on_screen(&[foliage], view)?, view.size, view.size, view.samples))
+}
+
+/// All triangles as the view shows them.
+fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangle<'a>>> {
     let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
         Error::invalid(format!(
             "the view's direction is {:?}; it needs a finite length above 0",
@@ -62,8 +77,7 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
         };
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }
-    let channel = Channel::BaseColor;
-    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
+    Ok(triangles)
 }
 
 /// How many radii of the picture its parts may reach from its centre.

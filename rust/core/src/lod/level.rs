@@ -159,7 +159,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
 /// The pruning order of billboards, as of leaves.
 pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result<Vec<f32>> {
     let shell = billboards(sheet, frame, Material::default())?;
-    let by_leaf = prune::order(&shell, seed);
+    let by_leaf = prune::order(&shell, &[], seed);
     let triangles = sheet.outline_corners() - 2;
     Ok(shell.leaf_ids().iter().step_by(triangles).map(|&leaf| by_leaf[leaf as usize]).collect())
 }

@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::judge::{Judge, Views};
+use crate::judge::{Judge, Views, visibility};
 use crate::progress::Progress;
 use crate::prune::{self, Kept, Thinned, Trend};
 use crate::sheet::PageSize;
@@ -215,7 +215,7 @@ pub fn build_chain(
     settings.check()?;
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
-    let ranks = prune::order(foliage, settings.fit.seed);
+    let ranks = prune::order(foliage, &visibility(foliage, settings.up)?, settings.fit.seed);
     let pivots = pivots(foliage);
     let mut seconds = LookSeconds::default();
     let (mut growth, mut contrast) = Default::default();

@@ -9,17 +9,21 @@ use crate::foliage::Foliage;
 pub const PROTECTED: f32 = -1.0;
 
 /// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
-/// first). A leaf at the rim of the crown (w = 1.5) is likelier to stay than one at its centre (w = 0.5), where others hide it. Protected
-/// leaves have [`PROTECTED`], and no place among the others.
+/// first), w = ½ + (r + v)/2. r is the leaf's distance from the crown's centre, in its radii: at the rim it is likelier to stay than in
+/// the middle, where others hide it. v is half its `visibility`, any measure ≥ 0 of how much of it is seen, over the mean of all, at most
+/// 1; r where nothing was measured (an empty slice). Protected leaves have [`PROTECTED`], and no place among the others.
 #[must_use]
-pub fn order(foliage: &Foliage, seed: u64) -> Vec<f32> {
+pub fn order(foliage: &Foliage, visibility: &[f64], seed: u64) -> Vec<f32> {
     let leaves = foliage.leaves();
+    let twice_mean = 2.0 * visibility.iter().sum::<f64>() / visibility.len() as f64;
+    let seen = |leaf: usize| visibility.get(leaf).filter(|_| twice_mean > 0.0).map(|seen| (seen / twice_mean).min(1.0));
     let key = |leaf: usize| {
         let triangles = leaves.get(leaf);
         let sum: DVec3 = triangles.iter().flat_map(|&t| foliage.corners(t as usize)).sum();
         let from_centre = (sum / (3.0 * triangles.len() as f64)).length();
+        let weight = 0.5 + 0.5 * (from_centre + seen(leaf).unwrap_or(from_centre));
         let uniform = Stream::new(seed, 0, leaf).signed() * 0.5 + 0.5;
-        libm::log(uniform.max(f64::MIN_POSITIVE)) / (0.5 + from_centre)
+        libm::log(uniform.max(f64::MIN_POSITIVE)) / weight
     };
     let protected = &foliage.attributes().protected;
     let is_free = |leaf: &usize| protected.is_empty() || !leaves.get(*leaf).iter().any(|&t| protected[t as usize]);
@@ -50,7 +54,7 @@ mod tests {
             (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1].map(|o| place(i) + o)).collect();
         let triangles = (0..4000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
-        let ranks = order(&foliage, 7);
+        let ranks = order(&foliage, &[], 7);
         let mut sorted = ranks.clone();
         sorted.sort_by(f32::total_cmp);
         assert!(sorted.iter().enumerate().all(|(i, &r)| r == (i as f64 / 4000.0) as f32));
@@ -64,5 +68,20 @@ mod tests {
         assert!(mean(false) < mean(true) - 0.02);
         assert_eq!(rank(9_999_999, 10_000_000).max(0.99), rank(9_999_999, 10_000_000));
         assert!(rank(199_999_999, 200_000_000) < 1.0);
+    }
+    #[test]
+    fn of_leaves_as_far_from_the_centre_those_stay_that_are_seen() {
+        let place = |i: u32| DVec3::new(libm::cos(f64::from(i)), libm::sin(f64::from(i)), 0.0);
+        let positions: Vec<DVec3> =
+            (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|o| place(i) + 1e-4 * o)).collect();
+        let triangles = (0..4000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
+        let visibility: Vec<f64> = (0..4000).map(|leaf| if leaf < 2000 { 0.3 } else { 0.0 }).collect();
+        let ranks = order(&foliage, &visibility, 7);
+        let mean = |leaves: std::ops::Range<usize>| ranks[leaves].iter().sum::<f32>() / 2000.0;
+        // Of the weights 3/2 and 1 the first comes first in three of five: the means are (½ + ⅖)/2 and (½ + ⅗)/2.
+        assert!((mean(0..2000) - 0.45).abs() < 0.02);
+        assert!((mean(2000..4000) - 0.55).abs() < 0.02);
+        assert_eq!(order(&foliage, &[0.0; 4000], 7), order(&foliage, &[], 7), "where nothing is seen nothing is told");
     }
 }

@@ -21,7 +21,7 @@ pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
 use raster::rasterise_timed;
-pub use raster::{Canvas, ScreenTriangle, Window, rasterise};
+pub use raster::{Canvas, ScreenTriangle, Window, count_seen, rasterise};
 pub use sky::{Outlook, Sky};
 
 use crate::error::{Error, Result};
@@ -47,6 +47,12 @@ impl Samples {
             return Ok(Self { side: samples, looks: 1 });
         }
         Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
+    }
+
+    /// How many along each side.
+    #[must_use]
+    pub fn side(self) -> usize {
+        self.side
     }
 
     /// Each sample is looked at by itself, as a renderer does: what is seen between leaves counts no more than what is seen of their middle.

@@ -9,7 +9,7 @@
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::Instant;
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
@@ -131,6 +131,27 @@ pub(super) fn rasterise_timed<'a>(
     let spent: Vec<f64> = spent.into_iter().map(|nanoseconds| nanoseconds.into_inner() as f64).collect();
     let share = started.elapsed().as_secs_f64() / spent.iter().sum::<f64>().max(1.0);
     (canvases, spent[1..].iter().map(|each| each * share).collect())
+}
+
+/// At how many samples of a canvas of `width` × `height` pixels each of the triangles is seen.
+#[must_use]
+pub fn count_seen<'a>(triangles: &[ScreenTriangle<'a>], width: usize, height: usize, samples: Samples) -> Vec<u32> {
+    let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
+    let lists = tiles.lists(triangles);
+    // Whole numbers: their sums are the same in any order.
+    let counts: Vec<AtomicU32> = triangles.iter().map(|_| AtomicU32::new(0)).collect();
+    let count = |tile: &mut Tile<'a>, (index, list): (usize, &Vec<u32>)| {
+        let origin = tiles.origin(index);
+        tile.draw(triangles, list, origin);
+        // Triangles that reach beyond the canvas are drawn on whole tiles.
+        let (columns, rows) = (width - origin.x as usize, height - origin.y as usize);
+        for piece in tile.pieces.iter().filter(|p| p.pixel % TILE < columns && p.pixel / TILE < rows) {
+            let triangle = tile.drawn[piece.fragment as usize].index;
+            counts[triangle as usize].fetch_add(piece.count, Ordering::Relaxed);
+        }
+    };
+    lists.par_iter().enumerate().for_each_init(|| Tile::new(samples), count);
+    counts.into_iter().map(AtomicU32::into_inner).collect()
 }
 
 struct Tiles {

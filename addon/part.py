@@ -1,0 +1,77 @@
+"""The leaves or the wood of a tree as the core takes them: in the world, with their materials described."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from .build.wood import gathered, per_corner
+from .placement import Placement
+from .scene.describe import describe_materials
+from .scene.extract import Geometry, texture_uvs, world_positions
+from .scene.light import Light
+
+
+@dataclass(frozen=True)
+class Part:
+    """A geometry and how it looks. `colors` (t, 3, 4) multiply the base colours, and `back_colors` (t, 3, 3) in their
+    place on the back; None of either is white, or the same. `messages`: what had to be left aside of the materials."""
+
+    geometry: Geometry
+    placement: Placement
+    materials: tuple[leafcloud.Material, ...]
+    colors: NDArray[np.float32] | None = None
+    back_colors: NDArray[np.float32] | None = None
+    messages: tuple[str, ...] = ()
+
+    def foliage(self) -> leafcloud.Foliage:
+        """Raises `leafcloud.LeafcloudError` for geometry that the core refuses."""
+        geometry, placement = self.geometry, self.placement
+        return leafcloud.Foliage(
+            world_positions(geometry, placement.matrix),
+            placement.wind(geometry.triangles),
+            uvs=placement.wind(texture_uvs(geometry)),
+            normals=placement.wind(placement.normals_to_world(geometry.normals)),
+            colors=placement.wind(self.colors),
+            back_colors=placement.wind(self.back_colors),
+            material_ids=geometry.material_ids,
+            materials=list(self.materials),
+            protected=geometry.protected,
+        )
+
+    def of(self, corners: NDArray[np.integer[Any]]) -> Part:
+        """The triangles (n, 3) of corners, counted through all triangles, as `leafcloud.simplify` gives them."""
+        return replace(
+            self,
+            geometry=gathered(self.geometry, corners),
+            colors=None if self.colors is None else per_corner(self.colors, corners),
+            back_colors=None if self.back_colors is None else per_corner(self.back_colors, corners),
+        )
+
+
+def described_part(
+    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float, light: Light | None
+) -> Part:
+    """The geometry under `light`, if any; `channels` and `share` of its materials as in `describe_materials`."""
+    described = describe_materials(geometry, channels, placement.matrix, share)
+    front, back = _colors(described.colors, light)
+    materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
+    return Part(geometry, placement, materials, front, back, tuple(described.messages))
+
+
+def _colors(
+    colors: NDArray[np.float32] | None, light: Light | None
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
+    if light is None:
+        return colors, None
+    front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()
+    back = front[..., :3] * light.back
+    front[..., :3] *= light.front
+    return front, back

@@ -1,0 +1,79 @@
+//! How much of each leaf is seen from outside: what lies within a crown is hidden by what lies about it.
+
+use glam::DVec3;
+
+use super::{Views, render};
+use crate::error::Result;
+use crate::foliage::Foliage;
+use crate::textures::Samples;
+
+/// From how many directions, and at how many pixels: some hundred samples of a leaf among ten thousand.
+const COUNT: usize = 16;
+const SIZE: usize = 128;
+
+/// The share of each leaf that is seen, in the mean over directions all around: samples that see it, over what of its area faces the eye.
+/// In [0, 1]; parts that its texture cuts out are never seen, so only ratios between leaves mean anything. Counts of samples, the same on any machine.
+///
+/// # Errors
+/// An `up` without length.
+pub fn visibility(foliage: &Foliage, up: DVec3) -> Result<Vec<f64>> {
+    let views = Views { count: COUNT, size: SIZE, samples: Samples::default(), up, turn: 0.25 };
+    let mut seen = vec![0.0; foliage.leaf_count()];
+    let mut facing = seen.clone();
+    for view in views.around(foliage.frame()) {
+        let samples = render::seen_samples(foliage, &view)?;
+        let side = (view.size * view.samples.side()) as f64;
+        let per_area = (side * foliage.frame().radius / (2.0 * view.radius)).powi(2);
+        for (triangle, (&leaf, &count)) in foliage.leaf_ids().iter().zip(&samples).enumerate() {
+            seen[leaf as usize] += f64::from(count);
+            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs() * per_area;
+        }
+    }
+    let share = |(seen, facing): (&f64, f64)| if facing > 0.0 { (seen / facing).min(1.0) } else { 0.0 };
+    Ok(seen.iter().zip(facing).map(share).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::foliage::Attributes;
+
+    /// Squares of a side about a place, across one axis, each a leaf.
+    fn squares(places: &[(DVec3, usize, f64)]) -> Foliage {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let corners = |&(place, across, side): &(DVec3, usize, f64)| {
+            let (u, v) = (axes[(across + 1) % 3] * side / 2.0, axes[(across + 2) % 3] * side / 2.0);
+            [place - u - v, place + u - v, place + u + v, place - u + v]
+        };
+        let positions: Vec<DVec3> = places.iter().flat_map(corners).collect();
+        let triangles = (0..places.len() as u32).flat_map(|i| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * i + k)));
+        let leaf_ids = (0..2 * places.len() as i64).map(|triangle| triangle / 2).collect();
+        Foliage::new(&positions, triangles.collect(), Attributes { leaf_ids, ..Attributes::default() }, vec![]).unwrap()
+    }
+
+    #[test]
+    fn a_leaf_alone_is_seen_whole_from_everywhere() {
+        for across in 0..3 {
+            let seen = visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z).unwrap();
+            assert!((seen[0] - 1.0).abs() < 0.01, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_in_a_box_is_not_seen_and_hides_nothing() {
+        let sides = (0..6).map(|i| {
+            let axis = [DVec3::X, DVec3::Y, DVec3::Z][i % 3];
+            (if i < 3 { axis } else { -axis }, i % 3, 2.0)
+        });
+        let mut places: Vec<_> = sides.collect();
+        let outside = visibility(&squares(&places), DVec3::Z).unwrap();
+        places.push((DVec3::ZERO, 0, 0.5));
+        let seen = visibility(&squares(&places), DVec3::Z).unwrap();
+        assert_eq!(seen[6], 0.0);
+        assert_eq!(seen[..6], outside);
+        // Of two opposite sides one is seen from anywhere.
+        for (front, back) in [(0, 3), (1, 4), (2, 5)] {
+            assert!((seen[front] + seen[back] - 1.0).abs() < 0.03, "{seen:?}");
+        }
+    }
+}

@@ -1,0 +1,265 @@
+"""The operators that make a scene and a forest of baked trees: what they draw, what they refuse, what they leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+import pytest
+from lod_scenes import add_camera, evaluate, place
+from scenes import add_mesh, bake, read
+
+import addon
+import leafcloud
+from addon.baked import Baked
+from addon.build.scene_nodes import SceneSettings
+from addon.settings import BakeSettings
+from addon.versions import get_modifier_input
+
+LEAVES, SIDE = 60, 0.1
+
+
+@pytest.fixture(autouse=True)
+def _registered(_fresh_scene: None) -> Iterator[None]:
+    addon.register()
+    yield
+    addon.unregister()
+
+
+def baked_crown(name: str = "tree", chain: str = "both", *, wood: bool = True) -> Baked:
+    """Square leaves of the side 0.1 in a ball of the radius 1, on a trunk; baked, and the sources gone."""
+    rng = np.random.default_rng(3)
+    corners = SIDE * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    turns = np.linalg.qr(rng.normal(size=(LEAVES, 3, 3)))[0]
+    places = rng.uniform(-0.6, 0.6, size=(LEAVES, 1, 3)) + corners @ turns
+    faces = [tuple(range(i, i + 4)) for i in range(0, 4 * LEAVES, 4)]
+    sources = [add_mesh(f"{name} leaves", places.reshape(-1, 3).tolist(), faces)]
+    if wood:
+        trunk = [(0.05 * x, 0.05 * y, z) for z in (-2.0, 0.0) for x, y in ((1, 0), (-1, 1), (-1, -1))]
+        sources.append(add_mesh(f"{name} trunk", trunk, [(0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]))
+    settings = BakeSettings(
+        chain=chain,
+        levels=1,
+        texture_size=64,
+        candidates=20,
+        epsilon=0.1,
+        prune_pixels=60.0,
+        effects="transitions,pruning",
+    )
+    result = bake(read(sources, [sources[0].name]), settings)
+    for source in sources:
+        bpy.data.objects.remove(source)
+    return result
+
+
+def grid(count: int, step: float) -> bpy.types.Object:
+    """Points in a row along x, from the origin on."""
+    mesh = bpy.data.meshes.new("Points")
+    mesh.from_pydata([(step * i, 0.0, 0.0) for i in range(count)], [], [])
+    return place(mesh, "Points")
+
+
+def drawn(obj: bpy.types.Object) -> list[str]:
+    """The instances of `obj` without their wood."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    instances = (each for each in graph.object_instances if each.is_instance and each.parent.original == obj)
+    names = [each.object.original.name for each in instances]
+    return [name for name in names if not name.endswith("wood")]
+
+
+def counts() -> dict[str, int]:
+    kinds = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+    return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+
+
+def triangles(mesh: bpy.types.Mesh) -> int:
+    return len(mesh.loops) - 2 * len(mesh.polygons)
+
+
+# A scene of many trees
+
+
+def test_all_visible_trees_make_a_scene_and_their_own_objects_are_hidden() -> None:
+    baked = baked_crown()
+    leaves, wood = baked.levels[0].object, baked.levels[0].wood
+    assert wood is not None
+    bpy.context.scene.leafcloud_scene.budget = 0
+    assert bpy.ops.leafcloud.scene() == {"FINISHED"}
+    obj = bpy.data.objects["Leafcloud Scene"]
+    assert [each for each in bpy.context.view_layer.objects if each.visible_get()] == [obj]
+    assert all(each.hide_render for each in baked.collection.objects)
+    assert triangles(evaluate(obj)) == triangles(leaves.data) + triangles(wood.data)
+    [modifier] = obj.modifiers
+    assert get_modifier_input(modifier, "Centre") == get_modifier_input(leaves.modifiers[0], "Centre")
+    for name in ("Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast", "Contrast of Few"):
+        assert get_modifier_input(modifier, name) == get_modifier_input(leaves.modifiers[0], name)
+
+
+def test_the_settings_of_a_scene_start_as_those_of_the_node_group() -> None:
+    wanted, usual = bpy.context.scene.leafcloud_scene, SceneSettings()
+    assert (wanted.full_models, wanted.far, wanted.strength) == (usual.full_models, usual.far, usual.strength)
+    assert wanted.budget == 1_000_000
+
+
+def test_copies_and_instances_of_a_tree_stand_where_they_stood() -> None:
+    baked = baked_crown(wood=False)
+    leaves = baked.levels[0].object
+    copy = leaves.copy()
+    copy.location.x += 10.0
+    bpy.context.scene.collection.objects.link(copy)
+    instance = bpy.data.objects.new("instance", None)
+    instance.instance_type, instance.instance_collection = "COLLECTION", baked.collection
+    instance.location = (0.0, 20.0, 0.0)
+    bpy.context.scene.collection.objects.link(instance)
+    bpy.context.view_layer.update()
+    bpy.context.scene.leafcloud_scene.budget = 0
+    bpy.ops.leafcloud.scene()
+    mesh = evaluate(bpy.data.objects["Leafcloud Scene"])
+    points = np.array([vertex.co for vertex in mesh.vertices]).reshape(3, -1, 3)
+    own = np.array([leaves.matrix_world @ vertex.co for vertex in leaves.data.vertices])
+    found = sorted(tuple(offset) for offset in (points - own).mean(axis=1).round(4).tolist())
+    assert found == [(0.0, 0.0, 0.0), (0.0, 20.0, 0.0), (10.0, 0.0, 0.0)]
+    assert not instance.visible_get()
+    assert not copy.visible_get()
+
+
+def test_the_budget_holds_for_the_trees_of_a_chosen_collection() -> None:
+    baked_crown("far", wood=False)
+    chosen = baked_crown("near", wood=False)
+    settings = bpy.context.scene.leafcloud_scene
+    settings.trees, settings.budget = chosen.collection, 30
+    add_camera((0.0, 0.0, 3.0))
+    bpy.ops.leafcloud.scene()
+    assert 27 < triangles(evaluate(bpy.data.objects["Leafcloud Scene"])) <= 30
+    assert bpy.data.objects["tree_LOD0"].visible_get()
+    assert not chosen.levels[0].object.visible_get()
+
+
+def test_trees_that_no_chain_prunes_are_pruned_where_a_leaf_gets_small() -> None:
+    baked_crown(chain="billboards", wood=False)
+    bpy.context.scene.leafcloud.prune_pixels = 16.0
+    bpy.ops.leafcloud.scene()
+    [modifier] = bpy.data.objects["Leafcloud Scene"].modifiers
+    expected = leafcloud.switch_distance(SIDE, 16.0, 1080.0, math.radians(50.0))
+    assert get_modifier_input(modifier, "Prune Start") == pytest.approx(expected, rel=1e-4)
+
+
+def test_wood_does_not_count_as_a_tree_of_its_own() -> None:
+    baked_crown(wood=True)
+    bpy.context.scene.leafcloud_scene.full_models = 4.0
+    bpy.ops.leafcloud.scene()
+    [modifier] = bpy.data.objects["Leafcloud Scene"].modifiers
+    assert get_modifier_input(modifier, "Full Models") == 8.0
+
+
+def test_a_scene_without_baked_trees_is_refused() -> None:
+    add_mesh("leaves", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])["leafcloud"] = "something else"
+    assert not bpy.ops.leafcloud.scene.poll()
+    with pytest.raises(RuntimeError, match="No baked tree is visible"):
+        bpy.ops.leafcloud.scene()
+
+
+def test_leaves_without_ranks_are_refused_and_nothing_is_left() -> None:
+    baked = baked_crown(wood=False)
+    leaves = baked.levels[0].object
+    leaves.data.attributes.remove(leaves.data.attributes["leaf_rank"])
+    before = counts()
+    with pytest.raises(RuntimeError, match="bake it with the effect pruning"):
+        bpy.ops.leafcloud.scene()
+    assert counts() == before
+    assert leaves.visible_get()
+
+
+# A forest
+
+
+def test_the_only_tree_is_planted_on_the_active_object() -> None:
+    baked = baked_crown()
+    points = grid(2, 100.0 * baked.switch_distances[-1])
+    bpy.context.view_layer.objects.active = points
+    assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+    add_camera((0.0, 0.0, 0.0))
+    names = drawn(points)
+    variants = sorted(collection.name for collection in bpy.data.collections if "_forest_" in collection.name)
+    assert names == [variants[0], variants[-1]]
+    assert len(bpy.data.objects[names[0]].data.polygons) == len(baked.levels[0].object.data.polygons)
+    assert baked.levels[0].object.visible_get()
+
+
+def test_a_forest_has_pruned_variants_where_the_tree_was_baked_to_be_pruned() -> None:
+    def distances(chain: str) -> tuple[Baked, list[float]]:
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        baked, points = baked_crown(chain=chain), grid(3, 1.0)
+        bpy.context.view_layer.objects.active = points
+        bpy.ops.leafcloud.forest()
+        [modifier] = points.modifiers
+        found = [get_modifier_input(modifier, f"From {number}") for number in range(1, 16)]
+        return baked, [distance for distance in found if distance < 1e8]
+
+    baked, found = distances("billboards")
+    assert found == pytest.approx(baked.switch_distances[1:], rel=0.01)
+    baked, found = distances("both")
+    halves = [baked.thinning.start / baked.thinning.half**number for number in (1, 2, 3)]
+    expected = sorted([*(half for half in halves if half < baked.switch_distances[1]), *baked.switch_distances[1:]])
+    assert len(expected) > len(baked.switch_distances[1:])
+    assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_the_settings_of_a_forest_reach_the_node_group() -> None:
+    baked = baked_crown(wood=False)
+    settings = bpy.context.scene.leafcloud_forest
+    settings.tree, settings.points, settings.width, settings.far = baked.collection, grid(3, 4.0), 0.5, 6.0
+    bpy.ops.leafcloud.forest()
+    add_camera((0.0, 0.0, 0.0))
+    [modifier] = settings.points.modifiers
+    assert get_modifier_input(modifier, "Width") == 0.5
+    assert len(drawn(settings.points)) == 2
+
+
+def test_planting_again_replaces_the_forest() -> None:
+    baked_crown(wood=False)
+    points = grid(3, 1.0)
+    bpy.context.view_layer.objects.active = points
+    bpy.ops.leafcloud.forest()
+    bpy.ops.leafcloud.forest()
+    assert [modifier.name for modifier in points.modifiers] == ["Leafcloud Forest"]
+    assert len(drawn(points)) == 3
+
+
+def test_a_forest_of_two_trees_asks_which() -> None:
+    baked_crown("one", wood=False)
+    second = baked_crown("two", wood=False)
+    bpy.context.view_layer.objects.active = grid(2, 1.0)
+    with pytest.raises(RuntimeError, match="Choose the tree: tree, "):
+        bpy.ops.leafcloud.forest()
+    bpy.context.scene.leafcloud_forest.tree = second.collection
+    assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+
+
+def test_what_cannot_be_planted_says_why() -> None:
+    def refused(words: str, active: bpy.types.Object | None) -> None:
+        bpy.context.view_layer.objects.active = active
+        before = counts()
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.leafcloud.forest()
+        assert counts() == before
+
+    points = grid(2, 1.0)
+    refused("No baked tree is in the scene", points)
+    baked = baked_crown()
+    refused("make it active", None)
+    refused("belongs to a baked tree", baked.levels[0].object)
+    refused("belongs to a baked tree", baked.levels[0].wood)
+    refused("has no points", add_camera((0.0, 0.0, 0.0)))
+    empty = bpy.data.collections.new("empty")
+    bpy.context.scene.leafcloud_forest.tree = empty
+    refused("'empty' has no baked levels", points)
+    twice = baked.levels[0].object.copy()
+    baked.collection.objects.link(twice)
+    bpy.context.scene.leafcloud_forest.tree = baked.collection
+    refused("choose a collection with one tree", points)
+    bpy.data.objects.remove(twice)
+    baked.levels[1].object.modifiers.clear()
+    refused("has no modifier 'Leafcloud LOD'", points)

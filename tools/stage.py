@@ -1,0 +1,108 @@
+"""What the tools that time Cycles share: a baked tree alone in its scene, sun, sky and camera, and a timed render."""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import bpy  # noqa: E402
+from mathutils import Vector  # noqa: E402
+
+from addon.baked import Baked  # noqa: E402
+from addon.export.blend import clear_scene  # noqa: E402
+from addon.pipeline import bake_prepared, prepare  # noqa: E402
+from addon.scene.extract import extract  # noqa: E402
+from addon.scene.load import load  # noqa: E402
+from addon.settings import BakeSettings  # noqa: E402
+
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+
+_PEAK = re.compile(r"Mem: *[\d.]+[KMG]?, Peak: *([\d.]+)([KMG])")
+_MIB = {"K": 2.0**-10, "M": 1.0, "G": 2.0**10}
+
+
+@dataclass(frozen=True)
+class Render:
+    """What a picture took: seconds of processor time of all threads, which others on the machine change least; the
+    most memory that Cycles says it had at once, and that the process had, MiB."""
+
+    seconds: float
+    cycles: float
+    process: float
+
+
+def bake_alone(tree: Path, settings: BakeSettings) -> Baked:
+    """The tree's levels, and nothing else, in the scene."""
+    load(tree)
+    scene = bpy.context.scene
+    prepared = prepare(extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem), settings)
+    clear_scene(scene)
+    return bake_prepared(prepared, scene, tree.stem, lambda stage, fraction: None)
+
+
+def light_up(size: int, samples: int) -> bpy.types.Object:
+    """A sun, a sky, and a camera, for pictures of `size` pixels on a side; gives the camera."""
+    scene = bpy.context.scene
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.3, 0.0)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    for obj in (sun, camera):
+        scene.collection.objects.link(obj)
+    scene.camera = camera
+    scene.world = bpy.data.worlds.new("sky")
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.5, 0.6, 0.8, 1.0)
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", samples
+    scene.cycles.seed, scene.cycles.use_animated_seed = 0, False
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.cycles.transparent_max_bounces = 1024
+    return camera
+
+
+def look_at(camera: bpy.types.Object, place: Vector, eye: Vector) -> None:
+    """Puts the camera at `eye`, looking at `place`."""
+    camera.location = eye
+    camera.rotation_euler = (eye - place).to_track_quat("Z", "Y").to_euler()
+    camera.data.clip_end = 10.0 * (eye - place).length + 1e4
+
+
+@contextmanager
+def output_in(path: Path) -> Iterator[None]:
+    """What Cycles tells standard output of each sample goes into a file."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with path.open("w") as file:
+        os.dup2(file.fileno(), 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+def render() -> Render:
+    """Renders the scene once, and keeps no picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "told"
+        begin = time.process_time()
+        with output_in(told):
+            bpy.ops.render.render()
+        seconds = time.process_time() - begin
+        log = told.read_text(errors="replace")
+    peaks = [float(number) * _MIB[unit] for number, unit in _PEAK.findall(log)]
+    process = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return Render(seconds, max(peaks, default=0.0), process)

@@ -1,0 +1,62 @@
+// How long three.js takes to draw a level of a tree, as the viewer draws it.
+//
+// The question is {tree, size, distance, rounds, cases: [{level, keep}]}: the file, the picture's side in pixels, the
+// camera's distance in radii, and which level is drawn, alone, with which share of its leaves. The answer has for each
+// case the milliseconds of each of the rounds, {times: [[…]]}; cases take turns, so that what else the machine does is
+// shared by all. A picture is done when a pixel of it was read.
+import * as THREE from "three";
+import { Tree } from "/shaders/viewer/leafcloud.js";
+
+const FIELD_OF_VIEW = 50;
+const WARM_UP = 2;
+
+function prepared(tree, distance) {
+  const scene = new THREE.Scene();
+  const sun = new THREE.DirectionalLight(0xfff4e0, 2.5);
+  sun.position.set(2, 3, 1);
+  scene.add(tree, new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
+  const camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, tree.radius / 100, 100 * tree.radius);
+  camera.position.copy(tree.centre).addScaledVector(new THREE.Vector3(0.5, 0.15, 1).normalize(), distance * tree.radius);
+  camera.lookAt(tree.centre);
+  return { scene, camera };
+}
+
+/** Only this level, at rest but for the leaves that are pruned. */
+function show(tree, camera, { level, keep }) {
+  tree.settings.byHand = { transition: 0, keep };
+  tree.update(camera);
+  tree.levels.forEach(({ object }, number) => (object.visible = number === level));
+}
+
+function drawn(renderer, scene, camera) {
+  const gl = renderer.getContext();
+  const begin = performance.now();
+  renderer.render(scene, camera);
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  return performance.now() - begin;
+}
+
+async function times({ tree: url, size, distance, rounds, cases }) {
+  const renderer = new THREE.WebGLRenderer({ antialias: false });
+  renderer.setPixelRatio(1);
+  renderer.setSize(size, size);
+  const tree = await Tree.load(url);
+  const { scene, camera } = prepared(tree, distance);
+  const found = cases.map(() => []);
+  for (let round = -WARM_UP; round < rounds; round++) {
+    cases.forEach((each, i) => {
+      show(tree, camera, each);
+      const time = drawn(renderer, scene, camera);
+      if (round >= 0) found[i].push(time);
+    });
+  }
+  return found;
+}
+
+const answer = (content) => fetch("/answer", { method: "POST", body: JSON.stringify(content) });
+try {
+  const question = await (await fetch("/question")).json();
+  await answer({ times: await times(question) });
+} catch (error) {
+  await answer({ error: `${error}\n${error.stack}` });
+}
