@@ -66,7 +66,7 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
         "in_plane_motion": 0.0,
         "image_error": 0.0,
         "switch_distance": 0.0,
-        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "write": write_seconds},
+        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "look": 0.0, "write": write_seconds},
     }
 
 

@@ -140,6 +140,7 @@ class BakeSeconds(TypedDict):
     fit: float
     pack: float
     bake: float
+    look: float
 
 class Level:
     """A cloud with its outlines, its atlas page and the transition of the level before onto it.

@@ -124,7 +124,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { ranks, pivots, growth, contrast, kept, .. } = chain.as_ref();
+        let Chain { ranks, pivots, growth, contrast, kept, prepare_seconds, .. } = chain.as_ref();
         Chain {
             levels: Vec::new(),
             ranks: ranks.clone(),
@@ -132,6 +132,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             growth: *growth,
             contrast: *contrast,
             kept: kept.clone(),
+            prepare_seconds: *prepare_seconds,
         }
     };
     let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
@@ -340,6 +341,7 @@ impl PyLevel {
         dict.set_item("fit", seconds.fit)?;
         dict.set_item("pack", seconds.pack)?;
         dict.set_item("bake", seconds.bake)?;
+        dict.set_item("look", seconds.look)?;
         Ok(dict)
     }
 

@@ -146,6 +146,7 @@ impl<'py> Options<'py> {
             back_sides: self.take("back_sides", sides, default.back_sides)?,
             pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
+            looks: default.looks,
         })
     }
 

@@ -43,6 +43,12 @@ impl Samples {
         Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
     }
 
+    /// Along each side.
+    #[must_use]
+    pub const fn side(self) -> usize {
+        self.side
+    }
+
     /// Each sample is looked at by itself, as a renderer does: what is seen between leaves counts no more than what is seen of their middle.
     #[must_use]
     pub fn each(self) -> Self {
