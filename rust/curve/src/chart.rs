@@ -170,10 +170,10 @@ impl Chart {
         let up = Axis::around(self.all().map(|p| p.1), MOST_TICKS.1);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, text(20.0))
-            .margin(size(12.0))
+            .margin(size(14.0))
             .margin_right(size(24.0))
             .x_label_area_size(size(52.0))
-            .y_label_area_size(size(72.0))
+            .y_label_area_size(size(80.0))
             .build_cartesian_2d(across, up)?;
         chart
             .configure_mesh()
@@ -244,7 +244,9 @@ fn logs((x, y): (f64, f64)) -> (f64, f64) {
 fn written(log: f64) -> String {
     let value = 10f64.powf(log);
     let digits = (-value.log10().floor()).max(0.0) as usize;
-    format!("{value:.digits$}")
+    let short = format!("{value:.digits$}");
+    let exact = short.parse().is_ok_and(|short: f64| (short / value - 1.0).abs() < 0.01);
+    if exact { short } else { format!("{value:.0$}", digits + 1) }
 }
 
 /// At most so many ticks across and up: their labels must not touch.

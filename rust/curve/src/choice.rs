@@ -26,6 +26,8 @@ pub struct Choice {
     pub texture_size: usize,
     /// Along each side of a texel.
     pub samples: usize,
+    /// Whether pages are packed as tightly as seconds allow.
+    pub tight_pages: bool,
 }
 
 impl Choice {
@@ -43,6 +45,7 @@ impl Choice {
             cross: settings.cross,
             texture_size: settings.texture_size.width,
             samples: settings.samples.side(),
+            tight_pages: settings.tight_pages,
         }
     }
 
@@ -67,6 +70,7 @@ impl Choice {
             cross: self.cross,
             texture_size: page,
             samples: Samples::new(self.samples)?,
+            tight_pages: self.tight_pages,
             ..settings.clone()
         })
     }

@@ -3,13 +3,14 @@
 //! A sweep changes one setting at a time, so settings are taken to act by factors: on logarithmic axes each has a curve through its points, and the
 //! curves add up. Two things go together: the smaller ε, the more billboards share a page, and the larger are its texels. So error follows from ε
 //! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: time grows by a line through the
-//! two samples of the leaves up to all of them, and with the number of looks.
+//! two samples of the leaves up to all of them, and with the number of looks;
+//! packing tightly adds as much to every cloud.
 
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
 
 use crate::choice::Choice;
-use crate::sweep::{Curve, Point, Stages};
+use crate::sweep::{Curve, Point, Sweep};
 
 /// What settings are expected to cost and to give.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,32 +24,57 @@ pub struct Prediction {
 /// What is read off a point, on a logarithmic axis.
 type Figure = fn(&Point) -> f64;
 
-/// A setting as a number above 0 on a logarithmic axis.
-type Setting = fn(&Choice) -> f64;
+/// The settings that have curves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axis {
+    Epsilon,
+    Page,
+    Candidates,
+    Samples,
+    Effort,
+    Levels,
+    Tight,
+}
 
-/// The settings that have curves. Effort counts the fewest steps of its search.
-const SETTINGS: [Setting; 6] = [EPSILON, PAGE, |c| c.candidates as f64, |c| c.samples as f64, steps, levels];
-const EPSILON: Setting = |c| c.epsilon;
-const PAGE: Setting = |c| c.texture_size as f64;
+impl Axis {
+    const ALL: [Self; 7] =
+        [Self::Epsilon, Self::Page, Self::Candidates, Self::Samples, Self::Effort, Self::Levels, Self::Tight];
 
-const STAGES: [Figure; 5] =
-    [|p| p.seconds.prepare, |p| p.seconds.fit, |p| p.seconds.pack, |p| p.seconds.bake, |p| p.seconds.look];
-
-/// Less than this is not told apart, seconds or a share.
-const LEAST: f64 = 1e-5;
-
-fn steps(choice: &Choice) -> f64 {
-    match choice.effort {
-        Effort::Literal => 1.0,
-        Effort::Default => 100.0,
-        Effort::Final => 3000.0,
-        Effort::Best => 30_000.0,
+    /// The setting as a number above 0.
+    fn of(self, choice: &Choice) -> f64 {
+        match self {
+            Self::Epsilon => choice.epsilon,
+            Self::Page => choice.texture_size as f64,
+            Self::Candidates => choice.candidates as f64,
+            Self::Samples => choice.samples as f64,
+            // The fewest steps of its search.
+            Self::Effort => match choice.effort {
+                Effort::Literal => 1.0,
+                Effort::Default => 100.0,
+                Effort::Final => 3000.0,
+                Effort::Best => 30_000.0,
+            },
+            Self::Levels => (choice.levels + usize::from(choice.cross)) as f64,
+            Self::Tight => f64::from(u8::from(choice.tight_pages)) + 1.0,
+        }
     }
 }
 
-fn levels(choice: &Choice) -> f64 {
-    (choice.levels + usize::from(choice.cross)) as f64
-}
+/// The stages with the settings that act on them by factors; others only seem to, where one measurement is slower than another.
+const STAGES: [(Figure, &[Axis]); 5] = [
+    (|p| p.seconds.prepare, &[]),
+    (|p| p.seconds.fit, &[Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels]),
+    (|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels]),
+    (|p| p.seconds.bake, &[Axis::Epsilon, Axis::Page, Axis::Samples, Axis::Levels]),
+    (LOOK, &[Axis::Epsilon, Axis::Effort, Axis::Levels]),
+];
+const LOOK: Figure = |p| p.seconds.look;
+
+/// The settings that act on the error by themselves.
+const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
+
+/// Less than this is not told apart, seconds or a share.
+const LEAST: f64 = 1e-5;
 
 /// How a line goes on beyond its ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -91,6 +117,10 @@ pub struct Model<'a> {
     base: &'a Point,
     /// What each stage takes beside the base's own, for all the leaves and all looks.
     whole: [f64; 5],
+    /// The share of a look that goes with views, not texels; seconds of a look for each texel of the page.
+    look: (f64, f64),
+    /// What packing tightly adds to each cloud, seconds.
+    tight: f64,
     /// By the texel's size: the error, from the pages that were tried.
     by_texel: Line,
 }
@@ -100,34 +130,40 @@ impl<'a> Model<'a> {
     #[must_use]
     pub fn new(curve: &'a Curve) -> Self {
         let base = &curve.points[0];
-        let mut model = Self { curve, base, whole: [1.0; 5], by_texel: Line(Vec::new()) };
-        let texels = model.along(PAGE).map(|p| (log(p.texel), log(p.image_error))).collect();
-        model.by_texel = Line::new(texels);
-        model.whole = model.whole();
-        model
+        let plain = Self { curve, base, whole: [1.0; 5], look: (1.0, 0.0), tight: 0.0, by_texel: Line(Vec::new()) };
+        let texels = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
+        let (whole, look, tight) = (plain.whole(), plain.look(), plain.tight());
+        Self { whole, look, tight, by_texel: Line::new(texels), ..plain }
     }
 
     /// What `choice` is expected to cost and to give.
     #[must_use]
     pub fn predict(&self, choice: &Choice) -> Prediction {
-        let seconds = (0..5).map(|stage| self.whole[stage] * self.figure(STAGES[stage], choice).exp()).sum();
-        Prediction { seconds, image_error: self.error(choice).exp().min(1.0) }
+        let acts = |(figure, axes): (Figure, &[Axis])| self.figure(figure, axes, choice).exp();
+        let [prepare, fit, pack, bake, look] = STAGES.map(acts);
+        let [some, fitted, packed, baked, looked] = self.whole;
+        let (views, texel) = self.look;
+        let page = texel * texels(choice) / LOOK(self.base).max(LEAST);
+        let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
+        let packing = packed * pack + tighter * self.tight * choice.levels as f64;
+        let seconds = some * prepare + fitted * fit + packing + baked * bake + look * (looked * views + page);
+        Prediction { seconds: seconds.max(LEAST), image_error: self.error(choice).exp().min(1.0) }
     }
 
     /// The points that differ from the base in one setting at most.
-    fn along(&self, setting: Setting) -> impl Iterator<Item = &'a Point> {
+    fn along(&self, axis: Axis) -> impl Iterator<Item = &'a Point> {
         let base = self.base;
         self.curve.points.iter().filter(move |p| {
-            let others =
-                SETTINGS.iter().filter(|s| s(&p.choice) != s(&base.choice) && **s as usize != setting as usize);
-            others.count() == 0 && kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on
+            let differs = |other: &Axis| *other != axis && other.of(&p.choice) != other.of(&base.choice);
+            let alike = kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on;
+            alike && !Axis::ALL.iter().any(differs)
         })
     }
 
-    /// How far the figure's logarithm is from the base's where only `setting` is that of `choice`.
-    fn effect(&self, figure: Figure, setting: Setting, choice: &Choice) -> f64 {
-        let line = Line::new(self.along(setting).map(|p| (setting(&p.choice).ln(), log(figure(p)))).collect());
-        line.at(setting(choice).ln(), Beyond::Straight) - log(figure(self.base))
+    /// How far the figure's logarithm is from the base's where only the setting of `axis` is that of `choice`.
+    fn effect(&self, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
+        let line = Line::new(self.along(axis).map(|p| (axis.of(&p.choice).ln(), log(figure(p)))).collect());
+        line.at(axis.of(choice).ln(), Beyond::Straight) - log(figure(self.base))
     }
 
     /// Of a method that is not the base's: what its point nearest in ε has beside what would be predicted there for the base's.
@@ -138,11 +174,11 @@ impl<'a> Model<'a> {
         let same = self.curve.points.iter().filter(|p| kind(&p.choice) == kind(choice));
         let near = |p: &&Point| (p.choice.epsilon / choice.epsilon).ln().abs();
         let nearest = same.min_by(|a, b| near(a).total_cmp(&near(b)));
-        nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, EPSILON, &p.choice))
+        nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Axis::Epsilon, &p.choice))
     }
 
-    fn figure(&self, figure: Figure, choice: &Choice) -> f64 {
-        let effects: f64 = SETTINGS.iter().map(|setting| self.effect(figure, *setting, choice)).sum();
+    fn figure(&self, figure: Figure, axes: &[Axis], choice: &Choice) -> f64 {
+        let effects: f64 = axes.iter().map(|axis| self.effect(figure, *axis, choice)).sum();
         log(figure(self.base)) + effects + self.effect_of_kind(figure, choice)
     }
 
@@ -151,10 +187,11 @@ impl<'a> Model<'a> {
         let texel: Figure = |p| p.texel;
         // What ε alone does: the error beside what the texels of its point would do to the base's.
         let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::Level);
-        let line = Line::new(self.along(EPSILON).map(|p| (EPSILON(&p.choice).ln(), alone(p))).collect());
-        let size = log(texel(self.base)) + self.effect(texel, EPSILON, choice) + self.effect(texel, PAGE, choice);
-        let others: f64 = SETTINGS[2..].iter().map(|setting| self.effect(error, *setting, choice)).sum();
-        line.at(EPSILON(choice).ln(), Beyond::Straight)
+        let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
+        let axes = [Axis::Epsilon, Axis::Page];
+        let size = log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>();
+        let others: f64 = ALONE.iter().map(|axis| self.effect(error, *axis, choice)).sum();
+        line.at(choice.epsilon.ln(), Beyond::Straight)
             + self.by_texel.at(size, Beyond::Level)
             + others
             + self.effect_of_kind(error, choice)
@@ -164,17 +201,38 @@ impl<'a> Model<'a> {
     fn whole(&self) -> [f64; 5] {
         let smaller = self.curve.points.iter().find(|p| p.measured_on < self.base.measured_on);
         let mut whole = [1.0; 5];
-        for (stage, whole) in STAGES.iter().zip(&mut whole) {
+        for ((stage, _), whole) in STAGES.iter().zip(&mut whole) {
             let Some(smaller) = smaller else { continue };
             let (few, some) = (smaller.measured_on as f64, self.base.measured_on as f64);
             let slope = (stage(self.base) - stage(smaller)).max(0.0) / (some - few);
             *whole = 1.0 + slope * (self.curve.triangles as f64 - some) / stage(self.base).max(LEAST);
         }
-        let looks = if self.curve.sweep == crate::Sweep::Quick { more_looks(self.curve.settings.looks) } else { 1.0 };
+        let looks = if self.curve.sweep == Sweep::Quick { more_looks(self.curve.settings.looks) } else { 1.0 };
         whole[0] *= looks;
         whole[4] *= looks;
         whole
     }
+
+    /// By the largest and the smallest page that were tried.
+    fn look(&self) -> (f64, f64) {
+        let size = |p: &&Point| p.choice.texture_size;
+        let (small, large) = (self.along(Axis::Page).min_by_key(size), self.along(Axis::Page).max_by_key(size));
+        let (Some(small), Some(large)) = (small, large) else { return (1.0, 0.0) };
+        let more = texels(&large.choice) - texels(&small.choice);
+        let texel = if more > 0.0 { ((LOOK(large) - LOOK(small)) / more).max(0.0) } else { 0.0 };
+        let page = texel * texels(&self.base.choice) / LOOK(self.base).max(LEAST);
+        ((1.0 - page).max(0.1), texel)
+    }
+
+    fn tight(&self) -> f64 {
+        let other = self.along(Axis::Tight).find(|p| p.choice.tight_pages != self.base.choice.tight_pages);
+        let more = other.map_or(0.0, |p| (p.seconds.pack - self.base.seconds.pack).abs());
+        more / self.base.choice.levels.max(1) as f64
+    }
+}
+
+fn texels(choice: &Choice) -> f64 {
+    (choice.texture_size * choice.texture_size) as f64
 }
 
 /// How many times as many looks as a quick sweep's.
@@ -190,12 +248,4 @@ fn kind(choice: &Choice) -> (Method, bool) {
 
 fn log(figure: f64) -> f64 {
     figure.max(LEAST).ln()
-}
-
-impl Stages {
-    /// How far another total is off, as a share of this one.
-    #[must_use]
-    pub fn off_by(&self, predicted: f64) -> f64 {
-        predicted / self.total() - 1.0
-    }
 }

@@ -280,6 +280,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
         cross: false,
         texture_size: 512,
         samples: 1,
+        tight_pages: false,
     };
     let settings = ChainSettings { looks: Looks::QUICK, texture_size: 512.into(), ..settings.clone() };
     quick.applied(&settings).expect("one sample is a number of samples")
@@ -290,11 +291,11 @@ fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(base);
     let mut all = vec![base];
     all.extend([0.02, 0.08, 0.16].map(|epsilon| Choice { epsilon, ..base }));
-    all.extend([256, 1024, 2048].map(|texture_size| Choice { texture_size, ..base }));
-    all.extend([2, 4].map(|samples| Choice { samples, ..base }));
-    all.push(Choice { candidates: 100, ..base });
+    all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
+    all.push(Choice { samples: 4, ..base });
     all.push(Choice { effort: Effort::Final, ..base });
     all.push(Choice { levels: 2, cross: true, ..base });
+    all.push(Choice { tight_pages: true, ..base });
     all
 }
 
@@ -307,6 +308,7 @@ fn full_choices(settings: &ChainSettings) -> Vec<Choice> {
     all.extend([1, 3].map(|levels| Choice { levels, ..base }));
     all.extend([512, 1024, 4096].map(|texture_size| Choice { texture_size, ..base }));
     all.extend([1, 2].map(|samples| Choice { samples, ..base }));
+    all.push(Choice { tight_pages: !base.tight_pages, ..base });
     all.extend([Effort::Literal, Effort::Final, Effort::Best].map(|effort| Choice { effort, ..base }));
     let finer = [(0.16, 512, 1), (0.1, 1024, 1), (0.06, 1024, 2), (0.03, 2048, 2), (0.02, 2048, 4), (0.02, 4096, 2)];
     all.extend(finer.map(|(epsilon, texture_size, samples)| Choice { epsilon, texture_size, samples, ..base }));

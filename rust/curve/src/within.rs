@@ -152,12 +152,20 @@ pub fn build_within(
     wish.check(settings)?;
     let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
     let offers = offers(&curve);
-    let mut tries = Tries { foliage, wood, settings, offers: &offers, count: 0, progress: progress.part(0.2, 1.0) };
+    let mut tries =
+        Tries { foliage, wood, settings, offers: offers.clone(), count: 0, progress: progress.part(0.2, 1.0) };
     match wish {
         Wish::Preset(preset) => {
-            let offer = *preset.of(&offers).expect("a curve has offers");
-            let (chain, _) = tries.build(&offer, &|| false)?;
-            Ok(Built { chain, offer, tries: 1 })
+            let first = preset.of(&offers).expect("a curve has offers");
+            // Pages that hold too few billboards are refused; the offers behind have larger ones.
+            let mut left = offers.iter().skip_while(|offer| *offer != first).peekable();
+            while let Some(offer) = left.next() {
+                match tries.build(offer, &|| false) {
+                    Err(Error::Invalid(_)) if left.peek().is_some() => {}
+                    built => return built.map(|(chain, _)| Built { chain, offer: *offer, tries: tries.count }),
+                }
+            }
+            unreachable!("the last offer is built or refused")
         }
         Wish::ImageError(most) => tries.reach(most),
         Wish::Seconds(most) => tries.hurry(most, begun),
@@ -211,7 +219,7 @@ struct Tries<'a> {
     foliage: &'a Foliage,
     wood: Option<&'a Foliage>,
     settings: &'a ChainSettings,
-    offers: &'a [Offer],
+    offers: Vec<Offer>,
     count: usize,
     progress: Progress<'a>,
 }
@@ -294,6 +302,7 @@ impl Tries<'_> {
                     }
                 }
                 Err(Error::Cancelled) if gave_up.load(Ordering::Relaxed) => break,
+                Err(Error::Invalid(_)) if self.offers.len() > 1 => self.offers.retain(|other| *other != offer),
                 Err(error) => return Err(error),
             }
         }

@@ -106,6 +106,7 @@ fn settings<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict
     dict.set_item("cross", choice.cross)?;
     dict.set_item("texture_size", choice.texture_size)?;
     dict.set_item("samples", choice.samples)?;
+    dict.set_item("tight_pages", choice.tight_pages)?;
     Ok(dict)
 }
 

@@ -147,6 +147,7 @@ impl<'py> Options<'py> {
             back_sides: self.take("back_sides", sides, default.back_sides)?,
             pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
+            tight_pages: self.flag("tight_pages", default.tight_pages)?,
             looks: default.looks,
         })
     }

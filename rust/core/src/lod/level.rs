@@ -116,7 +116,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         Some(wish) => wish,
         None => sides::differ(finer, &cloud, &projection, &outlines)?,
     };
-    let sheet = Sheet::pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
+    let pack = if settings.tight_pages { Sheet::pack } else { Sheet::pack_loosely };
+    let sheet = pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;

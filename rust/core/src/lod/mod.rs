@@ -90,6 +90,8 @@ pub struct ChainSettings {
     pub pruning: Option<PruneSettings>,
     /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
     pub close_cracks: bool,
+    /// Whether pages are packed as tightly as seconds allow, some per cent finer than at once.
+    pub tight_pages: bool,
     /// From how many directions the judges look.
     pub looks: Looks,
 }
@@ -142,6 +144,7 @@ impl Default for ChainSettings {
             back_sides: None,
             pruning: None,
             close_cracks: false,
+            tight_pages: true,
             looks: Looks::default(),
         }
     }
