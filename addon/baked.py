@@ -37,6 +37,8 @@ class Prepared:
     materials: tuple[str, ...]
     """The names of the leaves' own, which levels whose light is baked in do not keep."""
     light: BakedLight | None = None
+    predicted: leafcloud.Prediction | None = None
+    """What a cost curve that was measured before says of these settings."""
 
     @property
     def leaf_size(self) -> float:

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import bpy
 
+from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .operators import LEAFCLOUD_OT_bake, cancel_running
 from .panels import LEAFCLOUD_PT_bake
 from .properties import LeafcloudSettings, LeafcloudStatus
 
-_CLASSES = (LeafcloudSettings, LeafcloudStatus, LEAFCLOUD_OT_bake, LEAFCLOUD_PT_bake)
+_CLASSES = (
+    LeafcloudSettings,
+    LeafcloudStatus,
+    LEAFCLOUD_OT_bake,
+    LEAFCLOUD_OT_curve,
+    LEAFCLOUD_OT_pick,
+    LEAFCLOUD_PT_bake,
+    LEAFCLOUD_PT_curve,
+)
 
 
 def register() -> None:
@@ -20,6 +29,7 @@ def register() -> None:
 
 def unregister() -> None:
     cancel_running()
+    forget_curve()
     del bpy.types.WindowManager.leafcloud
     del bpy.types.Scene.leafcloud
     for cls in reversed(_CLASSES):

@@ -15,25 +15,46 @@ from ..pipeline import file_name, finish, layer_of, prepare, start, view_of, wri
 from ..scene import SceneError
 from ..scene.extract import extract
 from ..settings import SettingsError
+from .measured import predicted
 from .properties import bake_settings, leaf_names
 
-_REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
+REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
-_NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
+NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
 """What gets through while a bake runs: nothing that could edit or undo what is being baked."""
 
-_running: list[leafcloud.Job[leafcloud.Chain]] = []
+running: list[leafcloud.Job[leafcloud.Chain] | leafcloud.Job[leafcloud.Curve]] = []
 
 
 def cancel_running() -> None:
     """Cancels the core's work and waits until its thread has ended: the add-on is about to go."""
-    for job in _running:
+    for job in running:
         job.cancel()
         try:
             job.result()
         except leafcloud.LeafcloudError:
             continue  # Whether cancelled or failed: nobody is left to tell.
-    _running.clear()
+    running.clear()
+
+
+def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether there is something to work on and nothing at work; tells what is missing."""
+    if not context.selected_objects:
+        operator.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+        return False
+    if context.mode != "OBJECT":
+        operator.poll_message_set("Leave Edit Mode first")
+        return False
+    if running:
+        operator.poll_message_set("A bake or a measurement is running")
+        return False
+    return True
+
+
+def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
+    """Tells why nothing was done; the scene is as it was."""
+    operator.report({"ERROR"}, " ".join(str(error).split()))
+    return {"CANCELLED"}
 
 
 class LEAFCLOUD_OT_bake(bpy.types.Operator):
@@ -45,16 +66,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.selected_objects:
-            cls.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave Edit Mode first")
-            return False
-        if _running:
-            cls.poll_message_set("A bake is running")
-            return False
-        return True
+        return can_begin(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bakes from start to end; nothing else happens meanwhile."""
@@ -62,10 +74,10 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self._begin(context)
             chain = wait(self._job, lambda stage, fraction: None)
             return self._end(context, chain)
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         finally:
-            _running.clear()
+            running.clear()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Bakes while the view stays alive; without an interface like `execute`."""
@@ -73,8 +85,8 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             return self.execute(context)
         try:
             self._begin(context)
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.modal_handler_add(self)
@@ -85,8 +97,8 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self._job.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in _NAVIGATION else {"RUNNING_MODAL"}
-        _show(context, self._job.stage, self._job.fraction)
+            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
+        show(context, self._job.stage, self._job.fraction)
         if not self._job.done:
             return {"RUNNING_MODAL"}
         try:
@@ -94,21 +106,21 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
         except leafcloud.CancelledError:
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         finally:
             context.window_manager.event_timer_remove(self._timer)
-            _running.clear()
-            _show(context, "", 0.0)
+            running.clear()
+            show(context, "", 0.0)
 
     def _begin(self, context: bpy.types.Context) -> None:
         """Reads the scene and starts the core."""
         settings = context.scene.leafcloud
         self._sources = tuple(context.selected_objects)
         tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=leaf_names(settings))
-        self._prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
+        self._prepared = predicted(prepare(tree, bake_settings(settings), layer_of(context.scene)))
         self._job = start(self._prepared)
-        _running.append(self._job)
+        running.append(self._job)
 
     def _end(self, context: bpy.types.Context, chain: leafcloud.Chain) -> set[str]:
         """Puts the levels into the scene in the sources' place, and writes them if a folder is given."""
@@ -119,7 +131,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             scene.collection.children.link(baked.collection)
             if scene.leafcloud.directory:
                 directory = Path(bpy.path.abspath(scene.leafcloud.directory))
-                write(baked, directory, lambda stage, fraction: _show(context, stage, fraction), blend=False)
+                write(baked, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
         for obj in self._sources:
             obj.hide_set(True)
             obj.hide_render = True
@@ -127,11 +139,6 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"Baked {len(baked.levels)} levels into collection {name}, and hid their sources")
         return {"FINISHED"}
-
-    def _refuse(self, error: BaseException) -> set[str]:
-        """Tells why nothing was baked; the scene is as it was."""
-        self.report({"ERROR"}, " ".join(str(error).split()))
-        return {"CANCELLED"}
 
 
 def _free_name(wanted: str) -> str:
@@ -145,7 +152,7 @@ def _free_name(wanted: str) -> str:
     return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
 
 
-def _show(context: bpy.types.Context, stage: str, fraction: float) -> None:
+def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
     status = context.window_manager.leafcloud
     status.stage, status.fraction = stage, fraction
     for area in context.screen.areas if context.screen else ():
