@@ -10,7 +10,7 @@ use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
 
 use crate::choice::Choice;
-use crate::sweep::{Curve, Point, Sweep};
+use crate::sweep::{Curve, Point, Stages, Sweep};
 
 /// What settings are expected to cost and to give.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -139,15 +139,26 @@ impl<'a> Model<'a> {
     /// What `choice` is expected to cost and to give.
     #[must_use]
     pub fn predict(&self, choice: &Choice) -> Prediction {
+        let seconds = self.stages(choice).total().max(LEAST);
+        Prediction { seconds, image_error: self.error(choice).exp().min(1.0) }
+    }
+
+    /// Where the time is expected to go.
+    #[must_use]
+    pub fn stages(&self, choice: &Choice) -> Stages {
         let acts = |(figure, axes): (Figure, &[Axis])| self.figure(figure, axes, choice).exp();
         let [prepare, fit, pack, bake, look] = STAGES.map(acts);
         let [some, fitted, packed, baked, looked] = self.whole;
         let (views, texel) = self.look;
         let page = texel * texels(choice) / LOOK(self.base).max(LEAST);
         let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
-        let packing = packed * pack + tighter * self.tight * choice.levels as f64;
-        let seconds = some * prepare + fitted * fit + packing + baked * bake + look * (looked * views + page);
-        Prediction { seconds: seconds.max(LEAST), image_error: self.error(choice).exp().min(1.0) }
+        Stages {
+            prepare: some * prepare,
+            fit: fitted * fit,
+            pack: (packed * pack + tighter * self.tight * choice.levels as f64).max(0.0),
+            bake: baked * bake,
+            look: look * (looked * views + page),
+        }
     }
 
     /// The points that differ from the base in one setting at most.
