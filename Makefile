@@ -59,6 +59,11 @@ fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
 
+.PHONY: curves
+curves: setup .venv/.fidelity ## measure what accuracy costs in time, for docs/accuracy.md (hours; ARGS=--verify: the judge beside Cycles)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/curves.py $(ARGS)
+
 .PHONY: flight
 flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and see whether anything pops (an hour)
 	@mkdir -p docs/bench

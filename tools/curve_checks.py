@@ -10,6 +10,7 @@ Predicted beside measured seconds: `cargo run --release -p leafcloud-curve --exa
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import sys
 import time
@@ -35,7 +36,9 @@ def crown(seed: int) -> leafcloud.Foliage:
     count = int(random.integers(100, 900))
     places = random.normal(size=(count, 3))
     places *= (random.uniform(size=(count, 1)) ** (1 / 3)) / np.linalg.norm(places, axis=1, keepdims=True)
-    normals = random.normal(size=(count, 3)) * random.choice([[1, 1, 1], [1, 1, 0.2], [0.2, 0.2, 1]])
+    normals = random.normal(size=(count, 3)) * random.choice(
+        np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.2], [0.2, 0.2, 1.0]])
+    )
     right = np.cross(normals, [0.3, 0.5, 0.8])
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     up = np.cross(normals, right)
@@ -108,10 +111,8 @@ def front(arguments: list[str]) -> None:
             found.append((statistics.mean(reached), noise))
             taken = statistics.median(chain.seconds for chain in built)
             print(f"{tree.stem}: {taken:.2f} s, error {found[-1][0]:.4f} ± {noise:.4f}", flush=True)
-        worse = [
-            b for a, b in zip(found, found[1:], strict=False) if b[0] - a[0] > 2.0 * (a[1] ** 2 + b[1] ** 2) ** 0.5
-        ]
-        print(f"\n{len(worse)} of {len(found) - 1} steps give a worse result beyond noise")
+        worse = sum(b - a > 2.0 * (u**2 + v**2) ** 0.5 for (a, u), (b, v) in itertools.pairwise(found))
+        print(f"\n{worse} of {len(found) - 1} steps give a worse result beyond noise")
 
 
 CHECKS: dict[str, Callable[[list[str]], None]] = {

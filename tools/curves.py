@@ -108,7 +108,8 @@ def lines_of(head: list[str], rows: list[list[str]]) -> str:
 
 def described(settings: leafcloud.CurveSettings) -> list[str]:
     names = ("method", "effort", "epsilon", "candidates", "levels", "texture_size", "samples", "tight_pages")
-    return [str(settings[name]) for name in names]
+    values: dict[str, Any] = {**settings}
+    return [str(values[name]) for name in names]
 
 
 def row_cells(row: leafcloud.CurveRow) -> list[str]:
@@ -116,7 +117,7 @@ def row_cells(row: leafcloud.CurveRow) -> list[str]:
     return [
         *described(row["settings"]),
         f"{seconds['total']:.2f}",
-        ", ".join(f"{seconds[stage]:.2f}" for stage in ("prepare", "fit", "pack", "bake", "look")),  # type: ignore[literal-required]
+        ", ".join(f"{seconds[stage]:.2f}" for stage in ("prepare", "fit", "pack", "bake", "look")),
         "–" if peak is None else f"{peak / 2**20:.0f}",
         str(row["billboards"]),
         f"{row['bytes'] / 2**20:.1f}",
@@ -136,13 +137,14 @@ def tree_part(row: dict[str, Any]) -> str:
     name, rows = row["tree"], row["rows"]
     charts = "\n\n".join(f"![{name}: error over {cost}](curves/{name}_{cost}.svg)" for cost in COSTS)
     shown = "; ".join(
-        f"error {rows[i]['image_error']:.3f} in {rows[i]['seconds']['total']:.1f} s with {rows[i]['billboards']} billboards"
-        for i in row["shown"]
+        f"error {one['image_error']:.3f} in {one['seconds']['total']:.1f} s with {one['billboards']} billboards"
+        for one in (rows[i] for i in row["shown"])
     )
     table = lines_of(HEAD, [row_cells(one) for one in rows])
     return (
         f"### {name}, {row['triangles']} triangles\n\n{charts}\n\n"
-        f"![{name} at points of its curve](curves/{name}_points.png)\n\nFrom the left: {shown}; the leaves themselves.\n\n"
+        f"![{name} at points of its curve](curves/{name}_points.png)\n\n"
+        f"From the left: {shown}; the leaves themselves.\n\n"
         f"<details><summary>All settings (● on the front)</summary>\n\n{table}\n\n</details>"
     )
 
