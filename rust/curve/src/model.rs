@@ -4,7 +4,8 @@
 //! curves add up. Two things go together: the smaller ε, the more billboards share a page, and the larger are its texels. So error follows from ε
 //! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: time grows by a line through the
 //! two samples of the leaves up to all of them, and with the number of looks;
-//! packing tightly adds as much to every cloud.
+//! packing tightly adds as much to every cloud. What textures cost is counted: so much for a texel, so much for a sample of it, and so much for
+//! each texel of a page that is looked at; pages halve from level to level.
 
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
@@ -22,7 +23,7 @@ pub struct Prediction {
 }
 
 /// What is read off a point, on a logarithmic axis.
-type Figure = fn(&Point) -> f64;
+type Figure<'f> = &'f dyn Fn(&Point) -> f64;
 
 /// The settings that have curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,16 +60,6 @@ impl Axis {
         }
     }
 }
-
-/// The stages with the settings that act on them by factors; others only seem to, where one measurement is slower than another.
-const STAGES: [(Figure, &[Axis]); 5] = [
-    (|p| p.seconds.prepare, &[]),
-    (|p| p.seconds.fit, &[Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels]),
-    (|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels]),
-    (|p| p.seconds.bake, &[Axis::Epsilon, Axis::Page, Axis::Samples, Axis::Levels]),
-    (LOOK, &[Axis::Epsilon, Axis::Effort, Axis::Levels]),
-];
-const LOOK: Figure = |p| p.seconds.look;
 
 /// The settings that act on the error by themselves.
 const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
@@ -116,9 +107,11 @@ pub struct Model<'a> {
     curve: &'a Curve,
     base: &'a Point,
     /// What each stage takes beside the base's own, for all the leaves and all looks.
-    whole: [f64; 5],
-    /// The share of a look that goes with views, not texels; seconds of a look for each texel of the page.
-    look: (f64, f64),
+    whole: Stages,
+    /// Seconds to bake a texel: by itself, and for each sample.
+    bake: (f64, f64),
+    /// Seconds of the looks for each texel of a page.
+    look: f64,
     /// What packing tightly adds to each cloud, seconds.
     tight: f64,
     /// By the texel's size: the error, from the pages that were tried.
@@ -130,10 +123,24 @@ impl<'a> Model<'a> {
     #[must_use]
     pub fn new(curve: &'a Curve) -> Self {
         let base = &curve.points[0];
-        let plain = Self { curve, base, whole: [1.0; 5], look: (1.0, 0.0), tight: 0.0, by_texel: Line(Vec::new()) };
-        let texels = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
-        let (whole, look, tight) = (plain.whole(), plain.look(), plain.tight());
-        Self { whole, look, tight, by_texel: Line::new(texels), ..plain }
+        let plain = Self {
+            curve,
+            base,
+            whole: Stages { prepare: 1.0, fit: 1.0, pack: 1.0, bake: 1.0, look: 1.0 },
+            bake: (0.0, 0.0),
+            look: 0.0,
+            tight: 0.0,
+            by_texel: Line(Vec::new()),
+        };
+        let by_texel = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
+        let plain = Self {
+            bake: plain.bake(),
+            look: plain.for_a_texel(|p| p.seconds.look),
+            tight: plain.tight(),
+            by_texel: Line::new(by_texel),
+            ..plain
+        };
+        Self { whole: plain.whole(), ..plain }
     }
 
     /// What `choice` is expected to cost and to give.
@@ -146,19 +153,25 @@ impl<'a> Model<'a> {
     /// Where the time is expected to go.
     #[must_use]
     pub fn stages(&self, choice: &Choice) -> Stages {
-        let acts = |(figure, axes): (Figure, &[Axis])| self.figure(figure, axes, choice).exp();
-        let [prepare, fit, pack, bake, look] = STAGES.map(acts);
-        let [some, fitted, packed, baked, looked] = self.whole;
-        let (views, texel) = self.look;
-        let page = texel * texels(choice) / LOOK(self.base).max(LEAST);
+        let Stages { prepare, fit, pack, bake, look } = self.whole;
         let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
+        let packed = self.figure(&|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels], choice).exp();
+        let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
+        let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
+        let (texel, sample) = self.bake;
         Stages {
-            prepare: some * prepare,
-            fit: fitted * fit,
-            pack: (packed * pack + tighter * self.tight * choice.levels as f64).max(0.0),
-            bake: baked * bake,
-            look: look * (looked * views + page),
+            prepare: prepare * self.base.seconds.prepare,
+            fit: fit * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
+            pack: (pack * packed + tighter * self.tight * choice.levels as f64).max(0.0),
+            bake: bake * texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64),
+            look: look * viewed + self.look * texels(choice),
         }
+    }
+
+    /// The seconds of a point's looks that go with views, not with texels.
+    fn views(&self, point: &Point) -> f64 {
+        let look = point.seconds.look;
+        (look - self.look * texels(&point.choice)).max(0.1 * look)
     }
 
     /// The points that differ from the base in one setting at most.
@@ -194,8 +207,8 @@ impl<'a> Model<'a> {
     }
 
     fn error(&self, choice: &Choice) -> f64 {
-        let error: Figure = |p| p.image_error;
-        let texel: Figure = |p| p.texel;
+        let error: Figure = &|p| p.image_error;
+        let texel: Figure = &|p| p.texel;
         // What ε alone does: the error beside what the texels of its point would do to the base's.
         let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::Level);
         let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
@@ -209,30 +222,49 @@ impl<'a> Model<'a> {
     }
 
     /// From a sample and few looks to all.
-    fn whole(&self) -> [f64; 5] {
+    fn whole(&self) -> Stages {
         let smaller = self.curve.points.iter().find(|p| p.measured_on < self.base.measured_on);
-        let mut whole = [1.0; 5];
-        for ((stage, _), whole) in STAGES.iter().zip(&mut whole) {
-            let Some(smaller) = smaller else { continue };
+        let grown = |stage: Figure| {
+            let Some(smaller) = smaller else { return 1.0 };
             let (few, some) = (smaller.measured_on as f64, self.base.measured_on as f64);
             let slope = (stage(self.base) - stage(smaller)).max(0.0) / (some - few);
-            *whole = 1.0 + slope * (self.curve.triangles as f64 - some) / stage(self.base).max(LEAST);
-        }
+            1.0 + slope * (self.curve.triangles as f64 - some) / stage(self.base).max(LEAST)
+        };
         let looks = if self.curve.sweep == Sweep::Quick { more_looks(self.curve.settings.looks) } else { 1.0 };
-        whole[0] *= looks;
-        whole[4] *= looks;
-        whole
+        Stages {
+            prepare: looks * grown(&|p| p.seconds.prepare),
+            fit: grown(&|p| p.seconds.fit),
+            pack: grown(&|p| p.seconds.pack),
+            bake: grown(&|p| p.seconds.bake),
+            look: looks * grown(&|p| self.views(p)),
+        }
     }
 
-    /// By the largest and the smallest page that were tried.
-    fn look(&self) -> (f64, f64) {
+    /// By how much a stage grows with each texel, from the smallest page that was tried to the largest.
+    fn for_a_texel(&self, stage: fn(&Point) -> f64) -> f64 {
         let size = |p: &&Point| p.choice.texture_size;
         let (small, large) = (self.along(Axis::Page).min_by_key(size), self.along(Axis::Page).max_by_key(size));
-        let (Some(small), Some(large)) = (small, large) else { return (1.0, 0.0) };
+        let (Some(small), Some(large)) = (small, large) else { return 0.0 };
         let more = texels(&large.choice) - texels(&small.choice);
-        let texel = if more > 0.0 { ((LOOK(large) - LOOK(small)) / more).max(0.0) } else { 0.0 };
-        let page = texel * texels(&self.base.choice) / LOOK(self.base).max(LEAST);
-        ((1.0 - page).max(0.1), texel)
+        if more > 0.0 { ((stage(large) - stage(small)) / more).max(0.0) } else { 0.0 }
+    }
+
+    /// What a texel takes to bake, and what each of its samples adds.
+    fn bake(&self) -> (f64, f64) {
+        let count = |p: &&Point| p.choice.samples;
+        let (few, many) = (self.along(Axis::Samples).min_by_key(count), self.along(Axis::Samples).max_by_key(count));
+        let squared = |p: &Point| (p.choice.samples * p.choice.samples) as f64;
+        let all = texels(&self.base.choice);
+        let sample = match (few, many) {
+            (Some(few), Some(many)) if squared(many) > squared(few) => {
+                (many.seconds.bake - few.seconds.bake).max(0.0) / (all * (squared(many) - squared(few)))
+            }
+            _ => 0.0,
+        };
+        let texel = self.for_a_texel(|p| p.seconds.bake);
+        // A single page says nothing about more of them than what it took itself.
+        let texel = if texel > 0.0 { texel } else { self.base.seconds.bake / all };
+        ((texel - sample * squared(self.base)).max(0.0), sample)
     }
 
     fn tight(&self) -> f64 {
@@ -242,8 +274,10 @@ impl<'a> Model<'a> {
     }
 }
 
+/// Of the pages of all levels, if they are square.
 fn texels(choice: &Choice) -> f64 {
-    (choice.texture_size * choice.texture_size) as f64
+    let side = |level: usize| (choice.texture_size >> level).max(64);
+    (0..choice.levels + usize::from(choice.cross)).map(|level| (side(level) * side(level)) as f64).sum()
 }
 
 /// How many times as many looks as a quick sweep's.

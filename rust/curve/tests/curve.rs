@@ -125,15 +125,15 @@ fn seconds_that_are_wished_are_kept() {
     assert_eq!(built.chain.levels.len(), 1);
 }
 
-/// A curve whose seconds and errors follow laws: 3 · 10⁻⁹ page² ε^−½ seconds of pages, ε^0.6 texel^0.2 as error.
+/// A curve whose seconds and errors follow laws: page² (3 + samples²) · 10⁻⁹ seconds of textures, 0.01 ε^−1.5 of planes, ε^0.6 texel^0.2 as error.
 fn lawful() -> Curve {
-    let base = Choice { epsilon: 0.04, samples: 1, tight_pages: true, ..Choice::of(&ChainSettings::default()) };
+    let base = Choice { samples: 1, levels: 1, cross: false, ..Choice::of(&ChainSettings::default()) };
     let texel = |c: &Choice| 20.0 / c.texture_size as f64 * c.epsilon.powf(-0.3);
     let point = |c: Choice| Point {
         choice: c,
         measured_on: 1000,
         seconds: Stages {
-            bake: 3e-9 * (c.texture_size as f64).powi(2) * c.epsilon.powf(-0.5),
+            bake: 1e-9 * (c.texture_size as f64).powi(2) * (3.0 + (c.samples as f64).powi(2)),
             fit: 0.01 * c.epsilon.powf(-1.5),
             ..Stages::default()
         },
@@ -150,6 +150,7 @@ fn lawful() -> Curve {
     };
     let mut points = vec![point(base)];
     points.extend([0.01, 0.16].map(|epsilon| point(Choice { epsilon, ..base })));
+    points.push(point(Choice { samples: 8, ..base }));
     points.extend([512, 8192].map(|texture_size| point(Choice { texture_size, ..base })));
     Curve { points, refused: Vec::new(), settings: ChainSettings::default(), triangles: 1000, sweep: Sweep::Full }
 }
@@ -158,10 +159,11 @@ fn lawful() -> Curve {
 fn laws_of_powers_are_predicted() {
     let curve = lawful();
     let model = Model::new(&curve);
-    for (epsilon, page) in [(0.02, 1024), (0.1, 4096), (0.04, 2048), (0.16, 600)] {
-        let choice = Choice { epsilon, texture_size: page, ..curve.points[0].choice };
+    for (epsilon, page, samples) in [(0.02, 1024, 1), (0.1, 4096, 4), (0.04, 2048, 2), (0.16, 600, 16)] {
+        let choice = Choice { epsilon, texture_size: page, samples, ..curve.points[0].choice };
         let predicted = model.predict(&choice);
-        let seconds = 3e-9 * f64::from(page as u32).powi(2) * epsilon.powf(-0.5) + 0.01 * epsilon.powf(-1.5);
+        let texels = f64::from(page as u32).powi(2);
+        let seconds = 1e-9 * texels * (3.0 + (samples as f64).powi(2)) + 0.01 * epsilon.powf(-1.5);
         let error = epsilon.powf(0.6) * (20.0 / f64::from(page as u32) * epsilon.powf(-0.3)).powf(0.2);
         // Stages that take nothing count as the least that is told apart.
         assert!((predicted.seconds / seconds - 1.0).abs() < 0.01, "{predicted:?} {seconds}");
