@@ -20,5 +20,5 @@ mod within;
 pub use choice::Choice;
 pub use front::front;
 pub use model::{Model, Prediction};
-pub use sweep::{Curve, Point, Refused, Stages, Sweep, measure, sweep};
+pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};
 pub use within::{Built, Offer, Preset, Wish, build_within, offers};

@@ -2,10 +2,10 @@
 //!
 //! A sweep changes one setting at a time, so settings are taken to act by factors: on logarithmic axes each has a curve through its points, and the
 //! curves add up. Two things go together: the smaller ε, the more billboards share a page, and the larger are its texels. So error follows from ε
-//! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: time grows by a line through the
-//! two samples of the leaves up to all of them, and with the number of looks;
-//! packing tightly adds as much to every cloud. What textures cost is counted: so much for a texel, so much for a sample of it, and so much for
-//! each texel of a page that is looked at; pages halve from level to level.
+//! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: fitting takes as
+//! long as it took for all the leaves, each look at them as much longer as one did, and there are more looks; packing tightly adds as much to every
+//! cloud. What textures cost is counted: so much for a texel, so much for a sample of it, and so much for each texel of a page that is looked
+//! at; pages halve from level to level.
 
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
@@ -64,6 +64,13 @@ impl Axis {
 /// The settings that act on the error by themselves.
 const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
 
+/// How often the leaves are looked at to choose their stretch, in the mean; and to compare the sides of billboards.
+const STRETCHES: f64 = 4.0;
+const SIDES: f64 = 2.0;
+
+/// Packing tightly takes time in proportion to the billboards, but not more than this many times that of the base: then fewer ways are tried.
+const TIGHTEST: f64 = 2.0;
+
 /// Less than this is not told apart, seconds or a share.
 const LEAST: f64 = 1e-5;
 
@@ -106,8 +113,10 @@ impl Line {
 pub struct Model<'a> {
     curve: &'a Curve,
     base: &'a Point,
-    /// What each stage takes beside the base's own, for all the leaves and all looks.
-    whole: Stages,
+    /// How many times as many looks there are as the base had.
+    looks: f64,
+    /// By how much fitting all the leaves takes longer than the base.
+    fit_whole: f64,
     /// Seconds to bake a texel: by itself, and for each sample.
     bake: (f64, f64),
     /// Seconds of the looks for each texel of a page.
@@ -126,21 +135,21 @@ impl<'a> Model<'a> {
         let plain = Self {
             curve,
             base,
-            whole: Stages { prepare: 1.0, fit: 1.0, pack: 1.0, bake: 1.0, look: 1.0 },
+            looks: if curve.sweep == Sweep::Quick { more_looks(curve.settings.looks) } else { 1.0 },
+            fit_whole: curve.rest.map_or(1.0, |rest| (rest.fit / base.seconds.fit.max(LEAST)).max(1.0)),
             bake: (0.0, 0.0),
             look: 0.0,
             tight: 0.0,
             by_texel: Line(Vec::new()),
         };
         let by_texel = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
-        let plain = Self {
+        Self {
             bake: plain.bake(),
             look: plain.for_a_texel(|p| p.seconds.look),
             tight: plain.tight(),
             by_texel: Line::new(by_texel),
             ..plain
-        };
-        Self { whole: plain.whole(), ..plain }
+        }
     }
 
     /// What `choice` is expected to cost and to give.
@@ -153,18 +162,24 @@ impl<'a> Model<'a> {
     /// Where the time is expected to go.
     #[must_use]
     pub fn stages(&self, choice: &Choice) -> Stages {
-        let Stages { prepare, fit, pack, bake, look } = self.whole;
         let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
         let packed = self.figure(&|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels], choice).exp();
         let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
         let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
+        let more = self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp().clamp(0.1, TIGHTEST);
+        let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
+        // Only the first level and the cross see the leaves.
+        let Looks { places, amounts, report } = self.curve.settings.looks;
+        let view = self.curve.rest.map_or(0.0, |rest| rest.view);
+        let first = STRETCHES * amounts as f64 + places as f64;
+        let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
         Stages {
-            prepare: prepare * self.base.seconds.prepare,
-            fit: fit * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
-            pack: (pack * packed + tighter * self.tight * choice.levels as f64).max(0.0),
-            bake: bake * texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64),
-            look: look * viewed + self.look * texels(choice),
+            prepare: self.looks * self.base.seconds.prepare + view * (amounts + report) as f64,
+            fit: self.fit_whole * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
+            pack: (packed + tight).max(0.0) + view * SIDES,
+            bake: texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
+            look: self.looks * viewed + self.look * texels(choice) + view * (first + cross),
         }
     }
 
@@ -221,25 +236,6 @@ impl<'a> Model<'a> {
             + self.effect_of_kind(error, choice)
     }
 
-    /// From a sample and few looks to all.
-    fn whole(&self) -> Stages {
-        let smaller = self.curve.points.iter().find(|p| p.measured_on < self.base.measured_on);
-        let grown = |stage: Figure| {
-            let Some(smaller) = smaller else { return 1.0 };
-            let (few, some) = (smaller.measured_on as f64, self.base.measured_on as f64);
-            let slope = (stage(self.base) - stage(smaller)).max(0.0) / (some - few);
-            1.0 + slope * (self.curve.triangles as f64 - some) / stage(self.base).max(LEAST)
-        };
-        let looks = if self.curve.sweep == Sweep::Quick { more_looks(self.curve.settings.looks) } else { 1.0 };
-        Stages {
-            prepare: looks * grown(&|p| p.seconds.prepare),
-            fit: grown(&|p| p.seconds.fit),
-            pack: grown(&|p| p.seconds.pack),
-            bake: grown(&|p| p.seconds.bake),
-            look: looks * grown(&|p| self.views(p)),
-        }
-    }
-
     /// By how much a stage grows with each texel, from the smallest page that was tried to the largest.
     fn for_a_texel(&self, stage: fn(&Point) -> f64) -> f64 {
         let size = |p: &&Point| p.choice.texture_size;
@@ -282,7 +278,10 @@ fn texels(choice: &Choice) -> f64 {
 
 /// How many times as many looks as a quick sweep's.
 fn more_looks(looks: Looks) -> f64 {
-    let all = |Looks { places, amounts, report }: Looks| (places + amounts + report) as f64;
+    // What a direction of each judge costs: how often he looks, about, times the samples of his pictures.
+    let all = |Looks { places, amounts, report }: Looks| {
+        6.0 * 36_864.0 * places as f64 + 9.0 * 65_536.0 * amounts as f64 + 262_144.0 * report as f64
+    };
     all(looks) / all(Looks::QUICK)
 }
 

@@ -1,8 +1,13 @@
 //! Chains built with many settings, each measured.
 
+use std::time::Instant;
+
+use glam::DVec3;
 use leafcloud::error::{Error, Result};
-use leafcloud::fit::{Effort, Method};
+use leafcloud::fit::{Effort, Method, fit};
+use leafcloud::judge::{View, render};
 use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain};
+use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
 
 use crate::choice::Choice;
@@ -114,6 +119,41 @@ pub struct Curve {
     pub triangles: usize,
     /// Which it was.
     pub sweep: Sweep,
+    /// What the leaves cost that were left out.
+    pub rest: Option<Rest>,
+}
+
+/// What all the leaves cost beside the sample of a quick sweep, seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rest {
+    /// A look at all the leaves more than one at the sample.
+    pub view: f64,
+    /// Fitting all of them.
+    pub fit: f64,
+}
+
+impl Rest {
+    fn of(whole: &Foliage, sample: &Foliage, settings: &ChainSettings, progress: Progress) -> Result<Self> {
+        let frame = whole.frame();
+        let view = View {
+            direction: DVec3::new(0.6, -1.0, 0.5),
+            up: settings.up,
+            centre: frame.centre,
+            radius: frame.radius * 1.025,
+            size: 64,
+            samples: Samples::default(),
+        };
+        let look = |foliage: &Foliage| timed(|| render(&[foliage], &view)).map(|(_, seconds)| seconds);
+        let view = (look(whole)? - look(sample)?).max(0.0);
+        let (_, fit) = timed(|| fit(whole, &settings.fit, progress))?;
+        Ok(Self { view, fit })
+    }
+}
+
+fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
+    let started = Instant::now();
+    let result = work()?;
+    Ok((result, started.elapsed().as_secs_f64()))
 }
 
 impl Point {
@@ -164,10 +204,7 @@ pub fn measure(
 }
 
 /// Triangles that a quick sweep looks at, at most.
-const SAMPLE: usize = 12_000;
-
-/// A quick sweep builds its base also with a part of the sample, one in so many, to see how time grows.
-const SMALLER: usize = 3;
+const SAMPLE: usize = 6_000;
 
 /// Measures many choices, beginning from `settings`.
 ///
@@ -192,24 +229,17 @@ pub fn sweep(
         settings: settings.clone(),
         triangles: foliage.triangle_count(),
         sweep,
+        rest: None,
     };
     match sweep {
         Sweep::Full => curve.measure_all(foliage, wood, settings, &full_choices(settings), progress)?,
         Sweep::Quick => {
             let settings = quick_base(settings);
-            let sample = sampled(foliage, SAMPLE)?;
-            let foliage = sample.as_ref().unwrap_or(foliage);
+            let (whole, sample) = (foliage, sampled(foliage, SAMPLE)?);
+            let foliage = sample.as_ref().unwrap_or(whole);
             curve.measure_all(foliage, wood, &settings, &quick_choices(&settings), progress.part(0.0, 0.95))?;
-            if sample.is_some() {
-                let smaller = sampled(foliage, SAMPLE / SMALLER)?;
-                let base = [Choice::of(&settings)];
-                curve.measure_all(
-                    smaller.as_ref().unwrap_or(foliage),
-                    wood,
-                    &settings,
-                    &base,
-                    progress.part(0.95, 1.0),
-                )?;
+            if let Some(sample) = &sample {
+                curve.rest = Some(Rest::of(whole, sample, &settings, progress.part(0.95, 1.0))?);
             }
         }
     }
@@ -290,7 +320,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
 fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(base);
     let mut all = vec![base];
-    all.extend([0.02, 0.08, 0.16].map(|epsilon| Choice { epsilon, ..base }));
+    all.extend([0.02, 0.1].map(|epsilon| Choice { epsilon, ..base }));
     all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
     all.push(Choice { samples: 4, ..base });
     all.push(Choice { effort: Effort::Final, ..base });

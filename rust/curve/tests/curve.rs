@@ -152,7 +152,14 @@ fn lawful() -> Curve {
     points.extend([0.01, 0.16].map(|epsilon| point(Choice { epsilon, ..base })));
     points.push(point(Choice { samples: 8, ..base }));
     points.extend([512, 8192].map(|texture_size| point(Choice { texture_size, ..base })));
-    Curve { points, refused: Vec::new(), settings: ChainSettings::default(), triangles: 1000, sweep: Sweep::Full }
+    Curve {
+        points,
+        refused: Vec::new(),
+        settings: ChainSettings::default(),
+        triangles: 1000,
+        sweep: Sweep::Full,
+        rest: None,
+    }
 }
 
 #[test]
