@@ -52,12 +52,18 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
+	cargo bench --quiet --package leafcloud --bench safeguards ../../../shared/foliage/*.glb | tee docs/bench/safeguards.md
 	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
 
 .PHONY: fidelity
 fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
+
+.PHONY: curves
+curves: setup .venv/.fidelity ## measure what accuracy costs in time, for docs/accuracy.md (hours; ARGS=--verify: the judge beside Cycles)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/curves.py $(ARGS)
 
 .PHONY: flight
 flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and see whether anything pops (an hour)

@@ -50,6 +50,8 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("--json is for --plan-only: add that, or leave it out")
         if options.out is None and not options.plan_only:
             raise UsageError("--out DIR is missing: name the folder that the files go to")
+        if options.cost_curve and options.plan_only:
+            raise UsageError("--cost-curve and --plan-only each do something in place of a bake: give one of them")
     except UsageError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
         return 2
@@ -74,6 +76,8 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     try:
         if options.plan_only:
             return _plan(options, settings)
+        if options.cost_curve:
+            return _measure_curve(options, settings, console)
         return _bake(options, settings, console)
     except (SceneError, leafcloud.LeafcloudError) as error:
         raise Refusal(str(error)) from error
@@ -161,6 +165,24 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
         report = write(baked, options.out, stages, blend=True)
     console.warn(report["warnings"])
     return f"{name}: {len(report['levels'])} levels, {len(report['files'])} files in {options.out}"
+
+
+def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
+    from addon.export.curve import write_curve
+    from addon.export.staging import Staging
+    from addon.job import wait
+    from addon.pipeline import prepare, start_curve
+
+    stages = _Stages(console)
+    with _refusing(options.out), Staging(options.out):
+        pass
+    stages("read", 0.0)
+    tree, name = _tree(options)
+    stages("prepare", 0.0)
+    curve = wait(start_curve(prepare(tree, settings), quick=options.cost_curve == "quick"), stages)
+    with _refusing(options.out):
+        files = write_curve(curve, name, options.out)
+    return f"{name}: {len(curve.rows)} settings measured, {len(files)} files in {options.out}"
 
 
 @contextmanager

@@ -43,6 +43,8 @@ class Prepared:
     wind: Wind | None = None
     wood_part: Part | None = None
     """Of which the levels' own wood is made."""
+    predicted: leafcloud.Prediction | None = None
+    """What a cost curve that was measured before says of these settings."""
 
     @property
     def levels(self) -> tuple[int, bool]:

@@ -8,7 +8,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import NoReturn
 
-from .settings import CHAINS, EFFECTS, EFFORTS, ENGINES, METHODS, BakeSettings, SettingsError
+from .settings import CHAINS, EFFECTS, EFFORTS, ENGINES, METHODS, PRESETS, BakeSettings, SettingsError
+
+CURVES = ("full", "quick")
 
 
 class UsageError(Exception):
@@ -77,6 +79,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         help="leave out the last level, crossed billboards of the whole tree",
     )
     _add_fit_arguments(parser, default)
+    _add_wishes(parser, default)
     parser.add_argument(
         "--seed", type=int, default=default.seed, metavar="NUMBER", help="of every random choice (default: %(default)s)"
     )
@@ -163,6 +166,15 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument(
         "--plan-only", action="store_true", help="print which effects the bake would carry, and why; write nothing"
+    )
+    parser.add_argument(
+        "--cost-curve",
+        nargs="?",
+        const="full",
+        choices=CURVES,
+        metavar="HOW",
+        help="instead of a bake, measure what accuracy costs in time with many settings, and write NAME_curve.csv, "
+        ".json, .png and .svg; HOW is full (minutes) or quick (seconds; a sample of the leaves)",
     )
     parser.add_argument("--json", action="store_true", help="print the plan of --plan-only as JSON instead of a table")
     options = parser.parse_args(arguments)
@@ -259,6 +271,35 @@ def _add_fit_arguments(parser: argparse.ArgumentParser, default: BakeSettings) -
         type=float,
         metavar="SHARE",
         help="how near a viewer comes to the crown's centre, as a share of R above 1, with --image-epsilon",
+    )
+
+
+def _add_wishes(parser: argparse.ArgumentParser, default: BakeSettings) -> None:
+    """How good the levels are to be, in place of settings that decide it."""
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=default.samples,
+        metavar="COUNT",
+        help="of each texel, along each of its sides, 1 to 16 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        metavar="SECONDS",
+        help="make the levels as good as possible in so many, measured without Blender's start and the files; chooses "
+        "--epsilon, --samples, --effort, and a page not above --texture-size",
+    )
+    parser.add_argument(
+        "--image-error",
+        type=float,
+        metavar="ERROR",
+        help="the same, as quickly as possible with at most this image error on level 1, between 0 and 1",
+    )
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help=f"the same, by a place on this tree's cost curve: {', '.join(PRESETS)}",
     )
 
 

@@ -143,28 +143,45 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     """Starts the core on a thread of its own."""
     settings = prepared.settings
-    clouds, cross = prepared.levels
     return leafcloud.start_chain(
         prepared.foliage,
         wood=prepared.wood,
-        levels=clouds,
-        cross=cross,
-        texture_size=settings.texture_size,
-        texture_height=settings.texture_height,
-        close_cracks=settings.close_cracks,
         keep=_keep_at_switch(prepared),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
         contrast=bool(is_on(prepared.effects, "contrast")),
-        back_sides=is_on(prepared.effects, "back_sides"),
-        normals=settings.bend_normals if is_on(prepared.effects, "normals") else None,
-        gloss=bool(is_on(prepared.effects, "gloss")),
-        translucency=bool(is_on(prepared.effects, "translucency")),
-        occlusion=bool(is_on(prepared.effects, "occlusion")),
-        visibility=bool(is_on(prepared.effects, "self_shadowing")),
-        leaf_map=bool(is_on(prepared.effects, "leaf_map")),
-        **fit_options(settings),
+        seconds=settings.seconds,
+        image_error=settings.image_error,
+        preset=settings.preset,
+        **chain_options(prepared),
     )
+
+
+def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
+    """Starts to measure what accuracy costs in time, around the settings. Leaves are not pruned for it."""
+    return leafcloud.start_cost_curve(prepared.foliage, wood=prepared.wood, quick=quick, **chain_options(prepared))
+
+
+def chain_options(prepared: Prepared) -> dict[str, Any]:
+    """What the wheel is asked for a chain and for a cost curve alike."""
+    settings = prepared.settings
+    clouds, cross = prepared.levels
+    return {
+        "levels": clouds,
+        "cross": cross,
+        "texture_size": settings.texture_size,
+        "texture_height": settings.texture_height,
+        "samples": settings.samples,
+        "close_cracks": settings.close_cracks,
+        "back_sides": is_on(prepared.effects, "back_sides"),
+        "normals": settings.bend_normals if is_on(prepared.effects, "normals") else None,
+        "gloss": bool(is_on(prepared.effects, "gloss")),
+        "translucency": bool(is_on(prepared.effects, "translucency")),
+        "occlusion": bool(is_on(prepared.effects, "occlusion")),
+        "visibility": bool(is_on(prepared.effects, "self_shadowing")),
+        "leaf_map": bool(is_on(prepared.effects, "leaf_map")),
+        **fit_options(settings),
+    }
 
 
 def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
@@ -241,8 +258,8 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
 def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
     """What each effect took in the core. What nobody asked for took nothing there."""
     seconds = dict.fromkeys(EFFECTS, 0.0)
-    seconds["pruning"], seconds["contrast"] = chain.seconds["growth"], chain.seconds["contrast"]
-    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.seconds["sky"]
+    seconds["pruning"], seconds["contrast"] = chain.look_seconds["growth"], chain.look_seconds["contrast"]
+    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.look_seconds["sky"]
     of_channel = {
         "normal": "normals",
         "gloss": first_on(effects, ("gloss", "occlusion", "self_shadowing")),

@@ -9,9 +9,13 @@ from typing import Literal, TypedDict, get_args
 
 Method = Literal["stochastic", "density", "kmeans"]
 Effort = Literal["literal", "default", "final", "best"]
+Preset = Literal["draft", "balanced", "final"]
 
 METHODS = get_args(Method)
 EFFORTS = get_args(Effort)
+PRESETS = get_args(Preset)
+WISHES = ("seconds", "image_error", "preset")
+"""Settings that choose epsilon, page, samples and effort by a quick cost curve; one of them at most."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = ("billboards", "pruning", "both")
 EFFECTS = (
@@ -72,6 +76,11 @@ class BakeSettings:
     seed: of every random choice; ≥ 0.
     texture_size: columns of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
     texture_height: its rows; None makes it square; 64 … 16384.
+    samples: of each texel, along each of its sides; 1 … 16.
+    seconds: the levels are as good as they get in so many, looking for settings among them; > 0.
+    image_error: level 1 has at most this, as quickly as may be; in (0, 1).
+    preset: a place on the cost curve: within twice the least error, within a quarter of it, the least.
+        Each of these three chooses epsilon, samples, effort, and a page not above texture_size.
     close_cracks: whether billboards also show the parts of other billboards' leaves that lie within ε of their plane.
     cross: whether crossed billboards of the whole tree follow behind the clouds.
     bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
@@ -109,6 +118,10 @@ class BakeSettings:
     seed: int = 0
     texture_size: int = 2048
     texture_height: int | None = None
+    samples: int = 4
+    seconds: float | None = None
+    image_error: float | None = None
+    preset: Preset | None = None
     close_cracks: bool = False
     cross: bool = True
     bend_normals: float = 0.0
@@ -160,6 +173,8 @@ class BakeSettings:
         self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
         self._require("prune_pixels", 0.0 < self.prune_pixels < math.inf, "greater than 0 and finite")
         self._require("prune_half", 0.0 < self.prune_half <= 0.5, "greater than 0 and at most 0.5")
+        self._require("samples", 1 <= self.samples <= 16, "from 1 to 16")
+        self._check_wishes()
         asked = asked_effects(self.effects)
         known = asked.known and {*asked.names, *asked.forced} <= set(EFFECTS)
         choices = (
@@ -168,6 +183,24 @@ class BakeSettings:
         self._require("effects", known, choices)
         prunes = self.chain == "billboards" or asked.state("pruning") is not False
         self._require("effects", prunes, f"with pruning for --chain {self.chain}")
+
+    def _check_wishes(self) -> None:
+        timed = self.seconds is None or 0.0 < self.seconds < math.inf
+        self._require("seconds", timed, "greater than 0 and finite")
+        near = self.image_error is None or 0.0 < self.image_error < 1.0
+        self._require("image_error", near, "greater than 0 and less than 1")
+        self._require("preset", self.preset in (None, *PRESETS), f"one of {', '.join(PRESETS)}")
+        given = [name for name in WISHES if getattr(self, name) is not None]
+        for name in given:
+            self._require(name, len(given) == 1, f"given without {' and '.join(flag(g) for g in given if g != name)}")
+            free = self.chain == "billboards" and self.method == "stochastic"
+            free &= self.max_billboards is None and self.max_texels is None and self.image_epsilon is None
+            self._require(
+                name,
+                free,
+                "given where epsilon can be chosen: without --method, --max-billboards, --max-texels, --image-epsilon "
+                "and --chain",
+            )
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:

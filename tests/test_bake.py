@@ -48,7 +48,7 @@ def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> Non
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "stochastic", "cross"]
     for level in report["levels"]:
         assert set(level) == {*LEVEL_KEYS, "wood"}
-        assert set(level["seconds"]) == {"fit", "pack", "bake", "write"}
+        assert set(level["seconds"]) == {"fit", "pack", "bake", "look", "write"}
     assert report["levels"][0]["triangles"] == report["input"]["triangles"]
     for level, epsilon in zip(report["levels"][1:3], (0.04, 0.1), strict=True):
         assert 0.0 < level["mean_deviation"] < level["max_deviation"] <= level["epsilon"] == pytest.approx(epsilon)

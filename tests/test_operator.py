@@ -148,7 +148,7 @@ def test_a_running_bake_ends_with_the_add_on(selected_shrub: list[bpy.types.Obje
     triangles = [(0, i, i + 1) for i in range(1, 2999)]
     corners = [(x + 0.01 * i % 1.0, 0.1 * i, z) for i, (x, _, z) in enumerate(corners)]
     job = leafcloud.start_chain(leafcloud.Foliage(corners, triangles))
-    operators._running.append(job)
+    operators.running.append(job)
     assert not bpy.ops.leafcloud.bake.poll()
     operators.cancel_running()
     assert job.done

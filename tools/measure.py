@@ -117,7 +117,7 @@ def measure(tree: Path, out: Path, look: bool) -> dict[str, Any]:
         if level["epsilon"] is not None
     ]
     row["stages"] = {
-        stage: sum(level["seconds"][stage] for level in levels) for stage in ("fit", "pack", "bake", "write")
+        stage: sum(level["seconds"][stage] for level in levels) for stage in ("fit", "pack", "bake", "look", "write")
     }
     if look and report["input"]["triangles"] <= VIEW_LIMIT:
         row.update(views(name, out))

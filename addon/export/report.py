@@ -42,9 +42,26 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
             "dropped": list(prepared.tree.dropped),
         },
         "levels": levels,
+        "predicted": _predicted(baked),
         "effects": [_effect(effect, baked) for effect in baked.effects],
         "files": list(files),
         "warnings": list(prepared.warnings),
+    }
+
+
+def _predicted(baked: Baked) -> dict[str, Any] | None:
+    """What a cost curve had said, beside what came out; null where none was measured.
+
+    `settings` are those that a wish has chosen, null without one. `image_error` is level 1's.
+    """
+    chosen = baked.chain.chosen
+    predicted = baked.prepared.predicted if chosen is None else chosen["predicted"]
+    if predicted is None:
+        return None
+    return {
+        "settings": None if chosen is None else chosen["settings"],
+        "image_error": {"predicted": predicted["image_error"], "measured": baked.chain.levels[0].image_error},
+        "seconds": {"predicted": predicted["seconds"], "measured": baked.chain.seconds},
     }
 
 
@@ -65,7 +82,7 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
         "in_plane_motion": 0.0,
         "image_error": 0.0,
         "switch_distance": 0.0,
-        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "write": write_seconds},
+        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "look": 0.0, "write": write_seconds},
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, cancel_running
 from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
@@ -19,7 +20,8 @@ _OF_SCENE = {
 _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
-    *(LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+    *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick),
+    *(LEAFCLOUD_PT_bake, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
 )
 
 
@@ -34,6 +36,7 @@ def register() -> None:
 def unregister() -> None:
     cancel_running()
     stop_preview()
+    forget_curve()
     del bpy.types.WindowManager.leafcloud
     for name in _OF_SCENE:
         delattr(bpy.types.Scene, name)

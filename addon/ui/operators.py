@@ -15,25 +15,46 @@ from ..pipeline import file_name, finish, layer_of, plan, prepare, start, view_o
 from ..scene import SceneError
 from ..scene.extract import extract
 from ..settings import SettingsError
+from .measured import predicted
 from .properties import bake_settings, leaf_names, show_plan
 
-_REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
+REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
-_NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
+NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
 """What gets through while a bake runs: nothing that could edit or undo what is being baked."""
 
-_running: list[leafcloud.Job[leafcloud.Chain]] = []
+running: list[leafcloud.Job[leafcloud.Chain] | leafcloud.Job[leafcloud.Curve]] = []
 
 
 def cancel_running() -> None:
     """Cancels the core's work and waits until its thread has ended: the add-on is about to go."""
-    for job in _running:
+    for job in running:
         job.cancel()
         try:
             job.result()
         except leafcloud.LeafcloudError:
             continue  # Whether cancelled or failed: nobody is left to tell.
-    _running.clear()
+    running.clear()
+
+
+def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether there is something to work on and nothing at work; tells what is missing."""
+    if not context.selected_objects:
+        operator.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+        return False
+    if context.mode != "OBJECT":
+        operator.poll_message_set("Leave Edit Mode first")
+        return False
+    if running:
+        operator.poll_message_set("A bake or a measurement is running")
+        return False
+    return True
+
+
+def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
+    """Tells why nothing was done; the scene is as it was."""
+    operator.report({"ERROR"}, " ".join(str(error).split()))
+    return {"CANCELLED"}
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
@@ -44,7 +65,7 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return _may_read(cls, context)
+        return can_begin(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.leafcloud
@@ -52,9 +73,8 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
             sources = tuple(context.selected_objects)
             tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
             effects = plan(tree, bake_settings(settings), layer_of(context.scene))
-        except _REFUSALS as error:
-            self.report({"ERROR"}, " ".join(str(error).split()))
-            return {"CANCELLED"}
+        except REFUSALS as error:
+            return refuse(self, error)
         show_plan(context.window_manager.leafcloud, effects)
         return {"FINISHED"}
 
@@ -68,7 +88,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return _may_read(cls, context)
+        return can_begin(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bakes from start to end; nothing else happens meanwhile."""
@@ -76,10 +96,10 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self._begin(context)
             chain = wait(self._job, lambda stage, fraction: None)
             return self._end(context, chain)
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         finally:
-            _running.clear()
+            running.clear()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Bakes while the view stays alive; without an interface like `execute`."""
@@ -87,8 +107,8 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             return self.execute(context)
         try:
             self._begin(context)
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.modal_handler_add(self)
@@ -99,8 +119,8 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self._job.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in _NAVIGATION else {"RUNNING_MODAL"}
-        _show(context, self._job.stage, self._job.fraction)
+            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
+        show(context, self._job.stage, self._job.fraction)
         if not self._job.done:
             return {"RUNNING_MODAL"}
         try:
@@ -108,21 +128,21 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
         except leafcloud.CancelledError:
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
-        except _REFUSALS as error:
-            return self._refuse(error)
+        except REFUSALS as error:
+            return refuse(self, error)
         finally:
             context.window_manager.event_timer_remove(self._timer)
-            _running.clear()
-            _show(context, "", 0.0)
+            running.clear()
+            show(context, "", 0.0)
 
     def _begin(self, context: bpy.types.Context) -> None:
         """Reads the scene and starts the core."""
         settings = context.scene.leafcloud
         self._sources = tuple(context.selected_objects)
         tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=leaf_names(settings))
-        self._prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
+        self._prepared = predicted(prepare(tree, bake_settings(settings), layer_of(context.scene)))
         self._job = start(self._prepared)
-        _running.append(self._job)
+        running.append(self._job)
 
     def _end(self, context: bpy.types.Context, chain: leafcloud.Chain) -> set[str]:
         """Puts the levels into the scene in the sources' place, and writes them if a folder is given."""
@@ -133,7 +153,7 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             scene.collection.children.link(baked.collection)
             if scene.leafcloud.directory:
                 directory = Path(bpy.path.abspath(scene.leafcloud.directory))
-                write(baked, directory, lambda stage, fraction: _show(context, stage, fraction), blend=False)
+                write(baked, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
         show_plan(context.window_manager.leafcloud, baked.effects)
         for obj in self._sources:
             obj.hide_set(True)
@@ -142,25 +162,6 @@ class LEAFCLOUD_OT_bake(bpy.types.Operator):
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"Baked {len(baked.levels)} levels into collection {name}, and hid their sources")
         return {"FINISHED"}
-
-    def _refuse(self, error: BaseException) -> set[str]:
-        """Tells why nothing was baked; the scene is as it was."""
-        self.report({"ERROR"}, " ".join(str(error).split()))
-        return {"CANCELLED"}
-
-
-def _may_read(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
-    """Whether what is selected can be read now; else the operator's button says why not."""
-    if not context.selected_objects:
-        cls.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
-        return False
-    if context.mode != "OBJECT":
-        cls.poll_message_set("Leave Edit Mode first")
-        return False
-    if _running:
-        cls.poll_message_set("A bake is running")
-        return False
-    return True
 
 
 def _free_name(wanted: str) -> str:
@@ -174,7 +175,7 @@ def _free_name(wanted: str) -> str:
     return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
 
 
-def _show(context: bpy.types.Context, stage: str, fraction: float) -> None:
+def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
     status = context.window_manager.leafcloud
     status.stage, status.fraction = stage, fraction
     for area in context.screen.areas if context.screen else ():

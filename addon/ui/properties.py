@@ -139,6 +139,32 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
         max=MOST_CANDIDATES,
         soft_max=2000,
     )
+    samples: IntProperty(
+        name="Samples",
+        description="Of each texel, along each of its sides: more make smoother textures, and take longer",
+        default=_DEFAULTS.samples,
+        min=1,
+        max=16,
+    )
+    seconds: FloatProperty(
+        name="Seconds",
+        description="Make the levels as good as possible in so many seconds, choosing error bound, texture, samples "
+        "and effort; 0: as those say",
+        default=0.0,
+        min=0.0,
+        soft_max=600.0,
+        precision=1,
+    )
+    image_error: FloatProperty(
+        name="Image Error",
+        description="Make the levels as quickly as possible with at most this image error, choosing likewise; 0: as "
+        "the settings say",
+        default=0.0,
+        min=0.0,
+        max=0.999,
+        precision=3,
+        step=1,
+    )
     effort: EnumProperty(
         name="Effort",
         description="How long to search for few billboards",
@@ -238,6 +264,9 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
         candidates=properties.candidates,
         levels=properties.levels,
         effort=properties.effort,
+        samples=properties.samples,
+        seconds=round(properties.seconds, _DIGITS) or None,
+        image_error=round(properties.image_error, _DIGITS) or None,
         max_billboards=properties.max_billboards or None,
         max_corners=properties.max_corners,
         bend_normals=round(properties.bend_normals, _DIGITS),

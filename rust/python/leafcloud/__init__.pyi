@@ -33,6 +33,9 @@ then for fewer planes (seconds); the same ten times as long."""
 Progress = Callable[[str, float], bool | None]
 """Called with the stage and the fraction done in [0, 1]; returning ``False`` cancels."""
 
+Preset = Literal["draft", "balanced", "final"]
+Cost = Literal["seconds", "billboards", "bytes"]
+
 _T = TypeVar("_T", covariant=True)
 
 class LeafcloudError(Exception):
@@ -140,6 +143,7 @@ class BakeSeconds(TypedDict):
     fit: float
     pack: float
     bake: float
+    look: float
 
 class LookSeconds(TypedDict):
     sky: float
@@ -283,13 +287,111 @@ class Chain:
         """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their
         distance from the mean. Measured likewise."""
     @property
-    def seconds(self) -> LookSeconds:
+    def look_seconds(self) -> LookSeconds:
         """What it took to look at the leaves before the levels; 0 for what was not asked for."""
+    @property
+    def seconds(self) -> float:
+        """What building it took, all stages of all levels."""
+    @property
+    def chosen(self) -> Offer | None:
+        """What was chosen to keep a wish, and what had been predicted of that; ``None`` without a wish."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
         """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than
         at first each is there, linearly. The first level's parents, targets and pivots have a row for each of them.
         """
+
+class CurveSettings(TypedDict):
+    """The settings that a curve varies; what they mean stands in :func:`build_chain`."""
+
+    method: Method
+    effort: Effort
+    epsilon: float
+    candidates: int
+    max_billboards: int | None
+    levels: int
+    cross: bool
+    texture_size: int
+    samples: int
+    tight_pages: bool
+
+class CurveSeconds(TypedDict):
+    """Of all levels together. ``prepare``: orders of pruning, the looks at the leaves. ``look``: judging by looks."""
+
+    prepare: float
+    fit: float
+    pack: float
+    bake: float
+    look: float
+    total: float
+
+class CurveRow(TypedDict):
+    """What one choice of settings costs and gives.
+
+    ``measured_on``: triangles of the leaves, of all but a few rows of a quick curve the same. ``peak_bytes``: by how
+    many bytes the process had grown at most, as the system says (VmHWM over VmRSS; None but on Linux); memory that was
+    freed before and is taken again does not count. ``billboards``, ``triangles``: of level 1. ``texels``: in billboards
+    of all levels. ``bytes``: of all levels on a graphics card, four a texel with mip levels, and 32 a corner.
+    ``texel``: the side of one on level 1; it and the deviations of level 1 are shares of R. ``image_error``: the
+    judge's, of level 1, in [0, 1]. ``front``: no other row is as quick and as near or nearer.
+    """
+
+    settings: CurveSettings
+    measured_on: int
+    seconds: CurveSeconds
+    peak_bytes: int | None
+    billboards: int
+    triangles: int
+    texels: int
+    bytes: int
+    texel: float
+    max_deviation: float
+    mean_deviation: float
+    image_error: float
+    front: bool
+
+class CurveRefusal(TypedDict):
+    settings: CurveSettings
+    reason: str
+
+class Prediction(TypedDict):
+    seconds: float
+    image_error: float
+
+class Offer(TypedDict):
+    settings: CurveSettings
+    predicted: Prediction
+
+class Curve:
+    """What accuracy costs in time, measured on one foliage. All but seconds and peak_bytes, and what follows from them,
+    is the same every time."""
+    @property
+    def rows(self) -> list[CurveRow]:
+        """In the order in which they were measured; the first is what the others are changed from."""
+    @property
+    def refused(self) -> list[CurveRefusal]:
+        """What could not be built, and why."""
+    @property
+    def quick(self) -> bool: ...
+    @property
+    def offers(self) -> list[Offer]:
+        """The front of what is predicted for all the leaves, quickest first, each of less error than the one before.
+        Pages are no larger than was asked for."""
+    @property
+    def presets(self) -> dict[Preset, Offer]:
+        """Places among the offers."""
+    def predict(self, **options: object) -> Prediction:
+        """Seconds and error of a chain with these options of :func:`build_chain`: settings act by factors, read off
+        between the rows on logarithmic axes. Raises ``LeafcloudError`` for options out of range."""
+    def svg(
+        self, cost: Cost = "seconds", *, title: str = "", width: int = 960, height: int = 640, offered: bool = False
+    ) -> str:
+        """A chart of error over ``cost``, each method a line, the front ringed; ``offered`` shows the offers by
+        predicted seconds in place of the rows. Sides in [240, 8192]."""
+    def picture(
+        self, cost: Cost = "seconds", *, title: str = "", width: int = 960, height: int = 640, offered: bool = False
+    ) -> NDArray[np.uint8]:
+        """The same as (height, width, 4) pixels."""
 
 class Job(Generic[_T]):
     """Work on a Rust thread. Never touches Python objects while it runs."""
@@ -411,6 +513,10 @@ def build_chain(
     occlusion: bool = False,
     visibility: bool = False,
     leaf_map: bool = False,
+    tight_pages: bool = True,
+    seconds: float | None = None,
+    image_error: float | None = None,
+    preset: Preset | None = None,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,
@@ -452,6 +558,99 @@ def build_chain(
     itself), ``leaf_map`` (``Level.leaf_uv`` and ``leaf_id``).
     """
 
+def cost_curve(
+    foliage: Foliage,
+    *,
+    wood: Foliage | None = None,
+    quick: bool = False,
+    levels: int = 2,
+    cross: bool = True,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    texture_size: int = 2048,
+    texture_height: int | None = None,
+    samples: int = 4,
+    back_sides: bool | None = None,
+    close_cracks: bool = False,
+    normals: float | None = None,
+    gloss: bool = False,
+    translucency: bool = False,
+    occlusion: bool = False,
+    visibility: bool = False,
+    leaf_map: bool = False,
+    tight_pages: bool = True,
+    method: Method = "stochastic",
+    effort: Effort = "default",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = False,
+    facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
+    progress: Progress | None = None,
+) -> Curve:
+    """Builds chains with many settings and measures each: ε, candidates, levels, page, samples, effort, method, one
+    changed at a time from what is given here, and some that are coarse or fine in all (minutes).
+
+    ``quick``: few settings on at most 6,000 triangles of the leaves, grown to cover as much, from two directions where
+    a bake looks from eight (seconds); its figures serve to predict and to compare.
+
+    Raises ``LeafcloudError`` for settings out of range or without a cloud, when nothing could be built, and
+    ``CancelledError``.
+    """
+
+def start_cost_curve(
+    foliage: Foliage,
+    *,
+    wood: Foliage | None = None,
+    quick: bool = False,
+    levels: int = 2,
+    cross: bool = True,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    texture_size: int = 2048,
+    texture_height: int | None = None,
+    samples: int = 4,
+    back_sides: bool | None = None,
+    close_cracks: bool = False,
+    normals: float | None = None,
+    gloss: bool = False,
+    translucency: bool = False,
+    occlusion: bool = False,
+    visibility: bool = False,
+    leaf_map: bool = False,
+    tight_pages: bool = True,
+    method: Method = "stochastic",
+    effort: Effort = "default",
+    epsilon: float = 0.04,
+    candidates: int = 600,
+    seed: int = 0,
+    whole_leaves: bool = False,
+    facing: float = 1.0,
+    gather: float = 0.0,
+    max_billboards: int | None = None,
+    max_texels: int | None = None,
+    max_size: float | None = None,
+    compact: float | None = None,
+    max_corners: int = 4,
+    trim: bool = True,
+    penalty: float = 0.5,
+    views: Sequence[Sequence[float]] = (),
+    facing_views: float = 0.0,
+    vertical: float = 0.0,
+    image_epsilon: float | None = None,
+    viewing_distance: float | None = None,
+) -> Job[Curve]: ...
 def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     """The same chains, with their first levels on one page, their second ones on another, and so on: a forest needs one
     texture a level. Regions are carried over texel by texel onto the smallest page (whose sides are multiples of 4),
@@ -483,6 +682,10 @@ def start_chain(
     occlusion: bool = False,
     visibility: bool = False,
     leaf_map: bool = False,
+    tight_pages: bool = True,
+    seconds: float | None = None,
+    image_error: float | None = None,
+    preset: Preset | None = None,
     method: Method = "stochastic",
     effort: Effort = "default",
     epsilon: float = 0.04,

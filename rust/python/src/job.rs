@@ -6,10 +6,12 @@ use std::time::{Duration, Instant};
 
 use leafcloud::lod::{self, Chain, ChainSettings};
 use leafcloud::{Foliage, Progress};
+use leafcloud_curve::{Built, Curve, Offer, Sweep, Wish, build_within, sweep};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::curve::PyCurve;
 use crate::errors::{Failure, guard, read, refuse, shown};
 use crate::foliage::PyFoliage;
 use crate::levels::{CloudInFrame, PyChain, PyCloud};
@@ -22,14 +24,16 @@ const PATIENCE: Duration = Duration::from_millis(50);
 #[derive(Clone)]
 enum Output {
     Cloud(CloudInFrame),
-    Chain(Arc<Chain>, f64),
+    Chain(Arc<Chain>, f64, Option<Offer>),
+    Curve(Arc<Curve>),
 }
 
 impl Output {
     fn into_python(self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(match self {
             Self::Cloud(cloud) => Py::new(py, PyCloud(cloud))?.into_any(),
-            Self::Chain(chain, radius) => Py::new(py, PyChain { chain, radius })?.into_any(),
+            Self::Chain(chain, radius, offer) => Py::new(py, PyChain { chain, radius, offer })?.into_any(),
+            Self::Curve(curve) => Py::new(py, PyCurve(curve))?.into_any(),
         })
     }
 }
@@ -37,7 +41,8 @@ impl Output {
 /// What is to be done, with everything that it needs.
 enum Work {
     Fit(Arc<Foliage>, leafcloud::fit::FitSettings),
-    Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings),
+    Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Option<Wish>),
+    Curve(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Sweep),
 }
 
 impl Work {
@@ -53,12 +58,21 @@ impl Work {
         wood: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let wood: Option<Bound<'_, PyFoliage>> =
-            wood.map_or(Ok(None), |wood| read(wood, "wood", "a Foliage or None").map(Some))?;
         let options = Options::new(options)?;
-        let settings = options.chain()?;
+        let (settings, wish) = (options.chain()?, options.wish()?);
         options.finish()?;
-        Ok(Self::Chain(Arc::clone(&foliage.0), wood.map(|w| Arc::clone(&w.get().0)), settings))
+        Ok(Self::Chain(Arc::clone(&foliage.0), wood_of(wood)?, settings, wish))
+    }
+
+    fn curve(
+        foliage: &PyFoliage,
+        wood: Option<&Bound<'_, PyAny>>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let options = Options::new(options)?;
+        let (settings, sweep) = (options.chain()?, options.sweep()?);
+        options.finish()?;
+        Ok(Self::Curve(Arc::clone(&foliage.0), wood_of(wood)?, settings, sweep))
     }
 
     /// `better` is told complete results on the way, each better than the one before.
@@ -77,9 +91,20 @@ impl Work {
                 let tell = |cloud: leafcloud::Cloud| better(output(cloud));
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
-            Self::Chain(foliage, wood, settings) => {
-                let chain = lod::build_chain(foliage, wood.as_deref(), settings, progress)?;
-                Ok(Output::Chain(Arc::new(chain), foliage.frame().radius))
+            Self::Chain(foliage, wood, settings, wish) => {
+                let (chain, offer) = match wish {
+                    None => (lod::build_chain(foliage, wood.as_deref(), settings, progress)?, None),
+                    Some(wish) => {
+                        let Built { chain, offer, .. } =
+                            build_within(foliage, wood.as_deref(), settings, *wish, progress)?;
+                        (chain, Some(offer))
+                    }
+                };
+                Ok(Output::Chain(Arc::new(chain), foliage.frame().radius, offer))
+            }
+            Self::Curve(foliage, wood, settings, wanted) => {
+                let curve = sweep(foliage, wood.as_deref(), settings, *wanted, progress)?;
+                Ok(Output::Curve(Arc::new(curve)))
             }
         }
     }
@@ -146,6 +171,12 @@ impl Work {
     }
 }
 
+fn wood_of(wood: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Arc<Foliage>>> {
+    let wood: Option<Bound<'_, PyFoliage>> =
+        wood.map_or(Ok(None), |wood| read(wood, "wood", "a Foliage or None").map(Some))?;
+    Ok(wood.map(|wood| Arc::clone(&wood.get().0)))
+}
+
 #[pyfunction]
 #[pyo3(signature = (foliage, *, progress = None, **options))]
 pub fn fit(
@@ -183,6 +214,28 @@ pub fn start_chain(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<PyJob> {
     PyJob::start(Work::chain(foliage, wood, options)?)
+}
+
+#[pyfunction]
+#[pyo3(signature = (foliage, *, wood = None, progress = None, **options))]
+pub fn cost_curve(
+    py: Python<'_>,
+    foliage: &PyFoliage,
+    wood: Option<&Bound<'_, PyAny>>,
+    progress: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Py<PyAny>> {
+    Work::curve(foliage, wood, options)?.run_here(py, progress)
+}
+
+#[pyfunction]
+#[pyo3(signature = (foliage, *, wood = None, **options))]
+pub fn start_cost_curve(
+    foliage: &PyFoliage,
+    wood: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<PyJob> {
+    PyJob::start(Work::curve(foliage, wood, options)?)
 }
 
 /// What the worker and its watchers share.

@@ -6,12 +6,14 @@ use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, Level, share_page};
 use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
+use leafcloud_curve::{Offer, Stages};
 use leafcloud_ktx2::Codes;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
+use crate::curve::offer_dict;
 use crate::errors::{Failure, guard};
 use crate::foliage::PyFoliage;
 
@@ -75,10 +77,22 @@ pub struct PyChain {
     pub chain: Arc<Chain>,
     /// R of the leaves.
     pub radius: f64,
+    /// What was chosen to keep a wish.
+    pub offer: Option<Offer>,
 }
 
 #[pymethods]
 impl PyChain {
+    #[getter]
+    fn chosen<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.offer.as_ref().map(|offer| offer_dict(py, offer)).transpose()
+    }
+
+    #[getter]
+    fn seconds(&self) -> f64 {
+        Stages::of(&self.chain).total()
+    }
+
     #[getter]
     fn levels(&self) -> Vec<PyLevel> {
         let level = |index| PyLevel { chain: Arc::clone(&self.chain), index, radius: self.radius };
@@ -106,8 +120,8 @@ impl PyChain {
     }
 
     #[getter]
-    fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let seconds = self.chain.seconds;
+    fn look_seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let seconds = self.chain.look_seconds;
         let dict = PyDict::new(py);
         dict.set_item("sky", seconds.sky)?;
         dict.set_item("growth", seconds.growth)?;
@@ -125,16 +139,16 @@ impl PyChain {
 /// The same chains with their levels of one number on one page; chains may have different numbers of levels.
 #[pyfunction]
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
-    let radii: Vec<f64> = chains.iter().map(|chain| chain.get().radius).collect();
+    let whose: Vec<_> = chains.iter().map(|chain| (chain.get().radius, chain.get().offer)).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
     let shared = py.detach(|| guard(|| share_all(&chains)))?;
-    let with_radius = |(chain, radius)| PyChain { chain: Arc::new(chain), radius };
-    Ok(shared.into_iter().zip(radii).map(with_radius).collect())
+    let with_radius = |(chain, (radius, offer))| PyChain { chain: Arc::new(chain), radius, offer };
+    Ok(shared.into_iter().zip(whose).map(with_radius).collect())
 }
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { ranks, pivots, growth, contrast, kept, seconds, .. } = chain.as_ref();
+        let Chain { ranks, pivots, growth, contrast, kept, look_seconds, prepare_seconds, .. } = chain.as_ref();
         Chain {
             levels: Vec::new(),
             ranks: ranks.clone(),
@@ -142,7 +156,8 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             growth: *growth,
             contrast: *contrast,
             kept: kept.clone(),
-            seconds: *seconds,
+            look_seconds: *look_seconds,
+            prepare_seconds: *prepare_seconds,
         }
     };
     let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
@@ -351,6 +366,7 @@ impl PyLevel {
         dict.set_item("fit", seconds.fit)?;
         dict.set_item("pack", seconds.pack)?;
         dict.set_item("bake", seconds.bake)?;
+        dict.set_item("look", seconds.look)?;
         Ok(dict)
     }
 

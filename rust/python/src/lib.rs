@@ -4,6 +4,7 @@
 #![allow(clippy::needless_pass_by_value)]
 
 mod arrays;
+mod curve;
 mod errors;
 mod foliage;
 mod job;
@@ -23,12 +24,15 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<levels::PyCloud>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<levels::PyChain>()?;
+    module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
     module.add_class::<wood::PySimplified>()?;
     module.add_function(wrap_pyfunction!(job::fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::build_chain, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_chain, module)?)?;
+    module.add_function(wrap_pyfunction!(job::cost_curve, module)?)?;
+    module.add_function(wrap_pyfunction!(job::start_cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
     module.add_function(wrap_pyfunction!(wood::simplify, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;

@@ -5,6 +5,7 @@ use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::{ChainSettings, PruneSettings};
 use leafcloud::sheet::PageSize;
 use leafcloud::textures::Channels;
+use leafcloud_curve::{Preset, Sweep, Wish};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -147,7 +148,28 @@ impl<'py> Options<'py> {
             back_sides: self.take("back_sides", sides, default.back_sides)?,
             pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
+            tight_pages: self.flag("tight_pages", default.tight_pages)?,
+            looks: default.looks,
         })
+    }
+
+    /// Which sweep of a cost curve.
+    pub fn sweep(&self) -> PyResult<Sweep> {
+        Ok(if self.flag("quick", false)? { Sweep::Quick } else { Sweep::Full })
+    }
+
+    /// What a chain is to keep, one wish at most.
+    pub fn wish(&self) -> PyResult<Option<Wish>> {
+        let seconds: Option<f64> = self.some("seconds", "a number or None")?;
+        let error: Option<f64> = self.some("image_error", "a number or None")?;
+        let preset: Option<String> = self.some("preset", "draft, balanced, final or None")?;
+        let preset = preset.map(|name| Preset::from_name(&name).map_err(Failure::from)).transpose()?;
+        let wishes = [seconds.map(Wish::Seconds), error.map(Wish::ImageError), preset.map(Wish::Preset)];
+        let mut given = wishes.into_iter().flatten();
+        match (given.next(), given.next()) {
+            (wish, None) => Ok(wish),
+            _ => Err(refuse("seconds, image_error and preset are one wish each; give one of them")),
+        }
     }
 
     /// Refuses what nobody took.

@@ -53,8 +53,9 @@ pub(super) fn build(
         };
         triangles.iter().map(project).collect()
     });
+    let baked = Instant::now();
     progress.tell("bake", 0.8)?;
-    let judges = Judges::new(parts, parts, &frame, settings.up)?;
+    let judges = Judges::new(parts, parts, &frame, settings)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
@@ -78,7 +79,12 @@ pub(super) fn build(
         regions: sheet.regions().collect(),
         sheet,
         page,
-        seconds: Seconds { fit: 0.0, pack: (packed - started).as_secs_f64(), bake: packed.elapsed().as_secs_f64() },
+        seconds: Seconds {
+            fit: 0.0,
+            pack: (packed - started).as_secs_f64(),
+            bake: (baked - packed).as_secs_f64(),
+            look: baked.elapsed().as_secs_f64(),
+        },
         channel_seconds,
         engine: OnceLock::new(),
     })

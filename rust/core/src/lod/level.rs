@@ -26,8 +26,18 @@ pub struct Seconds {
     pub fit: f64,
     /// Outlines and atlas.
     pub pack: f64,
-    /// Textures, and looking at them.
+    /// Textures.
     pub bake: f64,
+    /// Judging by looks: the stretch, the cutoff, the tone, the report.
+    pub look: f64,
+}
+
+impl Seconds {
+    /// All of it.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.fit + self.pack + self.bake + self.look
+    }
 }
 
 /// A cloud or cross with its page. Lengths are in the caller's units unless they are said to be shares of R.
@@ -101,13 +111,15 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
 
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
+    let projected = Instant::now();
     let shape = OutlineSettings { corners: settings.fit.max_corners };
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], opacity, shape);
     let two_sided = match settings.back_sides {
         Some(wish) => wish,
         None => sides::differ(finer, &cloud, &projection, &outlines)?,
     };
-    let sheet = Sheet::pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
+    let pack = if settings.tight_pages { Sheet::pack } else { Sheet::pack_loosely };
+    let sheet = pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;
@@ -120,10 +132,11 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     } else {
         bake_timed(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
     };
+    let baked = Instant::now();
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
     let collapsed = projection.at(finer, HAND_OVER)?;
-    let before = Judge::new(&[&collapsed], finer.frame(), tune::views_of_places(settings.up)?)?;
+    let before = Judge::new(&[&collapsed], finer.frame(), tune::views_of_places(settings.looks.places, settings.up)?)?;
     let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
     let alpha_cutoff = tune::matched(alpha_cutoff, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?;
     let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
@@ -148,8 +161,9 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         page,
         seconds: Seconds {
             fit: (fitted - started).as_secs_f64(),
-            pack: (packed - fitted).as_secs_f64(),
-            bake: packed.elapsed().as_secs_f64(),
+            pack: (packed - projected).as_secs_f64(),
+            bake: (baked - packed).as_secs_f64(),
+            look: (projected - fitted + baked.elapsed()).as_secs_f64(),
         },
         channel_seconds,
         engine: OnceLock::new(),

@@ -33,8 +33,38 @@ pub const EPSILON_STEP: f64 = 2.5;
 const BILLBOARDS_STEP: usize = 4;
 
 /// What the judge of the report looks at.
-fn report_views(up: DVec3) -> Views {
-    Views { count: 8, size: 128, samples: Samples::default(), up, turn: 0.5 }
+fn report_views(count: usize, up: DVec3) -> Views {
+    Views { count, size: 128, samples: Samples::default(), up, turn: 0.5 }
+}
+
+/// From how many directions each judge of a chain looks, all in [1, 64]. Time is in proportion to them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Looks {
+    /// Where leaves are.
+    pub places: usize,
+    /// How much there is of them.
+    pub amounts: usize,
+    /// What is reported.
+    pub report: usize,
+}
+
+impl Looks {
+    /// As few as tell settings apart: figures are some per cent off.
+    pub const QUICK: Self = Self { places: 1, amounts: 1, report: 2 };
+
+    fn check(self) -> Result<()> {
+        let Self { places, amounts, report } = self;
+        match [places, amounts, report].into_iter().find(|count| !(1..=64).contains(count)) {
+            Some(count) => Err(Error::invalid(format!("a judge looks from {count} directions; it must be 1 to 64"))),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Default for Looks {
+    fn default() -> Self {
+        Self { places: 6, amounts: 8, report: 8 }
+    }
 }
 
 /// What a chain may be asked.
@@ -60,6 +90,10 @@ pub struct ChainSettings {
     pub pruning: Option<PruneSettings>,
     /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
     pub close_cracks: bool,
+    /// Whether pages are packed as tightly as seconds allow, some per cent finer than at once.
+    pub tight_pages: bool,
+    /// From how many directions the judges look.
+    pub looks: Looks,
 }
 
 /// How leaves are pruned before level 1 takes over.
@@ -112,6 +146,8 @@ impl Default for ChainSettings {
             back_sides: None,
             pruning: None,
             close_cracks: false,
+            tight_pages: true,
+            looks: Looks::default(),
         }
     }
 }
@@ -122,6 +158,7 @@ impl ChainSettings {
     pub fn check(&self) -> Result<()> {
         self.fit.check()?;
         self.channels.check()?;
+        self.looks.check()?;
         if self.levels > 16 {
             return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
         }
@@ -198,7 +235,9 @@ pub struct Chain {
     /// Which of the leaves' triangles level 1 is made of; `None` when of all as they are.
     pub kept: Option<Kept>,
     /// What it took to look at the leaves for the sake of some effects.
-    pub seconds: LookSeconds,
+    pub look_seconds: LookSeconds,
+    /// What was done before the first level: orders, the judges' looks at the leaves, the sky.
+    pub prepare_seconds: f64,
 }
 
 /// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
@@ -213,6 +252,7 @@ pub fn build_chain(
     progress: Progress,
 ) -> Result<Chain> {
     settings.check()?;
+    let started = Instant::now();
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let ranks = prune::order(foliage, &visibility(foliage, settings.up)?, settings.fit.seed);
@@ -233,11 +273,12 @@ pub fn build_chain(
         Some(Thinned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
     };
-    let judges = Judges::new(&[foliage], &[whole], &frame, settings.up)?;
+    let judges = Judges::new(&[foliage], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let wood = wood.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&wood).collect();
     let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
+    let prepare_seconds = started.elapsed().as_secs_f64();
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
         // The first level sees all leaves and takes most of the time.
@@ -274,7 +315,7 @@ pub fn build_chain(
         levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
     }
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, seconds })
+    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, look_seconds: seconds, prepare_seconds })
 }
 
 /// The pivot of each triangle's leaf, caller's units.
@@ -305,10 +346,11 @@ struct Judges {
 
 impl Judges {
     /// Levels are tuned to `left`, what pruning has left where the first takes over, and reported beside the whole.
-    fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, up: DVec3) -> Result<Self> {
+    fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Self> {
+        let ChainSettings { looks, up, .. } = *settings;
         Ok(Self {
-            tuning: Judge::new(left, frame, tune::views_of_amounts(up)?)?,
-            report: Judge::new(whole, frame, report_views(up))?,
+            tuning: Judge::new(left, frame, tune::views_of_amounts(looks.amounts, up)?)?,
+            report: Judge::new(whole, frame, report_views(looks.report, up))?,
         })
     }
 }

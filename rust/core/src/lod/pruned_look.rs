@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use super::Looks;
 use super::PruneSettings;
 use super::tune::views_of_amounts;
 use crate::error::Result;
@@ -33,7 +34,7 @@ const LEAST_CONTRAST: f64 = -3.0;
 /// # Errors
 /// A picture without pixels. Where no leaf with an area is left there is nothing to measure, and no error.
 pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3) -> Result<Trend> {
-    let judge = Judge::new(&[foliage], foliage.frame(), views_of_amounts(up)?)?;
+    let judge = Judge::new(&[foliage], foliage.frame(), views_of_amounts(Looks::default().amounts, up)?)?;
     let [a, b] = GROWTH_LOOKS.map(|keep| growth_at(foliage, ranks, &judge, keep));
     Ok(Trend::through(GROWTH_LOOKS, [a?, b?]))
 }

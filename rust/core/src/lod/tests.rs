@@ -222,7 +222,7 @@ fn rimmed_ball() -> Foliage {
 fn levels_have_the_mean_colour_of_the_leaves() {
     let foliage = rimmed_ball();
     let chain = build_chain(&foliage, None, &settings(), Progress::silent()).unwrap();
-    let judge = Judge::new(&[&foliage], foliage.frame(), report_views(DVec3::Z)).unwrap();
+    let judge = Judge::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z)).unwrap();
     for level in &chain.levels {
         let ratio = judge.tone(&level.foliage().unwrap()).unwrap();
         // The cutoff and the rims alone shift it by a ninth; judges of other sizes differ by half of the limit.

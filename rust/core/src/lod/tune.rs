@@ -36,13 +36,13 @@ const MOSTLY_LOST: f64 = 0.5;
 const COVERAGE_WEIGHT: f64 = 0.2;
 
 /// By what it is judged where leaves are: few views, and large ones.
-pub fn views_of_places(up: DVec3) -> Result<Views> {
-    Ok(Views { count: 6, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
+pub fn views_of_places(count: usize, up: DVec3) -> Result<Views> {
+    Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
 }
 
 /// By what it is judged how much there is of them: closer looks, from more sides.
-pub fn views_of_amounts(up: DVec3) -> Result<Views> {
-    Ok(Views { count: 8, size: 64, samples: Samples::new(4)?, up, turn: 0.0 })
+pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
+    Ok(Views { count, size: 64, samples: Samples::new(4)?, up, turn: 0.0 })
 }
 
 /// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.

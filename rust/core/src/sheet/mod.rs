@@ -140,7 +140,7 @@ impl Sheet {
         Self::packed(planes, outlines, settings, MOST_ATTEMPTS)
     }
 
-    /// The same for a look that nobody keeps: each density is tried once.
+    /// The same in a tenth of the time: each density is tried once.
     ///
     /// # Errors
     /// As [`Self::pack`].

@@ -51,7 +51,7 @@ impl Samples {
 
     /// How many along each side.
     #[must_use]
-    pub fn side(self) -> usize {
+    pub const fn side(self) -> usize {
         self.side
     }
 
@@ -99,6 +99,9 @@ pub fn bake<'a>(
 }
 
 /// The page, and the seconds that each of its images took, by name.
+///
+/// # Panics
+/// Never: base colour is always among the channels.
 pub fn bake_timed<'a>(
     sheet: &Sheet,
     samples: Samples,

@@ -75,8 +75,8 @@ pub struct Canvas {
 
 /// Draws the triangles on canvases of `width` × `height` pixels, each at least 1: one canvas for each channel.
 #[must_use]
-pub fn rasterise<'a>(
-    triangles: &[ScreenTriangle<'a>],
+pub fn rasterise(
+    triangles: &[ScreenTriangle<'_>],
     width: usize,
     height: usize,
     samples: Samples,

@@ -1,0 +1,169 @@
+"""The cost curve in the sidebar: measured in seconds, shown as a chart, and its points to choose from."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import IntProperty
+
+import leafcloud
+
+from ..job import POLL_SECONDS, wait
+from ..pipeline import layer_of, prepare, start_curve
+from ..scene.extract import extract
+from . import measured, operators
+from .properties import bake_settings, leaf_names
+
+_CHOSEN = ("epsilon", "texture_size", "samples", "effort")
+"""The settings that an offer sets."""
+
+
+def forget_curve() -> None:
+    """Frees the chart: the add-on is about to go."""
+    measured.forget()
+
+
+class LEAFCLOUD_OT_curve(bpy.types.Operator):
+    """Measure on a sample of the selected leaves what accuracy costs in time"""
+
+    bl_idname = "leafcloud.curve"
+    bl_label = "Measure Cost Curve"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return operators.can_begin(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Measures from start to end; nothing else happens meanwhile."""
+        try:
+            self._begin(context)
+            return self._end(wait(self._job, lambda stage, fraction: None))
+        except operators.REFUSALS as error:
+            return operators.refuse(self, error)
+        finally:
+            operators.running.clear()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Measures while the view stays alive; without an interface like `execute`."""
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._begin(context)
+        except operators.REFUSALS as error:
+            return operators.refuse(self, error)
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self._job.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if event.type in operators.NAVIGATION else {"RUNNING_MODAL"}
+        operators.show(context, self._job.stage, self._job.fraction)
+        if not self._job.done:
+            return {"RUNNING_MODAL"}
+        try:
+            return self._end(self._job.result())
+        except leafcloud.CancelledError:
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
+        except operators.REFUSALS as error:
+            return operators.refuse(self, error)
+        finally:
+            context.window_manager.event_timer_remove(self._timer)
+            operators.running.clear()
+            operators.show(context, "", 0.0)
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        settings = context.scene.leafcloud
+        sources = tuple(context.selected_objects)
+        self._name = (context.active_object or sources[0]).name
+        tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
+        prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
+        self._triangles = prepared.foliage.triangle_count
+        self._job = start_curve(prepared, quick=True)
+        operators.running.append(self._job)
+
+    def _end(self, curve: leafcloud.Curve) -> set[str]:
+        measured.keep(curve, self._name, self._triangles)
+        self.report({"INFO"}, f"Measured {len(curve.rows)} settings of {self._name}")
+        return {"FINISHED"}
+
+
+class LEAFCLOUD_OT_pick(bpy.types.Operator):
+    """Use the settings of this point of the cost curve"""
+
+    bl_idname = "leafcloud.pick"
+    bl_label = "Use These Settings"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(name="Point", description="Which of the points, the quickest first", min=0)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if measured.last() is None:
+            cls.poll_message_set("No cost curve was measured yet")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        last = measured.last()
+        assert last is not None
+        if self.index >= len(last.offers):
+            self.report({"ERROR"}, f"The curve has {len(last.offers)} points, there is no point {self.index}")
+            return {"CANCELLED"}
+        settings, chosen = context.scene.leafcloud, last.offers[self.index]["settings"]
+        for name in _CHOSEN:
+            setattr(settings, name, chosen[name])
+        settings.max_billboards, settings.seconds, settings.image_error = 0, 0.0, 0.0
+        return {"FINISHED"}
+
+
+def describe(offer: leafcloud.Offer) -> str:
+    """A point in one line."""
+    settings, predicted = offer["settings"], offer["predicted"]
+    return (
+        f"error {predicted['image_error']:.3f} in {predicted['seconds']:.1f} s: bound {settings['epsilon']:g}, "
+        f"{settings['texture_size']} texels, {settings['samples']} samples, {settings['effort']}"
+    )
+
+
+class LEAFCLOUD_PT_curve(bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_curve"
+    bl_label = "What Accuracy Costs"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Leafcloud"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings, last = self.layout, context.scene.leafcloud, measured.last()
+        layout.operator("leafcloud.curve")
+        if last is not None:
+            layout.template_icon(icon_value=last.icon, scale=14.0)
+            row = layout.row(align=True)
+            for preset, offer in last.presets.items():
+                row.operator("leafcloud.pick", text=preset.title()).index = last.offers.index(offer)
+            column = layout.column(align=True)
+            for index, offer in enumerate(last.offers):
+                column.operator("leafcloud.pick", text=describe(offer)).index = index
+            told = expected(settings)
+            if told:
+                layout.label(text=told)
+        column = layout.column(align=True)
+        column.use_property_split, column.use_property_decorate = True, False
+        for name in ("samples", "seconds", "image_error"):
+            column.prop(settings, name)
+
+
+def expected(properties: bpy.types.PropertyGroup) -> str:
+    """What the curve says of the settings as they are; empty where it says nothing."""
+    last = measured.last()
+    if last is None or properties.chain != "billboards" or properties.seconds or properties.image_error:
+        return ""
+    names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
+    settings = bake_settings(properties)
+    predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
+    return f"Expected: {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"

@@ -1,0 +1,68 @@
+"""The cost curve that was measured last, and its chart: what the panel shows and predicts by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+
+import leafcloud
+
+from ..baked import Prepared
+from ..pipeline import chain_options
+from ..settings import WISHES
+
+CHART_SIZE = (560, 400)
+"""In pixels."""
+
+
+@dataclass
+class Measured:
+    """A curve of one tree, in a preview collection of its own."""
+
+    curve: leafcloud.Curve
+    offers: list[leafcloud.Offer]
+    presets: dict[leafcloud.Preset, leafcloud.Offer]
+    triangles: int
+    previews: bpy.utils.previews.ImagePreviewCollection
+    icon: int
+    """Of the chart; 0 where Blender has no previews to show."""
+
+
+_last: list[Measured] = []
+
+
+def last() -> Measured | None:
+    """What was measured last."""
+    return _last[-1] if _last else None
+
+
+def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
+    """Keeps a curve and its chart in place of the one before."""
+    forget()
+    previews = bpy.utils.previews.new()
+    width, height = CHART_SIZE
+    picture = curve.picture(title=title, width=width, height=height, offered=True)
+    preview = previews.new("chart")
+    preview.image_size = (width, height)
+    # Blender's rows go up.
+    preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
+    _last.append(Measured(curve, curve.offers, curve.presets, triangles, previews, preview.icon_id))
+
+
+def forget() -> None:
+    """Frees what is kept."""
+    while _last:
+        bpy.utils.previews.remove(_last.pop().previews)
+
+
+def predicted(prepared: Prepared) -> Prepared:
+    """With what the curve says of it, where one of as many triangles was measured and no wish is to choose settings."""
+    measured, settings = last(), prepared.settings
+    if measured is None or measured.triangles != prepared.foliage.triangle_count:
+        return prepared
+    if settings.chain != "billboards" or any(getattr(settings, wish) is not None for wish in WISHES):
+        return prepared
+    return replace(prepared, predicted=measured.curve.predict(**chain_options(prepared)))

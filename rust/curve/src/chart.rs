@@ -1,0 +1,308 @@
+//! Charts of error over what it costs, on logarithmic axes: SVG, or pixels.
+
+use std::sync::Once;
+
+use leafcloud::Image;
+use leafcloud::error::{Error, Result};
+use leafcloud::fit::Named;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use plotters::style::{FontStyle, register_font};
+
+use crate::front::front;
+use crate::sweep::Point;
+use crate::within::Offer;
+
+/// What stands on the horizontal axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cost {
+    /// Of the whole chain.
+    Seconds,
+    /// Of level 1.
+    Billboards,
+    /// On a graphics card.
+    Bytes,
+}
+
+impl Cost {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Seconds, Self::Billboards, Self::Bytes];
+
+    /// As it is called in settings and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Seconds => "seconds",
+            Self::Billboards => "billboards",
+            Self::Bytes => "bytes",
+        }
+    }
+
+    /// The cost of this name.
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|cost| cost.name() == name).ok_or_else(|| {
+            Error::invalid(format!("cost {name:?} is unknown; choose one of: seconds, billboards, bytes"))
+        })
+    }
+
+    const fn label(self) -> &'static str {
+        match self {
+            Self::Seconds => "time to build all levels (s)",
+            Self::Billboards => "billboards on level 1 (count)",
+            Self::Bytes => "graphics memory of all levels (MiB)",
+        }
+    }
+
+    fn of(self, point: &Point) -> f64 {
+        match self {
+            Self::Seconds => point.seconds.total(),
+            Self::Billboards => point.billboards as f64,
+            Self::Bytes => point.bytes as f64 / f64::from(1 << 20),
+        }
+    }
+}
+
+/// Points that belong together; (cost, error), all above 0.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// As the legend calls it.
+    pub name: String,
+    /// In any order.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A chart's content.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    title: String,
+    cost: &'static str,
+    series: Vec<Series>,
+}
+
+/// Errors are shown as a share of what can be at most.
+const ERROR: &str = "image error (mean FLIP, 0 to 1)";
+
+/// Sides in pixels that a chart may have.
+const SIDES: std::ops::RangeInclusive<u32> = 240..=8192;
+
+impl Chart {
+    /// What was measured, a line for each method.
+    #[must_use]
+    pub fn of_points(title: &str, points: &[Point], cost: Cost) -> Self {
+        let mut series: Vec<Series> = Vec::new();
+        let most = points.iter().map(|p| p.measured_on).max().unwrap_or(0);
+        for point in points.iter().filter(|p| p.measured_on == most) {
+            let name = point.choice.method.name();
+            let place = (cost.of(point), point.image_error.max(1e-3));
+            match series.iter_mut().find(|series| series.name == name) {
+                Some(series) => series.points.push(place),
+                None => series.push(Series { name: name.to_owned(), points: vec![place] }),
+            }
+        }
+        Self { title: title.to_owned(), cost: cost.label(), series }
+    }
+
+    /// What is predicted for all the leaves.
+    #[must_use]
+    pub fn of_offers(title: &str, offers: &[Offer]) -> Self {
+        let points = offers.iter().map(|o| (o.predicted.seconds, o.predicted.image_error.max(1e-3))).collect();
+        let series = vec![Series { name: "predicted for this tree".to_owned(), points }];
+        Self { title: title.to_owned(), cost: Cost::Seconds.label(), series }
+    }
+
+    /// As an SVG file.
+    ///
+    /// # Errors
+    /// A side that is not from 240 to 8192; nothing to show.
+    pub fn svg(&self, width: u32, height: u32) -> Result<String> {
+        self.check(width, height)?;
+        let mut text = String::new();
+        self.draw(&SVGBackend::with_string(&mut text, (width, height)).into_drawing_area(), 1.0)?;
+        Ok(text)
+    }
+
+    /// As pixels.
+    ///
+    /// # Errors
+    /// A side that is not from 240 to 8192; nothing to show.
+    pub fn picture(&self, width: u32, height: u32) -> Result<Image> {
+        self.check(width, height)?;
+        let mut codes = vec![255u8; (3 * width * height) as usize];
+        let scale = f64::from(width.min(height * 3 / 2)) / 720.0;
+        self.draw(&BitMapBackend::with_buffer(&mut codes, (width, height)).into_drawing_area(), scale.max(0.5))?;
+        let pixels = codes.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 255]).collect::<Vec<_>>();
+        Image::new(width as usize, height as usize, pixels)
+    }
+
+    fn check(&self, width: u32, height: u32) -> Result<()> {
+        if let Some(side) = [width, height].into_iter().find(|side| !SIDES.contains(side)) {
+            return Err(Error::invalid(format!("a chart's side is {side} pixels; it must be from 240 to 8192")));
+        }
+        if self.all().next().is_none() {
+            return Err(Error::invalid("a chart has no points; measure some first"));
+        }
+        Ok(())
+    }
+
+    fn all(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.series.iter().flat_map(|series| series.points.iter().copied())
+    }
+
+    /// `scale` is that of letters and lines.
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, scale: f64) -> Result<()> {
+        load_font();
+        self.try_draw(area, scale).map_err(|error| Error::invalid(format!("the chart cannot be drawn: {error}")))
+    }
+
+    fn try_draw<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        scale: f64,
+    ) -> std::result::Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let text = |size: f64| (FONT, size * scale).into_font().color(&INK);
+        let size = |pixels: f64| (pixels * scale).round().max(1.0) as u32;
+        area.fill(&WHITE)?;
+        let across = Axis::around(self.all().map(|p| p.0), MOST_TICKS.0);
+        let up = Axis::around(self.all().map(|p| p.1), MOST_TICKS.1);
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, text(20.0))
+            .margin(size(14.0))
+            .margin_right(size(24.0))
+            .x_label_area_size(size(52.0))
+            .y_label_area_size(size(80.0))
+            .build_cartesian_2d(across, up)?;
+        chart
+            .configure_mesh()
+            .bold_line_style(GRID)
+            .light_line_style(TRANSPARENT)
+            .x_desc(self.cost)
+            .y_desc(ERROR)
+            .label_style(text(14.0))
+            .axis_desc_style(text(15.0))
+            .axis_style(INK)
+            .draw()?;
+        let on_front = front_of(&self.all().collect::<Vec<_>>());
+        let ring = ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: size(2.0) };
+        for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
+            let line = front_of(&series.points).into_iter().map(logs);
+            let (radius, line_width) = (size(4.0) as i32, size(2.0));
+            chart.draw_series(LineSeries::new(line, color.stroke_width(line_width)))?;
+            let dots = series.points.iter().map(|&p| Circle::new(logs(p), radius, color.filled()));
+            chart
+                .draw_series(dots)?
+                .label(&series.name)
+                .legend(move |(x, y)| Circle::new((x + 10, y), radius, color.filled()));
+        }
+        let radius = size(7.0) as i32;
+        chart
+            .draw_series(on_front.into_iter().map(|p| Circle::new(logs(p), radius, ring)))?
+            .label("nothing is better in both")
+            .legend(move |(x, y)| Circle::new((x + 10, y), radius, ring));
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.85))
+            .border_style(GRID)
+            .label_font(text(14.0))
+            .draw()?;
+        area.present()
+    }
+}
+
+const FONT: &str = "DejaVu Sans, sans-serif";
+const INK: RGBColor = RGBColor(40, 40, 40);
+const GRID: RGBColor = RGBColor(222, 222, 222);
+
+/// Told apart by those who see no red or green, too (Okabe and Ito).
+const COLORS: [RGBColor; 4] =
+    [RGBColor(0, 114, 178), RGBColor(230, 159, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+
+fn load_font() {
+    static LOADED: Once = Once::new();
+    LOADED.call_once(|| {
+        let loaded = register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
+        assert!(loaded.is_ok(), "the font that is built in is one");
+    });
+}
+
+/// Those on the front, by cost.
+fn front_of(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut on: Vec<(f64, f64)> = points.iter().zip(front(points)).filter(|(_, on)| *on).map(|(p, _)| *p).collect();
+    on.sort_by(|a, b| a.0.total_cmp(&b.0));
+    on
+}
+
+fn logs((x, y): (f64, f64)) -> (f64, f64) {
+    (x.log10(), y.log10())
+}
+
+/// A tick's value as people write it.
+fn written(log: f64) -> String {
+    let value = 10f64.powf(log);
+    let digits = (-value.log10().floor()).max(0.0) as usize;
+    let short = format!("{value:.digits$}");
+    let exact = short.parse().is_ok_and(|short: f64| (short / value - 1.0).abs() < 0.01);
+    if exact { short } else { format!("{value:.0$}", digits + 1) }
+}
+
+/// At most so many ticks across and up: their labels must not touch.
+const MOST_TICKS: (usize, usize) = (7, 9);
+
+/// A logarithmic axis: from where to where it goes, and its ticks, all as decimal logarithms.
+struct Axis {
+    low: f64,
+    high: f64,
+    ticks: Vec<f64>,
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        start + ((value - self.low) / (self.high - self.low) * f64::from(end - start)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        // Those between the labelled ones are not drawn.
+        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format(value: &f64) -> String {
+        written(*value)
+    }
+}
+
+impl Axis {
+    /// With some room around the values.
+    fn around(values: impl Iterator<Item = f64>, most: usize) -> Self {
+        let (low, high) =
+            values.map(f64::log10).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let room = (0.08 * (high - low)).max(0.06);
+        let mut axis = Self { low: low - room, high: high + room, ticks: Vec::new() };
+        axis.ticks = axis.ticks(most);
+        axis
+    }
+
+    /// The finest of the usual series with at most `most` ticks; 10 to the power of whole numbers at the coarsest.
+    fn ticks(&self, most: usize) -> Vec<f64> {
+        let series: [&[f64]; 4] =
+            [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], &[1.0, 2.0, 3.0, 5.0, 7.0], &[1.0, 2.0, 5.0], &[1.0]];
+        let ticks = |steps: &[f64]| -> Vec<f64> {
+            let decades = self.low.floor() as i32..=self.high.ceil() as i32;
+            let all = decades.flat_map(|decade| steps.iter().map(move |step| f64::from(decade) + step.log10()));
+            all.filter(|tick| (self.low..=self.high).contains(tick)).collect()
+        };
+        series.into_iter().map(ticks).find(|ticks| ticks.len() <= most).unwrap_or_else(|| ticks(&[1.0]))
+    }
+}

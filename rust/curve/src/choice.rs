@@ -1,0 +1,77 @@
+//! The settings that a sweep varies.
+
+use leafcloud::error::Result;
+use leafcloud::fit::{Effort, FitSettings, Method};
+use leafcloud::lod::ChainSettings;
+use leafcloud::textures::Samples;
+
+/// The settings that a sweep varies; what they mean and their ranges stand in [`ChainSettings`] and [`FitSettings`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// How planes are found.
+    pub method: Method,
+    /// How long.
+    pub effort: Effort,
+    /// Of level 1, a share of R.
+    pub epsilon: f64,
+    /// N.
+    pub candidates: usize,
+    /// The input of the method kmeans.
+    pub max_billboards: Option<usize>,
+    /// Clouds behind the leaves.
+    pub levels: usize,
+    /// Whether the cross stands behind them.
+    pub cross: bool,
+    /// Columns of level 1's page, in texels.
+    pub texture_size: usize,
+    /// Along each side of a texel.
+    pub samples: usize,
+    /// Whether pages are packed as tightly as seconds allow.
+    pub tight_pages: bool,
+}
+
+impl Choice {
+    /// What the settings have chosen.
+    #[must_use]
+    pub fn of(settings: &ChainSettings) -> Self {
+        let FitSettings { method, effort, epsilon, candidates, max_billboards, .. } = settings.fit;
+        Self {
+            method,
+            effort,
+            epsilon,
+            candidates,
+            max_billboards,
+            levels: settings.levels,
+            cross: settings.cross,
+            texture_size: settings.texture_size.width,
+            samples: settings.samples.side(),
+            tight_pages: settings.tight_pages,
+        }
+    }
+
+    /// The settings with this choice; a page keeps its proportions.
+    ///
+    /// # Errors
+    /// Samples outside their range; the other settings are checked where they are used.
+    pub fn applied(&self, settings: &ChainSettings) -> Result<ChainSettings> {
+        let mut page = settings.texture_size;
+        page.height = page.height * self.texture_size / page.width.max(1);
+        page.width = self.texture_size;
+        Ok(ChainSettings {
+            fit: FitSettings {
+                method: self.method,
+                effort: self.effort,
+                epsilon: self.epsilon,
+                candidates: self.candidates,
+                max_billboards: self.max_billboards,
+                ..settings.fit.clone()
+            },
+            levels: self.levels,
+            cross: self.cross,
+            texture_size: page,
+            samples: Samples::new(self.samples)?,
+            tight_pages: self.tight_pages,
+            ..settings.clone()
+        })
+    }
+}

@@ -1,0 +1,295 @@
+//! Predicts seconds and error from what a sweep measured.
+//!
+//! A sweep changes one setting at a time, so settings are taken to act by factors: on logarithmic axes each has a curve through its points, and the
+//! curves add up. Two things go together: the smaller ε, the more billboards share a page, and the larger are its texels. So error follows from ε
+//! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: fitting takes as
+//! long as it took for all the leaves, each look at them as much longer as one did, and there are more looks; packing tightly adds as much to every
+//! cloud. What textures cost is counted: so much for a texel, so much for a sample of it, and so much for each texel of a page that is looked
+//! at; pages halve from level to level.
+
+use leafcloud::fit::{Effort, Method};
+use leafcloud::lod::Looks;
+
+use crate::choice::Choice;
+use crate::sweep::{Curve, Point, Stages, Sweep};
+
+/// What settings are expected to cost and to give.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// Of the whole chain.
+    pub seconds: f64,
+    /// The judge's error of the finest level.
+    pub image_error: f64,
+}
+
+/// What is read off a point, on a logarithmic axis.
+type Figure<'f> = &'f dyn Fn(&Point) -> f64;
+
+/// The settings that have curves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axis {
+    Epsilon,
+    Page,
+    Candidates,
+    Samples,
+    Effort,
+    Levels,
+    Tight,
+}
+
+impl Axis {
+    const ALL: [Self; 7] =
+        [Self::Epsilon, Self::Page, Self::Candidates, Self::Samples, Self::Effort, Self::Levels, Self::Tight];
+
+    /// The setting as a number above 0.
+    fn of(self, choice: &Choice) -> f64 {
+        match self {
+            Self::Epsilon => choice.epsilon,
+            Self::Page => choice.texture_size as f64,
+            Self::Candidates => choice.candidates as f64,
+            Self::Samples => choice.samples as f64,
+            // The fewest steps of its search.
+            Self::Effort => match choice.effort {
+                Effort::Literal => 1.0,
+                Effort::Default => 100.0,
+                Effort::Final => 3000.0,
+                Effort::Best => 30_000.0,
+            },
+            Self::Levels => (choice.levels + usize::from(choice.cross)) as f64,
+            Self::Tight => f64::from(u8::from(choice.tight_pages)) + 1.0,
+        }
+    }
+}
+
+/// The settings that act on the error by themselves.
+const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
+
+/// How often the leaves are looked at to choose their stretch, in the mean; and to compare the sides of billboards.
+const STRETCHES: f64 = 4.0;
+const SIDES: f64 = 2.0;
+
+/// Packing tightly takes time in proportion to the billboards, but not more than this many times that of the base: then fewer ways are tried.
+const TIGHTEST: f64 = 2.0;
+
+/// Less than this is not told apart, seconds or a share.
+const LEAST: f64 = 1e-5;
+
+/// How a line goes on beyond its ends.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Beyond {
+    /// As its last part does.
+    Straight,
+    /// Not at all.
+    Level,
+}
+
+/// Through points with ascending x.
+#[derive(Clone, Debug)]
+struct Line(Vec<(f64, f64)>);
+
+impl Line {
+    fn new(mut points: Vec<(f64, f64)>) -> Self {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup_by(|a, b| a.0 == b.0);
+        Self(points)
+    }
+
+    /// 0 without points.
+    fn at(&self, x: f64, beyond: Beyond) -> f64 {
+        let points = &self.0;
+        let (Some(first), Some(last)) = (points.first(), points.last()) else { return 0.0 };
+        if points.len() == 1 {
+            return first.1;
+        }
+        let x = if beyond == Beyond::Level { x.clamp(first.0, last.0) } else { x };
+        let end = points.iter().position(|p| p.0 >= x).unwrap_or(points.len() - 1).max(1);
+        let (a, b) = (points[end - 1], points[end]);
+        a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0)
+    }
+}
+
+/// Predicts from a sweep.
+#[derive(Clone, Debug)]
+pub struct Model<'a> {
+    curve: &'a Curve,
+    base: &'a Point,
+    /// How many times as many looks there are as the base had.
+    looks: f64,
+    /// By how much fitting all the leaves takes longer than the base.
+    fit_whole: f64,
+    /// Seconds to bake a texel: by itself, and for each sample.
+    bake: (f64, f64),
+    /// Seconds of the looks for each texel of a page.
+    look: f64,
+    /// What packing tightly adds to each cloud, seconds.
+    tight: f64,
+    /// By the texel's size: the error, from the pages that were tried.
+    by_texel: Line,
+}
+
+impl<'a> Model<'a> {
+    /// The first point of the curve is the base.
+    #[must_use]
+    pub fn new(curve: &'a Curve) -> Self {
+        let base = &curve.points[0];
+        let plain = Self {
+            curve,
+            base,
+            looks: if curve.sweep == Sweep::Quick { more_looks(curve.settings.looks) } else { 1.0 },
+            fit_whole: curve.rest.map_or(1.0, |rest| (rest.fit / base.seconds.fit.max(LEAST)).max(1.0)),
+            bake: (0.0, 0.0),
+            look: 0.0,
+            tight: 0.0,
+            by_texel: Line(Vec::new()),
+        };
+        let by_texel = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
+        Self {
+            bake: plain.bake(),
+            look: plain.for_a_texel(|p| p.seconds.look),
+            tight: plain.tight(),
+            by_texel: Line::new(by_texel),
+            ..plain
+        }
+    }
+
+    /// What `choice` is expected to cost and to give.
+    #[must_use]
+    pub fn predict(&self, choice: &Choice) -> Prediction {
+        let seconds = self.stages(choice).total().max(LEAST);
+        Prediction { seconds, image_error: self.error(choice).exp().min(1.0) }
+    }
+
+    /// Where the time is expected to go.
+    #[must_use]
+    pub fn stages(&self, choice: &Choice) -> Stages {
+        let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
+        let packed = self.figure(&|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels], choice).exp();
+        let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
+        let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
+        let more = self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp().clamp(0.1, TIGHTEST);
+        let tight = tighter * self.tight * more * choice.levels as f64;
+        let (texel, sample) = self.bake;
+        // Only the first level and the cross see the leaves.
+        let Looks { places, amounts, report } = self.curve.settings.looks;
+        let view = self.curve.rest.map_or(0.0, |rest| rest.view);
+        let first = STRETCHES * amounts as f64 + places as f64;
+        let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
+        Stages {
+            prepare: self.looks * self.base.seconds.prepare + view * (amounts + report) as f64,
+            fit: self.fit_whole * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
+            pack: (packed + tight).max(0.0) + view * SIDES,
+            bake: texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
+            look: self.looks * viewed + self.look * texels(choice) + view * (first + cross),
+        }
+    }
+
+    /// The seconds of a point's looks that go with views, not with texels.
+    fn views(&self, point: &Point) -> f64 {
+        let look = point.seconds.look;
+        (look - self.look * texels(&point.choice)).max(0.1 * look)
+    }
+
+    /// The points that differ from the base in one setting at most.
+    fn along(&self, axis: Axis) -> impl Iterator<Item = &'a Point> {
+        let base = self.base;
+        self.curve.points.iter().filter(move |p| {
+            let differs = |other: &Axis| *other != axis && other.of(&p.choice) != other.of(&base.choice);
+            let alike = kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on;
+            alike && !Axis::ALL.iter().any(differs)
+        })
+    }
+
+    /// How far the figure's logarithm is from the base's where only the setting of `axis` is that of `choice`.
+    fn effect(&self, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
+        let line = Line::new(self.along(axis).map(|p| (axis.of(&p.choice).ln(), log(figure(p)))).collect());
+        line.at(axis.of(choice).ln(), Beyond::Straight) - log(figure(self.base))
+    }
+
+    /// Of a method that is not the base's: what its point nearest in ε has beside what would be predicted there for the base's.
+    fn effect_of_kind(&self, figure: Figure, choice: &Choice) -> f64 {
+        if kind(choice) == kind(&self.base.choice) {
+            return 0.0;
+        }
+        let same = self.curve.points.iter().filter(|p| kind(&p.choice) == kind(choice));
+        let near = |p: &&Point| (p.choice.epsilon / choice.epsilon).ln().abs();
+        let nearest = same.min_by(|a, b| near(a).total_cmp(&near(b)));
+        nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Axis::Epsilon, &p.choice))
+    }
+
+    fn figure(&self, figure: Figure, axes: &[Axis], choice: &Choice) -> f64 {
+        let effects: f64 = axes.iter().map(|axis| self.effect(figure, *axis, choice)).sum();
+        log(figure(self.base)) + effects + self.effect_of_kind(figure, choice)
+    }
+
+    fn error(&self, choice: &Choice) -> f64 {
+        let error: Figure = &|p| p.image_error;
+        let texel: Figure = &|p| p.texel;
+        // What ε alone does: the error beside what the texels of its point would do to the base's.
+        let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::Level);
+        let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
+        let axes = [Axis::Epsilon, Axis::Page];
+        let size = log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>();
+        let others: f64 = ALONE.iter().map(|axis| self.effect(error, *axis, choice)).sum();
+        line.at(choice.epsilon.ln(), Beyond::Straight)
+            + self.by_texel.at(size, Beyond::Level)
+            + others
+            + self.effect_of_kind(error, choice)
+    }
+
+    /// By how much a stage grows with each texel, from the smallest page that was tried to the largest.
+    fn for_a_texel(&self, stage: fn(&Point) -> f64) -> f64 {
+        let size = |p: &&Point| p.choice.texture_size;
+        let (small, large) = (self.along(Axis::Page).min_by_key(size), self.along(Axis::Page).max_by_key(size));
+        let (Some(small), Some(large)) = (small, large) else { return 0.0 };
+        let more = texels(&large.choice) - texels(&small.choice);
+        if more > 0.0 { ((stage(large) - stage(small)) / more).max(0.0) } else { 0.0 }
+    }
+
+    /// What a texel takes to bake, and what each of its samples adds.
+    fn bake(&self) -> (f64, f64) {
+        let count = |p: &&Point| p.choice.samples;
+        let (few, many) = (self.along(Axis::Samples).min_by_key(count), self.along(Axis::Samples).max_by_key(count));
+        let squared = |p: &Point| (p.choice.samples * p.choice.samples) as f64;
+        let all = texels(&self.base.choice);
+        let sample = match (few, many) {
+            (Some(few), Some(many)) if squared(many) > squared(few) => {
+                (many.seconds.bake - few.seconds.bake).max(0.0) / (all * (squared(many) - squared(few)))
+            }
+            _ => 0.0,
+        };
+        let texel = self.for_a_texel(|p| p.seconds.bake);
+        // A single page says nothing about more of them than what it took itself.
+        let texel = if texel > 0.0 { texel } else { self.base.seconds.bake / all };
+        ((texel - sample * squared(self.base)).max(0.0), sample)
+    }
+
+    fn tight(&self) -> f64 {
+        let other = self.along(Axis::Tight).find(|p| p.choice.tight_pages != self.base.choice.tight_pages);
+        let more = other.map_or(0.0, |p| (p.seconds.pack - self.base.seconds.pack).abs());
+        more / self.base.choice.levels.max(1) as f64
+    }
+}
+
+/// Of the pages of all levels, if they are square.
+fn texels(choice: &Choice) -> f64 {
+    let side = |level: usize| (choice.texture_size >> level).max(64);
+    (0..choice.levels + usize::from(choice.cross)).map(|level| (side(level) * side(level)) as f64).sum()
+}
+
+/// How many times as many looks as a quick sweep's.
+fn more_looks(looks: Looks) -> f64 {
+    // What a direction of each judge costs: how often he looks, about, times the samples of his pictures.
+    let all = |Looks { places, amounts, report }: Looks| {
+        6.0 * 36_864.0 * places as f64 + 9.0 * 65_536.0 * amounts as f64 + 262_144.0 * report as f64
+    };
+    all(looks) / all(Looks::QUICK)
+}
+
+/// What has no order: the method; the published search is one of its own.
+fn kind(choice: &Choice) -> (Method, bool) {
+    (choice.method, choice.method == Method::Stochastic && choice.effort == Effort::Literal)
+}
+
+fn log(figure: f64) -> f64 {
+    figure.max(LEAST).ln()
+}

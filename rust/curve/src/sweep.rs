@@ -1,0 +1,355 @@
+//! Chains built with many settings, each measured.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use leafcloud::error::{Error, Result};
+use leafcloud::fit::{Effort, Method, fit};
+use leafcloud::judge::{View, render};
+use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain};
+use leafcloud::textures::Samples;
+use leafcloud::{Foliage, Progress, prune};
+
+use crate::choice::Choice;
+use crate::front::front;
+use crate::memory::peak;
+
+/// How much is swept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sweep {
+    /// Every setting, on the leaves as they are: minutes.
+    Full,
+    /// Few settings on a sample of the leaves with two looks and small pages: seconds.
+    Quick,
+}
+
+/// Where the time went, seconds; all levels together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stages {
+    /// Orders of pruning, the looks at the leaves, the sky.
+    pub prepare: f64,
+    /// Planes and parents.
+    pub fit: f64,
+    /// Outlines and atlases.
+    pub pack: f64,
+    /// Textures.
+    pub bake: f64,
+    /// Judging by looks.
+    pub look: f64,
+}
+
+impl Stages {
+    /// Of a chain.
+    #[must_use]
+    pub fn of(chain: &Chain) -> Self {
+        let sum = |stage: fn(&Level) -> f64| chain.levels.iter().map(stage).sum();
+        Self {
+            prepare: chain.prepare_seconds,
+            fit: sum(|level| level.seconds.fit),
+            pack: sum(|level| level.seconds.pack),
+            bake: sum(|level| level.seconds.bake),
+            look: sum(|level| level.seconds.look),
+        }
+    }
+
+    /// By name, in order.
+    #[must_use]
+    pub const fn named(&self) -> [(&'static str, f64); 5] {
+        let Self { prepare, fit, pack, bake, look } = *self;
+        [("prepare", prepare), ("fit", fit), ("pack", pack), ("bake", bake), ("look", look)]
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.named().into_iter().map(|(_, seconds)| seconds).sum()
+    }
+}
+
+/// What one choice costs and gives. Lengths are shares of R.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// The settings.
+    pub choice: Choice,
+    /// Triangles of the leaves that it was measured on.
+    pub measured_on: usize,
+    /// Where the time went.
+    pub seconds: Stages,
+    /// By how many bytes the process had grown at most; `None` where the system does not say.
+    pub peak_bytes: Option<u64>,
+    /// Billboards of level 1, pairs counted once.
+    pub billboards: usize,
+    /// Triangles that draw them.
+    pub triangles: usize,
+    /// Texels that lie in billboards, all levels.
+    pub texels: usize,
+    /// What all levels take of a graphics card: pages of four bytes a texel with their mip levels, and 32 bytes a corner.
+    pub bytes: u64,
+    /// Side of a texel of level 1.
+    pub texel: f64,
+    /// The greatest distance of a leaf from its billboard on level 1.
+    pub max_deviation: f64,
+    /// The area-weighted mean of them.
+    pub mean_deviation: f64,
+    /// The judge's error of the finest level.
+    pub image_error: f64,
+    /// Whether no other point is as quick and as near or nearer.
+    pub front: bool,
+}
+
+/// A choice that cannot be built, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// The settings.
+    pub choice: Choice,
+    /// One line.
+    pub reason: String,
+}
+
+/// What a sweep measured.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// In the order in which they were measured; the first is what the others are changed from.
+    pub points: Vec<Point>,
+    /// What could not be built.
+    pub refused: Vec<Refused>,
+    /// The settings that it began from.
+    pub settings: ChainSettings,
+    /// Triangles of all the leaves.
+    pub triangles: usize,
+    /// Which it was.
+    pub sweep: Sweep,
+    /// What the leaves cost that were left out.
+    pub rest: Option<Rest>,
+}
+
+/// What all the leaves cost beside the sample of a quick sweep, seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rest {
+    /// A look at all the leaves more than one at the sample.
+    pub view: f64,
+    /// Fitting all of them.
+    pub fit: f64,
+}
+
+impl Rest {
+    fn of(whole: &Foliage, sample: &Foliage, settings: &ChainSettings, progress: Progress) -> Result<Self> {
+        let frame = whole.frame();
+        let view = View {
+            direction: DVec3::new(0.6, -1.0, 0.5),
+            up: settings.up,
+            centre: frame.centre,
+            radius: frame.radius * 1.025,
+            size: 64,
+            samples: Samples::default(),
+        };
+        let look = |foliage: &Foliage| timed(|| render(&[foliage], &view)).map(|(_, seconds)| seconds);
+        let view = (look(whole)? - look(sample)?).max(0.0);
+        let (_, fit) = timed(|| fit(whole, &settings.fit, progress))?;
+        Ok(Self { view, fit })
+    }
+}
+
+fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
+    let started = Instant::now();
+    let result = work()?;
+    Ok((result, started.elapsed().as_secs_f64()))
+}
+
+impl Point {
+    /// What `chain` of `foliage`, built as `choice` says, has.
+    #[must_use]
+    fn of(chain: &Chain, choice: Choice, foliage: &Foliage, peak_bytes: Option<u64>) -> Self {
+        let radius = foliage.frame().radius;
+        let first = &chain.levels[0];
+        let pair = if first.two_sided { 2 } else { 1 };
+        let corners = |level: &Level| level.sheet.billboards.len() * level.sheet.outline_corners();
+        Self {
+            choice,
+            measured_on: foliage.triangle_count(),
+            seconds: Stages::of(chain),
+            peak_bytes,
+            billboards: first.sheet.billboards.len() / pair,
+            triangles: first.sheet.billboards.len() * (first.sheet.outline_corners() - 2),
+            texels: chain.levels.iter().map(|level| level.sheet.texels()).sum(),
+            bytes: chain.levels.iter().map(|level| page_bytes(level) + 32 * corners(level) as u64).sum(),
+            texel: first.sheet.texel() * first.frame.radius / radius,
+            max_deviation: first.max_deviation_leaves / radius,
+            mean_deviation: first.mean_deviation / radius,
+            image_error: first.judgement.error,
+            front: false,
+        }
+    }
+}
+
+/// Of a level's images with their mip levels, four thirds of level 0.
+fn page_bytes(level: &Level) -> u64 {
+    level.page.images().map(|(_, image)| (4 * image.width() * image.height()) as u64 * 4 / 3).sum()
+}
+
+/// Builds a chain and measures it.
+///
+/// # Errors
+/// As [`build_chain`].
+pub fn measure(
+    foliage: &Foliage,
+    wood: Option<&Foliage>,
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<(Chain, Point)> {
+    let (chain, bytes) = peak(|| build_chain(foliage, wood, settings, progress));
+    let chain = chain?;
+    let point = Point::of(&chain, Choice::of(settings), foliage, bytes);
+    Ok((chain, point))
+}
+
+/// Triangles that a quick sweep looks at, at most.
+const SAMPLE: usize = 6_000;
+
+/// Measures many choices, beginning from `settings`.
+///
+/// # Errors
+/// Settings outside their ranges or that prune; all choices are refused; [`Error::Cancelled`].
+pub fn sweep(
+    foliage: &Foliage,
+    wood: Option<&Foliage>,
+    settings: &ChainSettings,
+    sweep: Sweep,
+    progress: Progress,
+) -> Result<Curve> {
+    settings.check()?;
+    if settings.pruning.is_some() || settings.levels == 0 {
+        return Err(Error::invalid(
+            "a cost curve is of clouds of all leaves: ask for one level at least, and for no pruning",
+        ));
+    }
+    let mut curve = Curve {
+        points: Vec::new(),
+        refused: Vec::new(),
+        settings: settings.clone(),
+        triangles: foliage.triangle_count(),
+        sweep,
+        rest: None,
+    };
+    match sweep {
+        Sweep::Full => curve.measure_all(foliage, wood, settings, &full_choices(settings), progress)?,
+        Sweep::Quick => {
+            let settings = quick_base(settings);
+            let (whole, sample) = (foliage, sampled(foliage, SAMPLE)?);
+            let foliage = sample.as_ref().unwrap_or(whole);
+            curve.measure_all(foliage, wood, &settings, &quick_choices(&settings), progress.part(0.0, 0.95))?;
+            if let Some(sample) = &sample {
+                curve.rest = Some(Rest::of(whole, sample, &settings, progress.part(0.95, 1.0))?);
+            }
+        }
+    }
+    if curve.points.is_empty() {
+        let reason = curve.refused.first().map_or_else(String::new, |refused| refused.reason.clone());
+        return Err(Error::Invalid(reason));
+    }
+    let costs: Vec<(f64, f64)> = curve.points.iter().map(|p| (p.seconds.total(), p.image_error)).collect();
+    for (point, on) in curve.points.iter_mut().zip(front(&costs)) {
+        point.front = on;
+    }
+    progress.tell("measure", 1.0)?;
+    Ok(curve)
+}
+
+impl Curve {
+    fn measure_all(
+        &mut self,
+        foliage: &Foliage,
+        wood: Option<&Foliage>,
+        settings: &ChainSettings,
+        choices: &[Choice],
+        progress: Progress,
+    ) -> Result<()> {
+        for (index, choice) in choices.iter().enumerate() {
+            let part = |index: usize| index as f64 / choices.len() as f64;
+            progress.tell("measure", part(index))?;
+            let choice = self.with_clusters(*choice);
+            let built = choice.applied(settings);
+            let built = built.and_then(|s| measure(foliage, wood, &s, progress.part(part(index), part(index + 1))));
+            match built {
+                Ok((_, point)) => self.points.push(point),
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(error) => self.refused.push(Refused { choice, reason: error.to_string() }),
+            }
+        }
+        Ok(())
+    }
+
+    /// The method kmeans gets as many billboards as the method stochastic needed at its ε.
+    fn with_clusters(&self, choice: Choice) -> Choice {
+        let same = |p: &&Point| p.choice.method == Method::Stochastic && p.choice.epsilon == choice.epsilon;
+        let count = self.points.iter().find(same).map_or(64, |p| p.billboards);
+        let clustered = choice.method == Method::KMeans;
+        Choice { max_billboards: if clustered { Some(count) } else { choice.max_billboards }, ..choice }
+    }
+}
+
+/// A share of the leaves, grown so that they cover as much; `None` when all are few enough.
+fn sampled(foliage: &Foliage, most: usize) -> Result<Option<Foliage>> {
+    if foliage.triangle_count() <= most {
+        return Ok(None);
+    }
+    let share = most as f64 / foliage.triangle_count() as f64;
+    let ranks = prune::order(foliage, &[], 0);
+    Ok(Some(prune::thin(foliage, &ranks, share, 1.0)?.foliage))
+}
+
+/// Small and quick, with what else the settings ask for.
+fn quick_base(settings: &ChainSettings) -> ChainSettings {
+    let quick = Choice {
+        method: Method::Stochastic,
+        effort: Effort::Default,
+        epsilon: 0.04,
+        candidates: 600,
+        max_billboards: None,
+        levels: 1,
+        cross: false,
+        texture_size: 512,
+        samples: 1,
+        tight_pages: false,
+    };
+    let settings = ChainSettings { looks: Looks::QUICK, texture_size: 512.into(), ..settings.clone() };
+    quick.applied(&settings).expect("one sample is a number of samples")
+}
+
+/// The base, then one setting changed at a time.
+fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
+    let base = Choice::of(base);
+    let mut all = vec![base];
+    all.extend([0.02, 0.1].map(|epsilon| Choice { epsilon, ..base }));
+    all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
+    all.push(Choice { samples: 4, ..base });
+    all.push(Choice { effort: Effort::Final, ..base });
+    all.push(Choice { levels: 2, cross: true, ..base });
+    all.push(Choice { tight_pages: true, ..base });
+    all
+}
+
+/// The base, one setting changed at a time, the other methods at some ε, and what is coarse or fine in all.
+fn full_choices(settings: &ChainSettings) -> Vec<Choice> {
+    let base = Choice::of(settings);
+    let mut all = vec![base];
+    all.extend([0.01, 0.02, 0.03, 0.04, 0.06, 0.1, 0.16].map(|epsilon| Choice { epsilon, ..base }));
+    all.extend([100, 3000].map(|candidates| Choice { candidates, ..base }));
+    all.extend([1, 3].map(|levels| Choice { levels, ..base }));
+    all.extend([512, 1024, 4096].map(|texture_size| Choice { texture_size, ..base }));
+    all.extend([1, 2].map(|samples| Choice { samples, ..base }));
+    all.push(Choice { tight_pages: !base.tight_pages, ..base });
+    all.extend([Effort::Literal, Effort::Final, Effort::Best].map(|effort| Choice { effort, ..base }));
+    let finer = [(0.16, 512, 1), (0.1, 1024, 1), (0.06, 1024, 2), (0.03, 2048, 2), (0.02, 2048, 4), (0.02, 4096, 2)];
+    all.extend(finer.map(|(epsilon, texture_size, samples)| Choice { epsilon, texture_size, samples, ..base }));
+    for method in [Method::Density, Method::KMeans] {
+        all.extend([0.02, 0.04, 0.1].map(|epsilon| Choice { method, epsilon, ..base }));
+    }
+    let mut kept: Vec<Choice> = Vec::new();
+    for choice in all {
+        if !kept.contains(&choice) {
+            kept.push(choice);
+        }
+    }
+    kept
+}

@@ -1,0 +1,323 @@
+//! A chain that keeps a wish: as good as possible in some seconds, an error of at most so much, a preset.
+//!
+//! The settings come from the front of what a quick sweep predicts for this foliage. Predictions are some ten per cent off, so what was built
+//! is looked at: each try tells by how much, and the next is chosen with that.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use leafcloud::error::{Error, Result};
+use leafcloud::fit::{Effort, Method};
+use leafcloud::lod::{Chain, ChainSettings};
+use leafcloud::{Foliage, Progress};
+
+use crate::choice::Choice;
+use crate::front::front;
+use crate::model::{Model, Prediction};
+use crate::sweep::{Curve, Sweep, measure, sweep};
+
+/// A place on the front.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// The quickest with at most twice the least error.
+    Draft,
+    /// The quickest within a quarter of the least error.
+    Balanced,
+    /// The least error.
+    Final,
+}
+
+impl Preset {
+    /// All of them, quickest first.
+    pub const ALL: [Self; 3] = [Self::Draft, Self::Balanced, Self::Final];
+
+    /// As it is called in settings.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Balanced => "balanced",
+            Self::Final => "final",
+        }
+    }
+
+    /// The preset of this name.
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|preset| preset.name() == name)
+            .ok_or_else(|| Error::invalid(format!("preset {name:?} is unknown; choose one of: draft, balanced, final")))
+    }
+
+    /// The offer that it means; `None` without offers.
+    #[must_use]
+    pub fn of(self, offers: &[Offer]) -> Option<&Offer> {
+        let least = offers.last()?.predicted.image_error;
+        let most = match self {
+            Self::Draft => 2.0,
+            Self::Balanced => 1.25,
+            Self::Final => 1.0,
+        };
+        offers.iter().find(|offer| offer.predicted.image_error <= most * least)
+    }
+}
+
+/// What a chain is to keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// As good as possible in so many seconds, the quick sweep among them; above 0.
+    Seconds(f64),
+    /// As quick as possible with at most this error, in (0, 1).
+    ImageError(f64),
+    /// A place on the front.
+    Preset(Preset),
+}
+
+/// Settings on the front of what is predicted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offer {
+    /// The settings.
+    pub choice: Choice,
+    /// What they are expected to cost and to give.
+    pub predicted: Prediction,
+}
+
+/// What a wish came to.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The levels.
+    pub chain: Chain,
+    /// What they were built with, and what had been predicted of that.
+    pub offer: Offer,
+    /// How many chains were built.
+    pub tries: usize,
+}
+
+/// Bounds that are offered.
+const EPSILONS: [f64; 9] = [0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16];
+
+/// How often a page is halved that is offered.
+const HALVINGS: std::ops::RangeInclusive<usize> = 0..=3;
+
+/// An offer's error is below the one before it at least by this factor.
+const STEP: f64 = 0.97;
+
+/// What is predicted to be best among bounds, pages no larger than was asked for, samples and efforts: quickest first, each of less error than the
+/// one before.
+#[must_use]
+pub fn offers(curve: &Curve) -> Vec<Offer> {
+    let asked = Choice::of(&curve.settings);
+    let model = Model::new(curve);
+    let mut all = Vec::new();
+    for epsilon in EPSILONS {
+        for texture_size in HALVINGS.map(|halved| (asked.texture_size >> halved).max(64)) {
+            for samples in [1, 2, 4] {
+                for effort in [Effort::Default, Effort::Final] {
+                    let choice = Choice { effort, epsilon, texture_size, samples, ..asked };
+                    let choice = Choice { method: Method::Stochastic, max_billboards: None, ..choice };
+                    all.push(Offer { choice, predicted: model.predict(&choice) });
+                }
+            }
+        }
+    }
+    let costs: Vec<(f64, f64)> = all.iter().map(|o| (o.predicted.seconds, o.predicted.image_error)).collect();
+    let mut best: Vec<Offer> = all.into_iter().zip(front(&costs)).filter(|(_, on)| *on).map(|(o, _)| o).collect();
+    best.sort_by(|a, b| a.predicted.seconds.total_cmp(&b.predicted.seconds));
+    let mut kept: Vec<Offer> = Vec::new();
+    for offer in best {
+        let error = |offer: &Offer| offer.predicted.image_error;
+        if kept.last().is_none_or(|last| error(&offer) <= STEP * error(last)) {
+            kept.push(offer);
+        }
+    }
+    kept
+}
+
+/// Builds a chain that keeps the wish: ε, page, samples and effort are chosen, pages no larger than `settings` ask for, all else is as they say.
+///
+/// # Errors
+/// A wish outside its range, or beside settings that leave no choice; an error that nothing on offer reaches, or seconds too few for any; as
+/// [`build_chain`](leafcloud::lod::build_chain).
+///
+/// # Panics
+/// Never: a curve has offers.
+pub fn build_within(
+    foliage: &Foliage,
+    wood: Option<&Foliage>,
+    settings: &ChainSettings,
+    wish: Wish,
+    progress: Progress,
+) -> Result<Built> {
+    let begun = Instant::now();
+    wish.check(settings)?;
+    let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
+    let offers = offers(&curve);
+    let mut tries =
+        Tries { foliage, wood, settings, offers: offers.clone(), count: 0, progress: progress.part(0.2, 1.0) };
+    match wish {
+        Wish::Preset(preset) => {
+            let first = preset.of(&offers).expect("a curve has offers");
+            // Pages that hold too few billboards are refused; the offers behind have larger ones.
+            let mut left = offers.iter().skip_while(|offer| *offer != first).peekable();
+            while let Some(offer) = left.next() {
+                match tries.build(offer, &|| false) {
+                    Err(Error::Invalid(_)) if left.peek().is_some() => {}
+                    built => return built.map(|(chain, _)| Built { chain, offer: *offer, tries: tries.count }),
+                }
+            }
+            unreachable!("the last offer is built or refused")
+        }
+        Wish::ImageError(most) => tries.reach(most),
+        Wish::Seconds(most) => tries.hurry(most, begun),
+    }
+}
+
+impl Wish {
+    fn check(self, settings: &ChainSettings) -> Result<()> {
+        settings.check()?;
+        match self {
+            Self::Seconds(seconds) if !(seconds > 0.0 && seconds.is_finite()) => {
+                return Err(Error::invalid(format!("seconds is {seconds}; it must be greater than 0 and finite")));
+            }
+            Self::ImageError(error) if !(error > 0.0 && error < 1.0) => {
+                return Err(Error::invalid(format!("image_error is {error}; it must lie between 0 and 1")));
+            }
+            _ => {}
+        }
+        let fit = &settings.fit;
+        let given = [
+            ("method", fit.method != Method::Stochastic),
+            ("max_billboards", fit.max_billboards.is_some()),
+            ("max_texels", fit.max_texels.is_some()),
+            ("image_epsilon", fit.image.is_some()),
+        ];
+        match given.into_iter().find(|(_, given)| *given) {
+            Some((name, _)) => Err(Error::invalid(format!(
+                "{name} leaves no choice of epsilon to seconds, image_error or a preset; leave one of them out"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// How many chains are built to reach an error, at most.
+const MOST_TRIES: usize = 8;
+
+/// What is predicted has to be this much better than what is wished.
+const MARGIN: f64 = 0.97;
+
+/// The share of the seconds that are left which a try may be expected to take.
+const CAREFUL: f64 = 0.85;
+
+/// The share of the seconds that a first try may take: what it tells is worth more than what it gives.
+const FIRST: f64 = 0.3;
+
+/// How much later than wished a try is given up, if there is something to fall back on.
+const LATE: f64 = 1.05;
+
+struct Tries<'a> {
+    foliage: &'a Foliage,
+    wood: Option<&'a Foliage>,
+    settings: &'a ChainSettings,
+    offers: Vec<Offer>,
+    count: usize,
+    progress: Progress<'a>,
+}
+
+impl Tries<'_> {
+    /// A chain and what it took, stopped as soon as `late`.
+    fn build(&mut self, offer: &Offer, late: &(dyn Fn() -> bool + Sync)) -> Result<(Chain, f64)> {
+        // Each try gets half of what is left of the way.
+        let left = |count: usize| 1.0 - 0.5f64.powi(count as i32);
+        let part = self.progress.part(left(self.count), left(self.count + 1));
+        self.count += 1;
+        let report = |stage: &str, fraction: f64| part.tell(stage, fraction).is_ok() && !late();
+        let settings = offer.choice.applied(self.settings)?;
+        let (chain, point) = measure(self.foliage, self.wood, &settings, Progress::new(&report))?;
+        Ok((chain, point.seconds.total()))
+    }
+
+    /// The quickest offer that has at most this error.
+    fn reach(mut self, most: f64) -> Result<Built> {
+        let (mut next, mut bias, mut least) = (0, 1.0, f64::INFINITY);
+        while next < self.offers.len() && self.count < MOST_TRIES {
+            let enough = |offer: &Offer| offer.predicted.image_error * bias <= MARGIN * most;
+            let last = self.offers.len() - 1;
+            let index = (next..=last).find(|&i| enough(&self.offers[i])).unwrap_or(last);
+            let offer = self.offers[index];
+            next = index + 1;
+            let chain = match self.build(&offer, &|| false) {
+                Ok((chain, _)) => chain,
+                Err(Error::Invalid(_)) if index < last => continue,
+                Err(error) => return Err(error),
+            };
+            let error = chain.levels[0].judgement.error;
+            if error <= most {
+                return Ok(Built { chain, offer, tries: self.count });
+            }
+            least = least.min(error);
+            bias = error / offer.predicted.image_error;
+        }
+        Err(Error::invalid(format!(
+            "image_error is {most}; the least that {} tries came to is {least}: raise it, texture_size or samples",
+            self.count
+        )))
+    }
+
+    /// The best that is done in time.
+    fn hurry(mut self, most: f64, begun: Instant) -> Result<Built> {
+        let mut best: Option<(Chain, Offer)> = None;
+        let mut slower = 1.0;
+        loop {
+            let left = most - begun.elapsed().as_secs_f64();
+            let share = if best.is_none() { FIRST } else { CAREFUL };
+            let fits = |offer: &&Offer, share: f64| offer.predicted.seconds * slower <= share * left;
+            let fitting = |share: f64| self.offers.iter().rev().find(|offer| fits(offer, share)).copied();
+            let offer = match (&best, fitting(share)) {
+                (Some((chain, known)), Some(offer)) => {
+                    let off = chain.levels[0].judgement.error / known.predicted.image_error;
+                    if offer.predicted.image_error * off > STEP * chain.levels[0].judgement.error {
+                        break;
+                    }
+                    offer
+                }
+                (Some(_), None) => break,
+                (None, offer) => offer.or_else(|| fitting(CAREFUL)).ok_or_else(|| self.too_few(most, begun))?,
+            };
+            let gave_up = AtomicBool::new(false);
+            let fallback = best.is_some();
+            let late = || {
+                let late = fallback && begun.elapsed().as_secs_f64() > LATE * most;
+                gave_up.fetch_or(late, Ordering::Relaxed);
+                late
+            };
+            match self.build(&offer, &late) {
+                Ok((chain, took)) => {
+                    slower = took / offer.predicted.seconds;
+                    let better = best
+                        .as_ref()
+                        .is_none_or(|(b, _)| chain.levels[0].judgement.error < b.levels[0].judgement.error);
+                    if better {
+                        best = Some((chain, offer));
+                    }
+                }
+                Err(Error::Cancelled) if gave_up.load(Ordering::Relaxed) => break,
+                Err(Error::Invalid(_)) if self.offers.len() > 1 => self.offers.retain(|other| *other != offer),
+                Err(error) => return Err(error),
+            }
+        }
+        let (chain, offer) = best.expect("without one it goes on or fails");
+        Ok(Built { chain, offer, tries: self.count })
+    }
+
+    fn too_few(&self, most: f64, begun: Instant) -> Error {
+        let swept = begun.elapsed().as_secs_f64();
+        let quickest = self.offers[0].predicted.seconds;
+        Error::invalid(format!(
+            "seconds is {most}; looking for settings took {swept:.1}, and the quickest are predicted to take {quickest:.1}: raise it"
+        ))
+    }
+}

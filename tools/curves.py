@@ -1,0 +1,213 @@
+"""What accuracy costs in time, tree by tree: `make curves` makes docs/accuracy.md.
+
+usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+       python tools/curves.py --verify [TREE.glb]      judge and Cycles on ten settings (an hour)
+
+A curve of a tree takes minutes to an hour; it goes into docs/bench/curves.json, its charts and pictures into
+docs/curves, as soon as they are there, and docs/accuracy.md shows what those hold. What the curve promises is measured
+by tools/curve_checks.py, what safeguards cost by the bench `safeguards`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+CHARTS, MEASURED, PAGE = (
+    ROOT / "docs" / "curves",
+    ROOT / "docs" / "bench" / "curves.json",
+    ROOT / "docs" / "accuracy.md",
+)
+TEXT, SAFEGUARDS = ROOT / "tools" / "accuracy.md", ROOT / "docs" / "bench" / "safeguards.md"
+TREE_LIMIT = 200_000
+"""Triangles up to which all settings are tried."""
+COSTS: tuple[leafcloud.Cost, ...] = ("seconds", "billboards", "bytes")
+PICTURE, GAP = 256, 8
+VERIFIED = (
+    {"epsilon": 0.02, "texture_size": 2048},
+    {"epsilon": 0.03, "texture_size": 2048},
+    {"epsilon": 0.04, "texture_size": 2048},
+    {"epsilon": 0.04, "texture_size": 512},
+    {"epsilon": 0.06, "texture_size": 1024},
+    {"epsilon": 0.08, "texture_size": 512},
+    {"epsilon": 0.1, "texture_size": 1024},
+    {"epsilon": 0.14, "texture_size": 512},
+    {"epsilon": 0.2, "texture_size": 512},
+    {"epsilon": 0.3, "texture_size": 256},
+)
+"""Settings that the judge and Cycles rank."""
+
+
+def points(rows: list[leafcloud.CurveRow]) -> list[leafcloud.CurveRow]:
+    """Five of the front, the quickest and the best among them, the others as even as may be in error."""
+    front = sorted((row for row in rows if row["front"]), key=lambda row: -row["image_error"])
+    wanted = np.geomspace(front[0]["image_error"], front[-1]["image_error"], 5)
+    chosen = [min(front, key=lambda row: abs(math.log(row["image_error"] / error))) for error in wanted]
+    return [row for i, row in enumerate(chosen) if row not in chosen[:i]]
+
+
+def options(row: leafcloud.CurveRow) -> dict[str, Any]:
+    """What level 1 of a row is built with."""
+    return {**row["settings"], "levels": 1, "cross": False}
+
+
+def look(foliage: leafcloud.Foliage, part: leafcloud.Foliage) -> NDArray[np.uint8]:
+    """A picture over light grey."""
+    seen = leafcloud.render(
+        [part], (0.6, -1.0, 0.25), PICTURE, centre=foliage.centre.tolist(), radius=1.02 * foliage.radius
+    )
+    alpha = seen[..., 3:] / 255.0
+    shown = np.full_like(seen, 255)
+    shown[..., :3] = np.rint(seen[..., :3] * alpha + 225.0 * (1.0 - alpha))
+    return shown
+
+
+def strip(foliage: leafcloud.Foliage, rows: list[leafcloud.CurveRow]) -> NDArray[np.uint8]:
+    """The tree at some points of its curve, the leaves themselves last."""
+    levels = [leafcloud.build_chain(foliage, **options(row)).levels[0].foliage() for row in rows]
+    gap = np.full((PICTURE, GAP, 4), 255, np.uint8)
+    pictures = [picture for part in (*levels, foliage) for picture in (gap, look(foliage, part))]
+    return np.ascontiguousarray(np.hstack(pictures[1:]))
+
+
+def measure(tree: Path) -> dict[str, Any]:
+    """The curve of a tree; its charts and pictures are written."""
+    foliage = leafcloud.read_gltf(str(tree))
+    curve = leafcloud.cost_curve(foliage, quick=foliage.triangle_count > TREE_LIMIT)
+    CHARTS.mkdir(parents=True, exist_ok=True)
+    for cost in COSTS:
+        (CHARTS / f"{tree.stem}_{cost}.svg").write_text(curve.svg(cost, title=f"{tree.stem}: error over {cost}"))
+    shown = points(curve.rows)
+    leafcloud.write_png(str(CHARTS / f"{tree.stem}_points.png"), strip(foliage, shown))
+    return {
+        "tree": tree.stem,
+        "triangles": foliage.triangle_count,
+        "rows": curve.rows,
+        "refused": curve.refused,
+        "shown": [curve.rows.index(row) for row in shown],
+        "presets": curve.presets,
+    }
+
+
+def lines_of(head: list[str], rows: list[list[str]]) -> str:
+    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
+
+
+def described(settings: leafcloud.CurveSettings) -> list[str]:
+    names = ("method", "effort", "epsilon", "candidates", "levels", "texture_size", "samples", "tight_pages")
+    values: dict[str, Any] = {**settings}
+    return [str(values[name]) for name in names]
+
+
+def row_cells(row: leafcloud.CurveRow) -> list[str]:
+    seconds, peak = row["seconds"], row["peak_bytes"]
+    return [
+        *described(row["settings"]),
+        f"{seconds['total']:.2f}",
+        ", ".join(f"{seconds[stage]:.2f}" for stage in ("prepare", "fit", "pack", "bake", "look")),
+        "–" if peak is None else f"{peak / 2**20:.0f}",
+        str(row["billboards"]),
+        f"{row['bytes'] / 2**20:.1f}",
+        f"{row['max_deviation']:.4f}, {row['mean_deviation']:.4f}",
+        f"{row['image_error']:.3f}{' ●' if row['front'] else ''}",
+    ]
+
+
+HEAD = [
+    *("method", "effort", "ε / R", "N", "levels", "page", "samples", "tight"),
+    *("s", "prepare, fit, pack, bake, look", "MiB grown", "billboards", "MiB", "deviation / R: most, mean", "error"),
+]
+
+
+def tree_part(row: dict[str, Any]) -> str:
+    """What the page says of a tree."""
+    name, rows = row["tree"], row["rows"]
+    charts = "\n\n".join(f"![{name}: error over {cost}](curves/{name}_{cost}.svg)" for cost in COSTS)
+    shown = "; ".join(
+        f"error {one['image_error']:.3f} in {one['seconds']['total']:.1f} s with {one['billboards']} billboards"
+        for one in (rows[i] for i in row["shown"])
+    )
+    table = lines_of(HEAD, [row_cells(one) for one in rows])
+    return (
+        f"### {name}, {row['triangles']} triangles\n\n{charts}\n\n"
+        f"![{name} at points of its curve](curves/{name}_points.png)\n\n"
+        f"From the left: {shown}; the leaves themselves.\n\n"
+        f"<details><summary>All settings (● on the front)</summary>\n\n{table}\n\n</details>"
+    )
+
+
+def write_page(rows: list[dict[str, Any]]) -> None:
+    """docs/accuracy.md: the words of tools/accuracy.md around what was measured."""
+    safeguards = SAFEGUARDS.read_text() if SAFEGUARDS.is_file() else "Not measured yet: `make safeguards`."
+    text = TEXT.read_text().replace("{trees}", "\n\n".join(tree_part(row) for row in rows))
+    PAGE.write_text(text.replace("{safeguards}", safeguards.strip()))
+
+
+def run(*command: object) -> str:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(f"{command[1]} failed:\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}")
+    return done.stdout
+
+
+def verify(tree: Path) -> None:
+    """Ranks ten settings by the judge's error and by FLIP of Cycles' pictures from other views of the files."""
+    from fidelity import flip
+    from scipy.stats import spearmanr
+
+    with tempfile.TemporaryDirectory() as folder:
+        models, judged = [], []
+        for number, settings in enumerate(VERIFIED):
+            out = Path(folder) / str(number)
+            flags = [str(part) for name, value in settings.items() for part in (f"--{name.replace('_', '-')}", value)]
+            shape = ("--levels", 1, "--no-cross", "--effects", "none")
+            run(sys.executable, ROOT / "bake.py", "--input", tree, "--out", out, *shape, *flags)
+            judged.append(json.loads((out / "report.json").read_text())["levels"][1]["image_error"])
+            models.append(f"{out / tree.stem}_LOD1.glb")
+            print(settings, judged[-1], file=sys.stderr, flush=True)
+        leaves = f"{Path(folder) / '0' / tree.stem}_LOD0.glb"
+        views = Path(folder) / "views.npz"
+        run(sys.executable, ROOT / "tools" / "flat_views.py", views, 128, 8, 4, leaves, *models)
+        with np.load(views) as pictures:
+            rendered = [flip(pictures[leaves], pictures[model]) for model in models]
+    rows = [
+        [f"{s['epsilon']:g}", str(s["texture_size"]), f"{mine:.3f}", f"{theirs:.4f}"]
+        for s, mine, theirs in zip(VERIFIED, judged, rendered, strict=True)
+    ]
+    print(lines_of(["ε / R", "page", "the judge's error", "Cycles' FLIP"], rows))
+    print(f"\n{tree.stem}: rank correlation {spearmanr(judged, rendered).statistic:.3f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="What accuracy costs in time, tree by tree.")
+    parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: those of ../shared/foliage)")
+    parser.add_argument("--verify", action="store_true", help="compare the judge with Cycles on ten settings instead")
+    parser.add_argument("--page", action="store_true", help="only write docs/accuracy.md from what is kept")
+    arguments = parser.parse_args()
+    if arguments.verify:
+        verify((arguments.trees or [FOLIAGE / "shapespark_tree1.glb"])[0])
+        return
+    kept = {row["tree"]: row for row in json.loads(MEASURED.read_text())} if MEASURED.is_file() else {}
+    for tree in [] if arguments.page else arguments.trees or sorted(FOLIAGE.glob("*.glb")):
+        kept[tree.stem] = measure(tree.resolve())
+        print(f"{tree.stem}: {len(kept[tree.stem]['rows'])} settings", file=sys.stderr, flush=True)
+        MEASURED.write_text(json.dumps([kept[name] for name in sorted(kept)], indent=1) + "\n")
+        write_page([kept[name] for name in sorted(kept)])
+    write_page([kept[name] for name in sorted(kept)])
+
+
+if __name__ == "__main__":
+    main()
