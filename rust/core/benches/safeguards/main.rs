@@ -66,7 +66,7 @@ fn main() {
         let Cloud { planes, parents, deviations, bound } = &cloud;
         let check = best(|| Cloud::new(&foliage, planes.clone(), parents.clone(), *bound));
         let corners: Vec<[Vec3; 3]> =
-            (0..foliage.triangle_count()).map(|t| foliage.corners(t).map(|p| p.as_vec3())).collect();
+            (0..foliage.triangle_count()).map(|t| foliage.corners(t).map(DVec3::as_vec3)).collect();
         let narrow: Vec<(Vec3, f32)> = planes.iter().map(|p| (p.normal.as_vec3(), p.distance as f32)).collect();
         let unchecked = best(|| (narrow.clone(), parents.clone(), single(&corners, &narrow, parents)));
         let exact = best(|| cloud.mean_deviation(&foliage));
