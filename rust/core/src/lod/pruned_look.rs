@@ -16,7 +16,7 @@ use crate::prune::{Trend, thin};
 use crate::textures::Samples;
 
 /// λ where it is looked: on either side of the middle of what chains use, in logarithms.
-const LOOKS: [f64; 2] = [0.3, 0.03];
+const LOOKS: [f64; 2] = [0.3, 0.02];
 
 /// How often the scale is moved at each, and how near the coverage is to come.
 const MOVES: usize = 5;

@@ -82,6 +82,10 @@ mod tests {
         // Of the weights 3/2 and 1 the first comes first in three of five: the means are (½ + ⅖)/2 and (½ + ⅗)/2.
         assert!((mean(0..2000) - 0.45).abs() < 0.02);
         assert!((mean(2000..4000) - 0.55).abs() < 0.02);
-        assert_eq!(order(&foliage, &[0.0; 4000], 7), order(&foliage, &[], 7), "where nothing is seen nothing is told");
+        assert_eq!(
+            order(&foliage, &vec![0.0; 4000], 7),
+            order(&foliage, &[], 7),
+            "where nothing is seen nothing is told"
+        );
     }
 }
