@@ -16,9 +16,9 @@ use crate::judge::{Judge, Views};
 use crate::prune::{Trend, thin};
 use crate::textures::Samples;
 
-/// λ where it is looked. Coverage is followed over all that chains use, so on either side of its middle, in logarithms; contrast counts where
-/// few leaves are left.
-const GROWTH_LOOKS: [f64; 2] = [0.3, 0.03];
+/// λ where it is looked, down to where it is promised. Coverage is followed over all of it, so on either side of its middle, in logarithms;
+/// contrast counts where few leaves are left.
+const GROWTH_LOOKS: [f64; 2] = [0.3, 0.02];
 const CONTRAST_LOOKS: [f64; 2] = [0.1, 0.02];
 
 /// How often the scale is moved at each, and how near the coverage is to come.
