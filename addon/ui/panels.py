@@ -10,8 +10,8 @@ from ..settings import EFFECTS
 from .properties import AUTO, OFF, ON, effect_property
 from .viewport import is_previewed
 
-_LINE = 48
-"""Characters of a reason on a line: the sidebar wraps no text."""
+_MARGINS, _LETTER = 80.0, 6.6
+"""Of a panel and of its text, in pixels of a display at 100 %: the sidebar wraps no text by itself."""
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
@@ -78,8 +78,14 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
                 continue
             below = column.column(align=True)
             below.active = row.state != OFF
-            for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _LINE)]:
+            for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _letters(context))]:
                 below.label(text=text, icon="BLANK1")
+
+
+def _letters(context: bpy.types.Context) -> int:
+    """How many fit on a line of the region."""
+    width = context.region.width / context.preferences.system.ui_scale
+    return max(int((width - _MARGINS) / _LETTER), 16)
 
 
 _ICONS = {ON: "CHECKBOX_HLT", OFF: "CHECKBOX_DEHLT", AUTO: "QUESTION"}
