@@ -348,4 +348,4 @@ def test_without_the_effect_nothing_is_said(tmp_path: Path) -> None:
     result = baked(leaf(), "none")
     export_level(result.levels[1], tmp_path / "a.glb")
     assert EXTENSION not in document_of(tmp_path / "a.glb").get("extensionsUsed", [])
-    assert not any(effect.on for effect in result.effects)
+    assert [effect.name for effect in result.effects if effect.on] == ["far_levels"]

@@ -21,8 +21,8 @@ from tools.browser import ask
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)
 """Of d₀: there 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves are left, for half are at 2 d₀."""
-FADE = 0.95
-"""Of the distance at which the cross takes over; it begins to fade in at 0.9."""
+FADE, GONE = 1.1, 1.251
+"""Of the distance at which the cross begins to fade in: amid the fade, and behind it."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Tree:
 
     @property
     def distances(self) -> list[float]:
-        return [share * self.pruning.start for share in SHARES] + [FADE * self.vanish, 1.001 * self.vanish]
+        return [share * self.pruning.start for share in SHARES] + [FADE * self.vanish, GONE * self.vanish]
 
     @property
     def eyes(self) -> list[Floats]:

@@ -204,7 +204,7 @@ pub fn measure(
 }
 
 /// Triangles that a quick sweep looks at, at most.
-const SAMPLE: usize = 6_000;
+const SAMPLE: usize = 4_000;
 
 /// Measures many choices, beginning from `settings`.
 ///
@@ -320,7 +320,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
 fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(base);
     let mut all = vec![base];
-    all.extend([0.02, 0.1].map(|epsilon| Choice { epsilon, ..base }));
+    all.extend([0.025, 0.1].map(|epsilon| Choice { epsilon, ..base }));
     all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
     all.push(Choice { samples: 4, ..base });
     all.push(Choice { effort: Effort::Final, ..base });

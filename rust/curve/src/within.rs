@@ -99,8 +99,9 @@ pub struct Built {
 /// Bounds that are offered.
 const EPSILONS: [f64; 9] = [0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16];
 
-/// How often a page is halved that is offered.
+/// How often a page is halved that is offered, and the smallest unless a smaller one was asked for.
 const HALVINGS: std::ops::RangeInclusive<usize> = 0..=3;
+const SMALLEST: usize = 256;
 
 /// An offer's error is below the one before it at least by this factor.
 const STEP: f64 = 0.97;
@@ -113,7 +114,8 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
     let model = Model::new(curve);
     let mut all = Vec::new();
     for epsilon in EPSILONS {
-        for texture_size in HALVINGS.map(|halved| (asked.texture_size >> halved).max(64)) {
+        for texture_size in HALVINGS.map(|halved| (asked.texture_size >> halved).max(SMALLEST.min(asked.texture_size)))
+        {
             for samples in [1, 2, 4] {
                 for effort in [Effort::Default, Effort::Final] {
                     let choice = Choice { effort, epsilon, texture_size, samples, ..asked };
