@@ -30,7 +30,7 @@ from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
 from .export.engine_pages import engine_pages
-from .export.plain_materials import plain_colors, wood_of_meshes
+from .export.plain_materials import materials_of_meshes, plain_colors
 from .export.preview import preview_image
 from .export.report import report
 from .export.staging import Staging
@@ -347,7 +347,7 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
             if is_on(baked.effects, "contrast"):
                 changes.enter_context(plain_colors(baked.levels))
             if is_on(baked.effects, "transitions"):
-                changes.enter_context(wood_of_meshes(baked.levels))
+                changes.enter_context(materials_of_meshes(baked.levels))
             changes.enter_context(engine_pages(clouds))
             for level in baked.levels:
                 progress(f"write {level.object.name}.glb", 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -32,10 +33,14 @@ def _struct(struct: Any, path: str, seen: set[tuple[str, int]]) -> Iterator[str]
     for prop in sorted(struct.bl_rna.properties, key=lambda prop: prop.identifier):
         if prop.identifier in _SKIPPED:
             continue
-        value = getattr(struct, prop.identifier, None)
+        with warnings.catch_warnings():  # Blender deprecates properties that it still has.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            value = getattr(struct, prop.identifier, None)
         here = f"{path} {prop.identifier}"
         if prop.type == "COLLECTION":
-            for number, item in enumerate(value or ()):
+            # Blender 5.0 shows what is selected in a type that reads beyond its end.
+            items = (item for item in value or () if not _name(item, 0).startswith(".select"))
+            for number, item in enumerate(items):
                 yield from _value(item, f"{here} {_name(item, number)}", seen)
         else:
             yield from _value(value, here, seen)

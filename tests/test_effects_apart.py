@@ -47,7 +47,7 @@ EFFECTS_APART = {
             "addon.build.morphs:add_transition",
             "addon.build.morphs:Transition",
             "addon.build.fading",
-            "addon.export.plain_materials:wood_of_meshes",
+            "addon.export.plain_materials:materials_of_meshes",
         ),
         ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
     ),

@@ -22,6 +22,7 @@ def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | Non
     if material is None or material.node_tree is None or material.node_tree.get_output_node("ALL") is None:
         return material
     copy = material.copy()
+    copy.name = f"{material.name}_fading"
     add_fade(copy.node_tree)
     return copy
 

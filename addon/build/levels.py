@@ -214,10 +214,11 @@ def _add_level(
         wooden = bpy.data.objects.new(f"{obj.name}_wood", wood.mesh)
         wooden.parent = obj
         members[wooden] = wood_reach(plan.reaches, number)
-        if members[wooden].fades:
-            _let_fade(wooden)
     for member, reach in members.items():
         collection.objects.link(member)
+        if reach.fades and (number == 0 or member is wooden):
+            with costs.spent_on("transitions", 0):
+                _let_fade(member)
         if plan.follows_camera:
             add_lod_modifier(member, _lod_settings(reach, plan, thins=number == 0 and member is obj))
         else:
@@ -237,10 +238,11 @@ def _add_level(
     return replace(built, wood_triangles=wood.triangles, wood_error=wood.error, wood_corners=wood.corners)
 
 
-def _let_fade(wood: bpy.types.Object) -> None:
-    """Gives the object materials of its own, for its mesh may be that of levels that do not fade."""
-    for slot in wood.material_slots:
-        slot.link, slot.material = "OBJECT", fading_copy(slot.material)
+def _let_fade(obj: bpy.types.Object) -> None:
+    """Gives the object materials of its own beside the artist's, which stay the mesh's: others show it, and files."""
+    for slot in obj.material_slots:
+        material = slot.material
+        slot.link, slot.material = "OBJECT", fading_copy(material)
 
 
 def _lod_settings(reach: Reach, plan: Plan, *, thins: bool) -> LodSettings:
@@ -284,10 +286,6 @@ def _leaf_object(
                 for number, material in enumerate(materials):
                     mesh.materials[number] = contrast_material(material, plan.mean_color)
             extras |= {"contrast": list(plan.contrast), "mean_color": list(plan.mean_color)}
-    if plan.reaches[0].fades:
-        with costs.spent_on("transitions", 0):
-            for number, material in enumerate(mesh.materials):
-                mesh.materials[number] = fading_copy(material)
     return _object(mesh, shape, extras, plan.reaches[0], costs)
 
 

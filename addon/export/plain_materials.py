@@ -1,7 +1,7 @@
 """Materials without what only Blender's node groups feed, while files are written.
 
-Exporters read an image that is linked to Base Color, not one behind a Mix node, and the wood of all levels has the
-same materials in files, though Blender fades some of it.
+Exporters read an image that is linked to Base Color, not one behind a Mix node; and leaves and wood have the artist's
+materials in files, though Blender fades copies of them.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 
 @contextmanager
-def wood_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Gives all wood the materials of its mesh."""
-    woods = [level.wood for level in levels if level.wood is not None]
-    own = [slot for wood in woods for slot in wood.material_slots if slot.link == "OBJECT"]
+def materials_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
+    """Shows leaves and wood in the materials of their meshes, instead of those that fade."""
+    objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
+    own = [slot for obj in objects for slot in obj.material_slots if slot.link == "OBJECT"]
     for slot in own:
         slot.link = "DATA"
     try:
