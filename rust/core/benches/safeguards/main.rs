@@ -65,8 +65,9 @@ fn main() {
         let cloud = fit(&foliage, &settings, Progress::silent()).expect("the settings are within their ranges");
         let Cloud { planes, parents, deviations, bound } = &cloud;
         let check = best(|| Cloud::new(&foliage, planes.clone(), parents.clone(), *bound));
-        let corners: Vec<[Vec3; 3]> =
-            (0..foliage.triangle_count()).map(|t| foliage.corners(t).map(|p| p.as_vec3())).collect();
+        let corners: Vec<[Vec3; 3]> = (0..foliage.triangle_count())
+            .map(|t| foliage.corners(t).map(|corner| Vec3::new(corner.x as f32, corner.y as f32, corner.z as f32)))
+            .collect();
         let narrow: Vec<(Vec3, f32)> = planes.iter().map(|p| (p.normal.as_vec3(), p.distance as f32)).collect();
         let unchecked = best(|| (narrow.clone(), parents.clone(), single(&corners, &narrow, parents)));
         let exact = best(|| cloud.mean_deviation(&foliage));
