@@ -52,7 +52,7 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
-	cargo bench --quiet --package leafcloud --bench safeguards ../../../shared/foliage/*.glb | tee docs/bench/safeguards.md
+	cargo bench --quiet --package leafcloud --bench safeguards -- $(CURDIR)/../shared/foliage/*.glb | tee docs/bench/safeguards.md
 	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
 
 .PHONY: fidelity

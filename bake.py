@@ -52,6 +52,8 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("--out DIR is missing: name the folder that the files go to")
         if options.cost_curve and options.plan_only:
             raise UsageError("--cost-curve and --plan-only each do something in place of a bake: give one of them")
+        if options.cost_curve and settings.chain == "pruning":
+            raise UsageError("--cost-curve is of clouds, and --chain pruning has none: leave it out")
     except UsageError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
         return 2

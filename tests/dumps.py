@@ -9,8 +9,19 @@ from typing import Any
 
 import bpy
 
-_SKIPPED = {"rna_type", "bl_rna", "id_data", "original", "session_uid", "tag", "is_evaluated", "pixels", "depsgraph"}
-"""What says nothing of a file, or leads back."""
+_SKIPPED = {
+    "rna_type",
+    "bl_rna",
+    "id_data",
+    "original",
+    "session_uid",
+    "tag",
+    "is_evaluated",
+    "pixels",
+    "depsgraph",
+    "select",
+}
+"""What says nothing of a file, or leads back; and what is selected, which Blender 5.0 leaves to chance for edges."""
 _INTERFACE = {"screens", "workspaces", "window_managers", "brushes", "palettes", "texts", "libraries"}
 
 
@@ -38,7 +49,6 @@ def _struct(struct: Any, path: str, seen: set[tuple[str, int]]) -> Iterator[str]
             value = getattr(struct, prop.identifier, None)
         here = f"{path} {prop.identifier}"
         if prop.type == "COLLECTION":
-            # Blender 5.0 shows what is selected in a type that reads beyond its end.
             items = (item for item in value or () if not _name(item, 0).startswith(".select"))
             for number, item in enumerate(items):
                 yield from _value(item, f"{here} {_name(item, number)}", seen)

@@ -162,7 +162,7 @@ def test_the_command_line_refuses_a_curve_whole(shrub: Path, tmp_path: Path) -> 
     source = ("--input", shrub)
     assert "full" in refusal(tmp_path / "a", *source, "--cost-curve", "slow")
     assert "--plan-only" in refusal(tmp_path / "b", *source, "--cost-curve", "--plan-only")
-    assert "one level" in refusal(tmp_path / "c", *source, "--cost-curve", "quick", "--chain", "pruning")
+    assert "--chain pruning" in refusal(tmp_path / "c", *source, "--cost-curve", "quick", "--chain", "pruning")
     taken = tmp_path / "out"
     (taken / "shrub_curve.svg").mkdir(parents=True)
     done = run(*source, "--out", taken, "--cost-curve", "quick", "--texture-size", 256)

@@ -157,21 +157,9 @@ pub fn build_within(
     wish.check(settings)?;
     let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
     let offers = offers(&curve);
-    let mut tries =
-        Tries { foliage, wood, settings, offers: offers.clone(), count: 0, progress: progress.part(0.2, 1.0) };
+    let tries = Tries { foliage, wood, settings, offers, count: 0, progress: progress.part(0.2, 1.0) };
     match wish {
-        Wish::Preset(preset) => {
-            let first = preset.of(&offers).expect("a curve has offers");
-            // Pages that hold too few billboards are refused; the offers behind have larger ones.
-            let mut left = offers.iter().skip_while(|offer| *offer != first).peekable();
-            while let Some(offer) = left.next() {
-                match tries.build(offer, &|| false) {
-                    Err(Error::Invalid(_)) if left.peek().is_some() => {}
-                    built => return built.map(|(chain, _)| Built { chain, offer: *offer, tries: tries.count }),
-                }
-            }
-            unreachable!("the last offer is built or refused")
-        }
+        Wish::Preset(preset) => tries.place(preset),
         Wish::ImageError(most) => tries.reach(most),
         Wish::Seconds(most) => tries.hurry(most, begun),
     }
@@ -240,6 +228,21 @@ impl Tries<'_> {
         let settings = offer.choice.applied(self.settings)?;
         let (chain, point) = measure(self.foliage, self.wood, &settings, Progress::new(&report))?;
         Ok((chain, point.seconds.total()))
+    }
+
+    /// The offer that is meant; where its page holds too few billboards, one behind it.
+    fn place(mut self, preset: Preset) -> Result<Built> {
+        let meant = preset.of(&self.offers).copied();
+        let behind: Vec<Offer> = self.offers.iter().copied().skip_while(|offer| Some(*offer) != meant).collect();
+        let mut refused = Error::invalid("a curve without points offers nothing");
+        for offer in behind {
+            match self.build(&offer, &|| false) {
+                Ok((chain, _)) => return Ok(Built { chain, offer, tries: self.count }),
+                Err(error @ Error::Invalid(_)) => refused = error,
+                Err(error) => return Err(error),
+            }
+        }
+        Err(refused)
     }
 
     /// The quickest offer that has at most this error.
