@@ -34,6 +34,7 @@ CHARTS, MEASURED, PAGE = (
 TEXT, SAFEGUARDS = ROOT / "tools" / "accuracy.md", ROOT / "docs" / "bench" / "safeguards.md"
 TREE_LIMIT = 200_000
 """Triangles up to which all settings are tried."""
+NOTHING = "None was measured yet: `make curves`, on a machine that does nothing else meanwhile."
 COSTS: tuple[leafcloud.Cost, ...] = ("seconds", "billboards", "bytes")
 PICTURE, GAP = 256, 8
 VERIFIED = (
@@ -151,8 +152,9 @@ def tree_part(row: dict[str, Any]) -> str:
 
 def write_page(rows: list[dict[str, Any]]) -> None:
     """docs/accuracy.md: the words of tools/accuracy.md around what was measured."""
-    safeguards = SAFEGUARDS.read_text() if SAFEGUARDS.is_file() else "Not measured yet: `make safeguards`."
-    text = TEXT.read_text().replace("{trees}", "\n\n".join(tree_part(row) for row in rows))
+    safeguards = SAFEGUARDS.read_text() if SAFEGUARDS.is_file() else "Not measured yet: `make bench`."
+    trees = "\n\n".join(tree_part(row) for row in rows) or NOTHING
+    text = TEXT.read_text().replace("{trees}", trees)
     PAGE.write_text(text.replace("{safeguards}", safeguards.strip()))
 
 
