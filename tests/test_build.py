@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from addon.build import levels as built_levels
 from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
-from addon.build.levels import Costs, Plan, area_shares, build_levels, prefix_table
+from addon.build.levels import Costs, Plan, build_levels
+from addon.build.prune_tables import area_shares, prefix_table
 from addon.placement import Placement
 from addon.plan.reach import reaches
 from addon.scene.extract import Geometry, Tree

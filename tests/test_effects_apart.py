@@ -55,8 +55,8 @@ EFFECTS_APART = {
         (
             "addon.build.morphs:add_pruning",
             "addon.build.morphs:Pruning",
-            "addon.build.levels:prefix_table",
-            "addon.build.levels:area_shares",
+            "addon.build.prune_tables:prefix_table",
+            "addon.build.prune_tables:area_shares",
             "addon.export.gltf:_add_engine_attributes",
         ),
         ("attributes leaf_rank", "attributes leaf_pivot is", "_LEAF_RANK", "prefixes"),

@@ -13,8 +13,9 @@ from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, po
 from numpy.typing import NDArray
 from scenes import add_mesh
 
-from addon.build.levels import EXTRAS, area_shares
+from addon.build.levels import EXTRAS
 from addon.build.lod_nodes import LodSettings, add_lod_modifier
+from addon.build.prune_tables import area_shares
 from addon.viewport.corners import parts_of
 from addon.viewport.draw import inputs_of, levels_in
 from addon.viewport.look import LevelInputs, look_at

@@ -31,6 +31,7 @@ from .lod_nodes import LodSettings, add_lod_modifier
 from .materials import Page, atlas_image, atlas_material, layer_names
 from .morphs import Pruning, Transition
 from .node_laws import NEVER
+from .prune_tables import PREFIX_STEPS, area_shares, prefix_table
 from .rollback import removed_on_failure
 from .side_nodes import add_side_modifier, apart
 from .swaying import Swaying, add_swaying, freedom, phases, plane_pivots, wind_extras
@@ -39,8 +40,6 @@ from .wood import Wood, simplified, whole
 
 EXTRAS = "leafcloud"
 """The custom property, and so the key in glTF's extras, of objects and meshes."""
-PREFIX_STEPS = 64
-"""The table of prefixes has one entry per λ = 0, 1/64 … 1, that of areas one per rank 0, (1/64)² … 1."""
 
 
 @dataclass
@@ -173,34 +172,6 @@ def _woods(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list
         coarser = simplified(first, tree.wood, plan.placement, plan.wood_errors[: len(clouds)])
     costs.bytes["trunk_levels"] = sum({id(wood): wood.nbytes for wood in coarser if wood is not first}.values())
     return [first, *coarser, *crosses]
-
-
-def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
-    """For each material in use its index and how many triangles, from the first, have a rank below λ = 0, 1/64 … 1.
-
-    `ranks` (f,) rise among the faces of a material.
-    """
-    keep = np.arange(PREFIX_STEPS + 1, dtype=np.float32) / np.float32(PREFIX_STEPS)
-    table = []
-    for material in np.unique(surface.material_ids):
-        faces = np.flatnonzero(surface.material_ids == material)
-        triangles = np.concatenate([[0], np.cumsum(surface.sizes[faces] - 2)])
-        prefixes = triangles[np.searchsorted(ranks[faces], keep, side="left")]
-        table.append({"material": int(material), "triangles": prefixes.tolist()})
-    return table
-
-
-def area_shares(areas: NDArray[np.float32], ranks: NDArray[np.float32]) -> list[float]:
-    """The share of the area that has a rank below (i/64)², i = 0 … 64: what engines take the scale s from.
-
-    The squares tell few leaves apart, where s is large. `areas` and `ranks` (f,) are those of all faces; what is never
-    pruned, of a negative rank, does not count. All 0 where nothing has an area.
-    """
-    order = np.argsort(ranks, kind="stable")
-    below = np.concatenate([[0.0], np.cumsum(np.where(ranks < 0.0, 0.0, areas)[order], dtype=np.float64)])
-    knots = (np.arange(PREFIX_STEPS + 1, dtype=np.float32) / np.float32(PREFIX_STEPS)) ** 2
-    sums = below[np.searchsorted(ranks[order], knots, side="left")]
-    return (sums / (below[-1] or 1.0)).tolist()
 
 
 def _add_level(
