@@ -8,6 +8,7 @@ pub mod mips;
 mod page;
 mod plain;
 mod raster;
+mod samples;
 mod sky;
 mod tone;
 

@@ -1,0 +1,99 @@
+//! Which samples of a pixel a triangle covers, and which of these its alpha lets through.
+//!
+//! Coverage is decided by barycentric weights, affine in the place (Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988);
+//! alpha by thresholds that are spread over a pixel's samples, so that a share of alpha is a share of samples.
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+/// Pixels along each side of a tile: what a thread draws at once fits a core's cache.
+pub(super) const TILE: usize = 32;
+
+/// Barycentric weights as affine functions of the place.
+pub(super) struct Edges {
+    origin: Vec2,
+    /// Gradients of the second and third weight.
+    second: Vec2,
+    third: Vec2,
+    /// Whether the side is seen from which the triangle winds counter-clockwise.
+    pub(super) front: bool,
+}
+
+impl Edges {
+    /// `None` for a triangle without area, and for one whose area is beyond f32.
+    pub(super) fn new([a, b, c]: [Vec2; 3]) -> Option<Self> {
+        let (u, v) = (b - a, c - a);
+        let twice_area = u.perp_dot(v);
+        let inverse = 1.0 / twice_area;
+        (twice_area.is_finite() && inverse.is_finite()).then(|| Self {
+            origin: a,
+            second: Vec2::new(v.y, -v.x) * inverse,
+            third: Vec2::new(-u.y, u.x) * inverse,
+            // y is down: counter-clockwise to the viewer is negative here.
+            front: twice_area < 0.0,
+        })
+    }
+
+    pub(super) fn weights(&self, point: Vec2) -> Vec3 {
+        let q = point - self.origin;
+        let (second, third) = (self.second.dot(q), self.third.dot(q));
+        Vec3::new(1.0 - second - third, second, third)
+    }
+
+    /// How the weights change from sample to sample along a row and a column.
+    pub(super) fn steps(&self) -> [Vec3; 2] {
+        let step = |second: f32, third: f32| Vec3::new(-second - third, second, third);
+        [step(self.second.x, self.third.x), step(self.second.y, self.third.y)]
+    }
+
+    /// The samples of a row, of those in `columns`, where all weights may be at least 0: one more at either end, for rounding.
+    pub(super) fn span(&self, y: f32, columns: &Range<usize>) -> Range<usize> {
+        let start = columns.start as f32 + 0.5;
+        let at = self.weights(Vec2::new(start, y));
+        let [step, _] = self.steps();
+        let (mut low, mut high) = (0.0f32, columns.len() as f32);
+        for (weight, step) in at.to_array().into_iter().zip(step.to_array()) {
+            // weight + x · step ≥ 0; a weight that does not change decides nothing here.
+            let crossing = -weight / step;
+            if step > 0.0 {
+                low = low.max(crossing);
+            } else if step < 0.0 {
+                high = high.min(crossing);
+            }
+        }
+        // Casts saturate: what lies beyond is cut.
+        let first = columns.start.saturating_add((low - 1.0) as usize);
+        let end = columns.start.saturating_add((high + 2.0) as usize);
+        first.min(columns.end)..end.min(columns.end)
+    }
+}
+
+/// Alpha thresholds: the samples of a pixel have evenly spread ones, in an order of the triangle's own, all moved by a share of a step that is
+/// the pixel's: whole multiples of a step come out exactly, what lies between them in the mean of some pixels.
+pub(super) struct Thresholds {
+    samples: usize,
+    count: u32,
+    step: u32,
+    triangle: u32,
+}
+
+impl Thresholds {
+    pub(super) fn new(samples: usize, triangle: u32) -> Self {
+        Self {
+            samples,
+            count: (samples * samples) as u32,
+            // A full-period walk through the samples; 5 and the squares 1 … 256 of 1 … 16 share a factor for multiples of 5 only, 7 serves those.
+            step: if samples.is_multiple_of(5) { 7 } else { 5 },
+            triangle: triangle.wrapping_mul(0x9E37_79B9),
+        }
+    }
+
+    pub(super) fn at(&self, x: usize, y: usize) -> f32 {
+        let place = (y % self.samples * self.samples + x % self.samples) as u32;
+        let pixel = (y / self.samples * TILE + x / self.samples) as u32;
+        let mixed = (self.triangle ^ pixel.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
+        let share = ((mixed >> 20) as f32 + 0.5) / 4096.0;
+        (((place * self.step + (self.triangle >> 16)) % self.count) as f32 + share) / self.count as f32
+    }
+}
