@@ -20,8 +20,10 @@ _SKIPPED = {
     "pixels",
     "depsgraph",
     "select",
+    "tool_settings",
 }
-"""What says nothing of a file, or leads back; and what is selected, which Blender 5.0 leaves to chance for edges."""
+"""What says nothing of a file, or leads back; what is selected, which Blender 5.0 leaves to chance for edges; settings
+of tools, whose brushes Blender 4.2 may have freed."""
 _INTERFACE = {"screens", "workspaces", "window_managers", "brushes", "palettes", "texts", "libraries"}
 
 
