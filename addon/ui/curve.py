@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 from bpy.props import IntProperty
 
@@ -108,6 +110,18 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
             return False
         return True
 
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """What is shown beside the pointer: the settings of this point."""
+        last = measured.last()
+        if last is None or properties.index >= len(last.offers):
+            return ""
+        chosen = last.offers[properties.index]["settings"]
+        return (
+            f"Use the settings of this point: error bound {chosen['epsilon']:g}, {chosen['texture_size']} texels, "
+            f"{chosen['samples']} samples, effort {chosen['effort']}"
+        )
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         last = measured.last()
         assert last is not None
@@ -122,11 +136,19 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
 
 
 def describe(offer: leafcloud.Offer) -> str:
-    """A point in one line."""
-    settings, predicted = offer["settings"], offer["predicted"]
-    return (
-        f"error {predicted['image_error']:.3f} in {predicted['seconds']:.1f} s: bound {settings['epsilon']:g}, "
-        f"{settings['texture_size']} texels, {settings['samples']} samples, {settings['effort']}"
+    """A point in a few words: a sidebar is narrow."""
+    predicted = offer["predicted"]
+    return f"{predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
+
+
+def _is_used(settings: bpy.types.PropertyGroup, offer: leafcloud.Offer) -> bool:
+    """Whether a bake would take this point: its settings, and no wish."""
+    if settings.max_billboards or settings.seconds or settings.image_error:
+        return False
+    chosen = offer["settings"]
+    return math.isclose(settings.epsilon, chosen["epsilon"], rel_tol=1e-6) and (
+        (settings.texture_size, settings.samples, settings.effort)
+        == (chosen["texture_size"], chosen["samples"], chosen["effort"])
     )
 
 
@@ -142,13 +164,13 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
         layout, settings, last = self.layout, context.scene.leafcloud, measured.last()
         layout.operator("leafcloud.curve")
         if last is not None:
-            layout.template_icon(icon_value=last.icon, scale=14.0)
+            layout.template_icon(icon_value=last.icon, scale=_icon_scale(context))
             row = layout.row(align=True)
             for preset, offer in last.presets.items():
-                row.operator("leafcloud.pick", text=preset.title()).index = last.offers.index(offer)
+                _add_point(row, last, settings, offer, preset.title())
             column = layout.column(align=True)
-            for index, offer in enumerate(last.offers):
-                column.operator("leafcloud.pick", text=describe(offer)).index = index
+            for offer in last.offers:
+                _add_point(column, last, settings, offer, describe(offer))
             told = expected(settings)
             if told:
                 layout.label(text=told)
@@ -156,6 +178,29 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
         column.use_property_split, column.use_property_decorate = True, False
         for name in ("samples", "seconds", "image_error"):
             column.prop(settings, name)
+
+
+def _add_point(
+    layout: bpy.types.UILayout,
+    last: measured.Measured,
+    settings: bpy.types.PropertyGroup,
+    offer: leafcloud.Offer,
+    text: str,
+) -> None:
+    """A button that takes a point, pressed where its settings are those that there are."""
+    button = layout.operator("leafcloud.pick", text=text, depress=_is_used(settings, offer))
+    button.index = last.offers.index(offer)
+
+
+_UNIT = 20
+"""Pixels of an icon at scale 1, where the interface is not scaled."""
+
+
+def _icon_scale(context: bpy.types.Context) -> float:
+    """At which the chart is as wide as the panel."""
+    if context.region is None:
+        return 12.0
+    return min(max(context.region.width / (context.preferences.system.ui_scale * _UNIT) - 2.5, 8.0), 30.0)
 
 
 def expected(properties: bpy.types.PropertyGroup) -> str:

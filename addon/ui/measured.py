@@ -14,8 +14,10 @@ from ..baked import Prepared
 from ..pipeline import chain_options
 from ..settings import WISHES
 
-CHART_SIZE = (560, 400)
-"""In pixels."""
+CHART_SIZE = (640, 480)
+"""In pixels: about twice as many as a sidebar has, for fine screens."""
+_TEXT = 2.0
+"""So much larger are its letters than on a page: as large, about, as the panel's own."""
 
 
 @dataclass
@@ -44,7 +46,7 @@ def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
     forget()
     previews = bpy.utils.previews.new()
     width, height = CHART_SIZE
-    picture = curve.picture(title=title, width=width, height=height, offered=True)
+    picture = curve.picture("offers", title=title, width=width, height=height, text=_TEXT)
     preview = previews.new("chart")
     preview.image_size = (width, height)
     # Blender's rows go up.

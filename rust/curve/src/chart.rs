@@ -12,7 +12,7 @@ use plotters::style::{FontStyle, register_font};
 
 use crate::front::front;
 use crate::sweep::Point;
-use crate::within::Offer;
+use crate::within::{Offer, Preset};
 
 /// What stands on the horizontal axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,15 +79,29 @@ pub struct Series {
 #[derive(Clone, Debug)]
 pub struct Chart {
     title: String,
-    cost: &'static str,
+    /// What the axes are called: across, up.
+    axes: [&'static str; 2],
     series: Vec<Series>,
+    /// Points that have names.
+    named: Vec<((f64, f64), String)>,
+}
+
+/// How large a chart is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Size {
+    /// In pixels, in [240, 8192].
+    pub width: u32,
+    /// Likewise.
+    pub height: u32,
+    /// Letters and lines, as a multiple of what suits a page, in [0.5, 4]: more where the chart is shown small.
+    pub text: f64,
 }
 
 /// Errors are shown as a share of what can be at most.
 const ERROR: &str = "image error (mean FLIP, 0 to 1)";
 
-/// Sides in pixels that a chart may have.
 const SIDES: std::ops::RangeInclusive<u32> = 240..=8192;
+const TEXTS: std::ops::RangeInclusive<f64> = 0.5..=4.0;
 
 impl Chart {
     /// What was measured, a line for each method.
@@ -103,44 +117,56 @@ impl Chart {
                 None => series.push(Series { name: name.to_owned(), points: vec![place] }),
             }
         }
-        Self { title: title.to_owned(), cost: cost.label(), series }
+        Self { title: title.to_owned(), axes: [cost.label(), ERROR], series, named: Vec::new() }
     }
 
-    /// What is predicted for all the leaves.
+    /// What is predicted for all the leaves, the presets by name: for a panel, so what says itself is left out.
     #[must_use]
     pub fn of_offers(title: &str, offers: &[Offer]) -> Self {
-        let points = offers.iter().map(|o| (o.predicted.seconds, o.predicted.image_error.max(1e-3))).collect();
-        let series = vec![Series { name: "predicted for this tree".to_owned(), points }];
-        Self { title: title.to_owned(), cost: Cost::Seconds.label(), series }
+        let place = |offer: &Offer| (offer.predicted.seconds, offer.predicted.image_error.max(1e-3));
+        let mut named: Vec<((f64, f64), String)> = Vec::new();
+        for preset in Preset::ALL {
+            let Some(at) = preset.of(offers).map(place) else { continue };
+            match named.iter_mut().find(|(other, _)| *other == at) {
+                Some((_, name)) => *name = format!("{name}, {}", preset.name()),
+                None => named.push((at, preset.name().to_owned())),
+            }
+        }
+        let series = vec![Series { name: "predicted".to_owned(), points: offers.iter().map(place).collect() }];
+        Self { title: title.to_owned(), axes: ["seconds to build", "image error (FLIP)"], series, named }
     }
 
     /// As an SVG file.
     ///
     /// # Errors
-    /// A side that is not from 240 to 8192; nothing to show.
-    pub fn svg(&self, width: u32, height: u32) -> Result<String> {
-        self.check(width, height)?;
+    /// A size out of range; nothing to show.
+    pub fn svg(&self, size: Size) -> Result<String> {
+        self.check(size)?;
         let mut text = String::new();
-        self.draw(&SVGBackend::with_string(&mut text, (width, height)).into_drawing_area(), 1.0)?;
+        self.draw(&SVGBackend::with_string(&mut text, (size.width, size.height)).into_drawing_area(), size.text)?;
         Ok(text)
     }
 
     /// As pixels.
     ///
     /// # Errors
-    /// A side that is not from 240 to 8192; nothing to show.
-    pub fn picture(&self, width: u32, height: u32) -> Result<Image> {
-        self.check(width, height)?;
+    /// A size out of range; nothing to show.
+    pub fn picture(&self, size: Size) -> Result<Image> {
+        self.check(size)?;
+        let Size { width, height, text } = size;
         let mut codes = vec![255u8; (3 * width * height) as usize];
-        let scale = f64::from(width.min(height * 3 / 2)) / 720.0;
-        self.draw(&BitMapBackend::with_buffer(&mut codes, (width, height)).into_drawing_area(), scale.max(0.5))?;
+        let scale = (f64::from(width.min(height * 3 / 2)) / 720.0).max(0.5);
+        self.draw(&BitMapBackend::with_buffer(&mut codes, (width, height)).into_drawing_area(), scale * text)?;
         let pixels = codes.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 255]).collect::<Vec<_>>();
         Image::new(width as usize, height as usize, pixels)
     }
 
-    fn check(&self, width: u32, height: u32) -> Result<()> {
-        if let Some(side) = [width, height].into_iter().find(|side| !SIDES.contains(side)) {
+    fn check(&self, size: Size) -> Result<()> {
+        if let Some(side) = [size.width, size.height].into_iter().find(|side| !SIDES.contains(side)) {
             return Err(Error::invalid(format!("a chart's side is {side} pixels; it must be from 240 to 8192")));
+        }
+        if !TEXTS.contains(&size.text) {
+            return Err(Error::invalid(format!("a chart's text is {}; it must be from 0.5 to 4", size.text)));
         }
         if self.all().next().is_none() {
             return Err(Error::invalid("a chart has no points; measure some first"));
@@ -166,8 +192,9 @@ impl Chart {
         let text = |size: f64| (FONT, size * scale).into_font().color(&INK);
         let size = |pixels: f64| (pixels * scale).round().max(1.0) as u32;
         area.fill(&WHITE)?;
-        let across = Axis::around(self.all().map(|p| p.0), MOST_TICKS.0);
-        let up = Axis::around(self.all().map(|p| p.1), MOST_TICKS.1);
+        let (width, height) = area.dim_in_pixel();
+        let across = Axis::around(self.all().map(|p| p.0), (f64::from(width) / (90.0 * scale)) as usize);
+        let up = Axis::around(self.all().map(|p| p.1), (f64::from(height) / (50.0 * scale)) as usize);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, text(20.0))
             .margin(size(14.0))
@@ -179,13 +206,12 @@ impl Chart {
             .configure_mesh()
             .bold_line_style(GRID)
             .light_line_style(TRANSPARENT)
-            .x_desc(self.cost)
-            .y_desc(ERROR)
+            .x_desc(self.axes[0])
+            .y_desc(self.axes[1])
             .label_style(text(14.0))
             .axis_desc_style(text(15.0))
             .axis_style(INK)
             .draw()?;
-        let on_front = front_of(&self.all().collect::<Vec<_>>());
         let ring = ShapeStyle { color: INK.to_rgba(), filled: false, stroke_width: size(2.0) };
         for (series, color) in self.series.iter().zip(COLORS.iter().cycle()) {
             let line = front_of(&series.points).into_iter().map(logs);
@@ -198,19 +224,45 @@ impl Chart {
                 .legend(move |(x, y)| Circle::new((x + 10, y), radius, color.filled()));
         }
         let radius = size(7.0) as i32;
-        chart
-            .draw_series(on_front.into_iter().map(|p| Circle::new(logs(p), radius, ring)))?
-            .label("nothing is better in both")
-            .legend(move |(x, y)| Circle::new((x + 10, y), radius, ring));
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(GRID)
-            .label_font(text(14.0))
-            .draw()?;
+        if self.named.is_empty() {
+            let on_front = front_of(&self.all().collect::<Vec<_>>());
+            chart
+                .draw_series(on_front.into_iter().map(|p| Circle::new(logs(p), radius, ring)))?
+                .label("nothing is better in both")
+                .legend(move |(x, y)| Circle::new((x + 10, y), radius, ring));
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(GRID)
+                .label_font(text(14.0))
+                .draw()?;
+        }
+        let mut taken: Vec<[i32; 4]> = Vec::new();
+        for (place, name) in &self.named {
+            let at = chart.backend_coord(&logs(*place));
+            let (wide, high) = area.estimate_text_size(name, &text(15.0))?;
+            let beside = beside(at, [wide as i32, high as i32], radius, width as i32, &taken);
+            taken.push([beside.0, beside.1, beside.0 + wide as i32, beside.1 + high as i32]);
+            area.draw(&Circle::new(at, radius, ring))?;
+            area.draw(&Text::new(name.as_str(), beside, text(15.0)))?;
+        }
         area.present()
     }
+}
+
+/// The upper left corner of a name of this size at a point of a line that falls, so that there is room above it: to the right
+/// where the page goes on, and above what is `taken` (left, top, right, bottom).
+fn beside((x, y): (i32, i32), [wide, high]: [i32; 2], gap: i32, width: i32, taken: &[[i32; 4]]) -> (i32, i32) {
+    let left = if x + gap + wide < width { x + gap } else { x - wide };
+    let mut top = y - gap - high;
+    let overlaps = |o: &[i32; 4], top: i32| {
+        left < o[2] + gap && o[0] < left + wide + gap && top < o[3] + gap && o[1] < top + high + gap
+    };
+    while let Some(other) = taken.iter().find(|other| overlaps(other, top)) {
+        top = other[1] - high - gap;
+    }
+    (left, top)
 }
 
 const FONT: &str = "DejaVu Sans, sans-serif";
@@ -248,9 +300,6 @@ fn written(log: f64) -> String {
     let exact = short.parse().is_ok_and(|short: f64| (short / value - 1.0).abs() < 0.01);
     if exact { short } else { format!("{value:.0$}", digits + 1) }
 }
-
-/// At most so many ticks across and up: their labels must not touch.
-const MOST_TICKS: (usize, usize) = (7, 9);
 
 /// A logarithmic axis: from where to where it goes, and its ticks, all as decimal logarithms.
 struct Axis {

@@ -7,7 +7,7 @@ use leafcloud::error::Error;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{ChainSettings, PruneSettings};
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_curve::chart::{Chart, Cost};
+use leafcloud_curve::chart::{Chart, Cost, Size};
 use leafcloud_curve::{
     Choice, Curve, Model, Point, Preset, Stages, Sweep, Wish, build_within, front, measure, offers, sweep,
 };
@@ -228,29 +228,42 @@ fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     found
 }
 
+fn assert_texts_lie_apart(chart: &Chart, size: Size) -> Vec<String> {
+    let texts = texts(&chart.svg(size).unwrap());
+    let (width, height) = (f64::from(size.width), f64::from(size.height));
+    for (i, (name, a)) in texts.iter().enumerate() {
+        assert!(a[0] >= 0.0 && a[2] <= width && a[1] >= 0.0 && a[3] <= height, "{name} {a:?} leaves {size:?}");
+        for (other, b) in &texts[i + 1..] {
+            let apart = a[2] <= b[0] || b[2] <= a[0] || a[3] <= b[1] || b[3] <= a[1];
+            assert!(apart, "{name:?} {a:?} touches {other:?} {b:?} at {size:?}");
+        }
+    }
+    texts.into_iter().map(|(text, _)| text).collect()
+}
+
 #[test]
 fn charts_have_units_and_texts_that_do_not_touch() {
     let curve = lawful();
     for cost in Cost::ALL {
         let chart = Chart::of_points("a tree: what accuracy costs", &curve.points, cost);
         for (width, height) in [(960, 640), (640, 440)] {
-            let svg = chart.svg(width, height).unwrap();
-            let texts = texts(&svg);
+            let texts = assert_texts_lie_apart(&chart, Size { width, height, text: 1.0 });
             let unit = ["(s)", "(count)", "(MiB)"][cost as usize];
-            assert!(texts.iter().any(|t| t.0.contains(unit)), "{svg}");
-            assert!(texts.iter().any(|t| t.0.contains("image error (mean FLIP, 0 to 1)")));
+            assert!(texts.iter().any(|t| t.contains(unit)), "{texts:?}");
+            assert!(texts.iter().any(|t| t.contains("image error (mean FLIP, 0 to 1)")));
             assert!(texts.len() >= 8);
-            for (i, (name, a)) in texts.iter().enumerate() {
-                assert!(
-                    a[0] >= 0.0 && a[2] <= f64::from(width) && a[1] >= 0.0 && a[3] <= f64::from(height),
-                    "{name} {a:?}"
-                );
-                for (other, b) in &texts[i + 1..] {
-                    let apart = a[2] <= b[0] || b[2] <= a[0] || a[3] <= b[1] || b[3] <= a[1];
-                    assert!(apart, "{name:?} {a:?} touches {other:?} {b:?} at {width} × {height}");
-                }
-            }
         }
+    }
+}
+
+/// A panel is narrow: letters are large, and the presets stand at their points.
+#[test]
+fn offers_have_names_that_do_not_touch() {
+    let chart = Chart::of_offers("a tree", &offers(&lawful()));
+    for text in [1.0, 2.0] {
+        let texts = assert_texts_lie_apart(&chart, Size { width: 640, height: 480, text });
+        let names: Vec<&str> = texts.iter().flat_map(|t| t.split(", ")).collect();
+        assert!(Preset::ALL.iter().all(|preset| names.contains(&preset.name())), "{names:?}");
     }
 }
 
@@ -258,16 +271,18 @@ fn charts_have_units_and_texts_that_do_not_touch() {
 fn pictures_have_the_size_that_was_asked_for() {
     let curve = lawful();
     let chart = Chart::of_offers("a tree", &offers(&curve));
-    let picture = chart.picture(480, 320).unwrap();
+    let size = Size { width: 480, height: 320, text: 1.0 };
+    let picture = chart.picture(size).unwrap();
     assert_eq!((picture.width(), picture.height()), (480, 320));
     assert!(picture.pixels().iter().all(|p| p[3] == 255));
     assert!(picture.pixels().iter().any(|p| *p != [255; 4]));
-    assert!(chart.svg(100, 400).unwrap_err().to_string().contains("from 240 to 8192"));
-    assert!(Chart::of_points("", &[], Cost::Bytes).svg(480, 320).unwrap_err().to_string().contains("no points"));
+    assert!(chart.svg(Size { width: 100, ..size }).unwrap_err().to_string().contains("from 240 to 8192"));
+    assert!(chart.svg(Size { text: f64::NAN, ..size }).unwrap_err().to_string().contains("from 0.5 to 4"));
+    assert!(Chart::of_points("", &[], Cost::Bytes).svg(size).unwrap_err().to_string().contains("no points"));
     assert!(Cost::from_name("euro").unwrap_err().to_string().contains("seconds, billboards, bytes"));
     let other = Choice { method: Method::Density, effort: Effort::Default, ..curve.points[0].choice };
     let mut points = curve.points.clone();
     points.push(Point { choice: other, ..points[0].clone() });
-    let svg = Chart::of_points("two", &points, Cost::Seconds).svg(640, 480).unwrap();
+    let svg = Chart::of_points("two", &points, Cost::Seconds).svg(size).unwrap();
     assert!(svg.contains("density") && svg.contains("stochastic"));
 }

@@ -384,12 +384,25 @@ class Curve:
         """Seconds and error of a chain with these options of :func:`build_chain`: settings act by factors, read off
         between the rows on logarithmic axes. Raises ``LeafcloudError`` for options out of range."""
     def svg(
-        self, cost: Cost = "seconds", *, title: str = "", width: int = 960, height: int = 640, offered: bool = False
+        self,
+        over: Cost | Literal["offers"] = "seconds",
+        *,
+        title: str = "",
+        width: int = 960,
+        height: int = 640,
+        text: float = 1.0,
     ) -> str:
-        """A chart of error over ``cost``, each method a line, the front ringed; ``offered`` shows the offers by
-        predicted seconds in place of the rows. Sides in [240, 8192]."""
+        """A chart of error over a cost, each method a line, the front ringed; ``"offers"`` shows the offers by
+        predicted seconds, and the presets by name. Sides in [240, 8192] pixels; ``text``: the size of letters and
+        lines, in [0.5, 4], of what suits a page."""
     def picture(
-        self, cost: Cost = "seconds", *, title: str = "", width: int = 960, height: int = 640, offered: bool = False
+        self,
+        over: Cost | Literal["offers"] = "seconds",
+        *,
+        title: str = "",
+        width: int = 960,
+        height: int = 640,
+        text: float = 1.0,
     ) -> NDArray[np.uint8]:
         """The same as (height, width, 4) pixels."""
 

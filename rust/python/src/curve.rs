@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use leafcloud::fit::Named;
-use leafcloud_curve::chart::{Chart, Cost};
+use leafcloud_curve::chart::{Chart, Cost, Size};
 use leafcloud_curve::{Choice, Curve, Model, Offer, Point, Prediction, Preset, Sweep, offers};
 use numpy::PyArray3;
 use pyo3::prelude::*;
@@ -63,34 +63,34 @@ impl PyCurve {
         prediction(py, &Model::new(&self.0).predict(&Choice::of(&settings)))
     }
 
-    #[pyo3(signature = (cost = "seconds", *, title = "", width = 960, height = 640, offered = false))]
-    fn svg(&self, py: Python<'_>, cost: &str, title: &str, width: u32, height: u32, offered: bool) -> PyResult<String> {
-        Ok(py.detach(|| guard(|| self.chart(cost, title, offered)?.svg(width, height)))?)
+    #[pyo3(signature = (over = "seconds", *, title = "", width = 960, height = 640, text = 1.0))]
+    fn svg(&self, py: Python<'_>, over: &str, title: &str, width: u32, height: u32, text: f64) -> PyResult<String> {
+        let size = Size { width, height, text };
+        Ok(py.detach(|| guard(|| self.chart(over, title)?.svg(size)))?)
     }
 
-    #[pyo3(signature = (cost = "seconds", *, title = "", width = 960, height = 640, offered = false))]
+    #[pyo3(signature = (over = "seconds", *, title = "", width = 960, height = 640, text = 1.0))]
     fn picture<'py>(
         &self,
         py: Python<'py>,
-        cost: &str,
+        over: &str,
         title: &str,
         width: u32,
         height: u32,
-        offered: bool,
+        text: f64,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let image = py.detach(|| guard(|| self.chart(cost, title, offered)?.picture(width, height)))?;
+        let size = Size { width, height, text };
+        let image = py.detach(|| guard(|| self.chart(over, title)?.picture(size)))?;
         image_array(py, &image)
     }
 }
 
 impl PyCurve {
-    fn chart(&self, cost: &str, title: &str, offered: bool) -> leafcloud::Result<Chart> {
-        let cost = Cost::from_name(cost)?;
-        Ok(if offered {
-            Chart::of_offers(title, &offers(&self.0))
-        } else {
-            Chart::of_points(title, &self.0.points, cost)
-        })
+    fn chart(&self, over: &str, title: &str) -> leafcloud::Result<Chart> {
+        if over == "offers" {
+            return Ok(Chart::of_offers(title, &offers(&self.0)));
+        }
+        Ok(Chart::of_points(title, &self.0.points, Cost::from_name(over)?))
     }
 }
 
