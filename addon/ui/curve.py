@@ -12,6 +12,7 @@ import leafcloud
 from ..job import POLL_SECONDS, wait
 from ..pipeline import layer_of, prepare, start_curve
 from ..scene.extract import extract
+from ..settings import SettingsError
 from . import measured, operators
 from .properties import bake_settings, leaf_names
 
@@ -204,11 +205,14 @@ def _icon_scale(context: bpy.types.Context) -> float:
 
 
 def expected(properties: bpy.types.PropertyGroup) -> str:
-    """What the curve says of the settings as they are; empty where it says nothing."""
+    """What the curve says of the settings as they are, or why no bake can follow them; empty where it says nothing."""
     last = measured.last()
     if last is None or properties.chain != "billboards" or properties.seconds or properties.image_error:
         return ""
     names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
-    settings = bake_settings(properties)
+    try:
+        settings = bake_settings(properties)
+    except SettingsError as error:
+        return str(error)
     predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
     return f"Expected: {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
