@@ -33,6 +33,7 @@ EFFECTS = (
     "translucency",
     "occlusion",
     "self_shadowing",
+    "shadow_proxy",
     "leaf_map",
     "contrast",
     "wind",

@@ -98,6 +98,10 @@ def _texels(known: Amounts) -> int:
     return known.texels
 
 
+def _first_texels(known: Amounts) -> int:
+    return known.texels - known.far_texels
+
+
 def _far_texels(known: Amounts) -> int:
     return known.far_texels
 
@@ -118,6 +122,7 @@ RATES: dict[str, Rate] = {
     "translucency": Rate(_texels, 0.0, 2.6e-7, BYTES_PER_TEXEL),
     "occlusion": Rate(_texels, 0.6, 0.0, 0.0),
     "self_shadowing": Rate(_texels, 0.0, 5.7e-7, BYTES_PER_TEXEL),
+    "shadow_proxy": Rate(_first_texels, 0.0, 1.0e-7, BYTES_PER_TEXEL),
     "leaf_map": Rate(_texels, 0.0, 5.7e-7, 2 * BYTES_PER_TEXEL),
     "contrast": Rate(_triangles, 0.2, 1.4e-5, 0.0),
     "wind": Rate(_vertices, 0.5, 6.0e-7, 20.0),
