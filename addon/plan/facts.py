@@ -69,6 +69,11 @@ class Facts:
     """The scene's render engine, as Blender names it."""
 
     @property
+    def depth(self) -> float:
+        """How many leaves a line of sight meets, about: their area over that of a disc around the crown."""
+        return self.area / (math.pi * self.radius**2)
+
+    @property
     def leaf_size(self) -> float:
         """The side of a square as large as a leaf is in the mean, world units."""
         return math.sqrt(self.area / self.leaves) if self.leaves else 0.0
