@@ -85,12 +85,12 @@ class LEAFCLOUD_OT_curve(bpy.types.Operator):
         self._name = (context.active_object or sources[0]).name
         tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
         prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
-        self._triangles = prepared.foliage.triangle_count
+        self._tree = measured.shape_of(prepared.foliage)
         self._job = start_curve(prepared, quick=True)
         operators.running.append(self._job)
 
     def _end(self, curve: leafcloud.Curve) -> set[str]:
-        measured.keep(curve, self._name, self._triangles)
+        measured.keep(curve, self._name, self._tree)
         self.report({"INFO"}, f"Measured {len(curve.rows)} settings of {self._name}")
         return {"FINISHED"}
 

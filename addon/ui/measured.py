@@ -20,6 +20,15 @@ _TEXT = 2.0
 """So much larger are its letters than on a page: as large, about, as the panel's own."""
 
 
+Shape = tuple[int, int, float, float]
+"""Triangles, leaves, radius and area of a tree's leaves: by these it is known again."""
+
+
+def shape_of(foliage: leafcloud.Foliage) -> Shape:
+    """What a tree is known again by."""
+    return foliage.triangle_count, foliage.leaf_count, foliage.radius, foliage.area
+
+
 @dataclass
 class Measured:
     """A curve of one tree, in a preview collection of its own."""
@@ -27,7 +36,7 @@ class Measured:
     curve: leafcloud.Curve
     offers: list[leafcloud.Offer]
     presets: dict[leafcloud.Preset, leafcloud.Offer]
-    triangles: int
+    tree: Shape
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
     """Of the chart; 0 where Blender has no previews to show."""
@@ -41,8 +50,8 @@ def last() -> Measured | None:
     return _last[-1] if _last else None
 
 
-def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
-    """Keeps a curve and its chart in place of the one before."""
+def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
+    """Keeps the curve of a tree and its chart in place of the one before."""
     forget()
     previews = bpy.utils.previews.new()
     width, height = CHART_SIZE
@@ -51,7 +60,7 @@ def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
     preview.image_size = (width, height)
     # Blender's rows go up.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
-    _last.append(Measured(curve, curve.offers, curve.presets, triangles, previews, preview.icon_id))
+    _last.append(Measured(curve, curve.offers, curve.presets, tree, previews, preview.icon_id))
 
 
 def forget() -> None:
@@ -61,9 +70,9 @@ def forget() -> None:
 
 
 def predicted(prepared: Prepared) -> Prepared:
-    """With what the curve says of it, where one of as many triangles was measured and no wish is to choose settings."""
+    """With what the curve says of it, where that of the same tree was measured and no wish is to choose settings."""
     measured, settings = last(), prepared.settings
-    if measured is None or measured.triangles != prepared.foliage.triangle_count:
+    if measured is None or measured.tree != shape_of(prepared.foliage):
         return prepared
     if settings.chain != "billboards" or any(getattr(settings, wish) is not None for wish in WISHES):
         return prepared
