@@ -50,6 +50,7 @@ from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
 from .scene.shading import gloss_of
+from .scene.surface import read_surface
 from .scene.survey import survey
 from .scene.translucency import translucent_of
 from .scene.wind import wind_on
@@ -76,6 +77,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         area=shape.area,
         glossy=gloss_of(leaves.materials).varies,
         translucent=translucent_of(leaves.materials).material,
+        one_color=_is_one_color(leaves),
         blended=blended,
     )
     if layer is None or not tree.sources:
@@ -87,6 +89,13 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     return replace(
         facts, camera=camera, lights=around.lights, wind=wind_on(tree.sources, scene), renderer=scene.render.engine
     )
+
+
+def _is_one_color(leaves: Geometry) -> bool:
+    """Whether the leaves' base colour is the same number all over."""
+    surfaces = [read_surface(material) for material in leaves.materials]
+    varied = any(surface.color_texture or surface.color_attribute or surface.gaps for surface in surfaces)
+    return not varied and len({surface.color for surface in surfaces}) == 1
 
 
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> tuple[Effect, ...]:

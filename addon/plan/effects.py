@@ -231,6 +231,8 @@ _WORTH_A_PROXY = 2000
 def _contrast(scene: _Scene) -> Effect:
     if scene.settings.chain == "billboards" or scene.facts.leaves == 1:
         return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
+    if scene.facts.one_color:
+        return Effect("contrast", False, "all leaves are of one colour, there is no contrast to keep")
     pruning = asked_effects(scene.settings.effects).state("pruning")
     if not (_pruning(scene).on if pruning is None else pruning):
         return Effect("contrast", False, f"{scene.where}, where no leaf is pruned")

@@ -58,6 +58,8 @@ class Facts:
     """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
     translucent: str | None = None
     """A leaf material through which light shines."""
+    one_color: bool = False
+    """Whether all leaves have one base colour, all over."""
     blended: tuple[str, ...] = ()
     """The leaf materials that are neither opaque nor cut out."""
     camera: Camera | None = None
