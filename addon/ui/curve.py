@@ -170,7 +170,7 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
             for preset, offer in last.presets.items():
                 _add_point(row, last, settings, offer, preset.title())
             column = layout.column(align=True)
-            for offer in last.offers:
+            for offer in last.shown:
                 _add_point(column, last, settings, offer, describe(offer))
             told = expected(settings)
             if told:

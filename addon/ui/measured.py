@@ -16,7 +16,9 @@ from ..settings import WISHES
 
 CHART_SIZE = (640, 480)
 """In pixels: about twice as many as a sidebar has, for fine screens."""
-_TEXT = 2.0
+_SHOWN = 8
+"""Points that are listed, about."""
+_TEXT = 2.4
 """So much larger are its letters than on a page: as large, about, as the panel's own."""
 
 
@@ -36,6 +38,8 @@ class Measured:
     curve: leafcloud.Curve
     offers: list[leafcloud.Offer]
     presets: dict[leafcloud.Preset, leafcloud.Offer]
+    shown: list[leafcloud.Offer]
+    """Some of the offers, even in error, the presets among them: as many as a panel has room for."""
     tree: Shape
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
@@ -60,7 +64,17 @@ def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
     preview.image_size = (width, height)
     # Blender's rows go up.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
-    _last.append(Measured(curve, curve.offers, curve.presets, tree, previews, preview.icon_id))
+    _last.append(Measured(curve, curve.offers, curve.presets, _some(curve), tree, previews, preview.icon_id))
+
+
+def _some(curve: leafcloud.Curve) -> list[leafcloud.Offer]:
+    def error(offer: leafcloud.Offer) -> float:
+        return max(offer["predicted"]["image_error"], 1e-6)
+
+    offers = curve.offers
+    wanted = np.geomspace(error(offers[0]), error(offers[-1]), _SHOWN)
+    nearest = [min(offers, key=lambda offer: abs(np.log(error(offer) / each))) for each in wanted]
+    return [offer for offer in offers if offer in nearest or offer in curve.presets.values()]
 
 
 def forget() -> None:
