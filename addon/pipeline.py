@@ -26,6 +26,8 @@ import leafcloud
 from .baked import Baked, Prepared
 from .build.contrast import mean_color
 from .build.levels import BuiltLevel, Costs, Plan, build_levels
+from .build.rollback import removed_on_failure
+from .build.shadow_proxy import add_shadow_proxy, left_out, shadow_proxy_of
 from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
@@ -48,6 +50,7 @@ from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
 from .scene.shading import gloss_of
+from .scene.surface import read_surface
 from .scene.survey import survey
 from .scene.translucency import translucent_of
 from .scene.wind import wind_on
@@ -74,6 +77,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         area=shape.area,
         glossy=gloss_of(leaves.materials).varies,
         translucent=translucent_of(leaves.materials).material,
+        one_color=_is_one_color(leaves),
         blended=blended,
     )
     if layer is None or not tree.sources:
@@ -85,6 +89,13 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     return replace(
         facts, camera=camera, lights=around.lights, wind=wind_on(tree.sources, scene), renderer=scene.render.engine
     )
+
+
+def _is_one_color(leaves: Geometry) -> bool:
+    """Whether the leaves' base colour is the same number all over."""
+    surfaces = [read_surface(material) for material in leaves.materials]
+    varied = any(surface.color_texture or surface.color_attribute or surface.gaps for surface in surfaces)
+    return not varied and len({surface.color for surface in surfaces}) == 1
 
 
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> tuple[Effect, ...]:
@@ -240,7 +251,11 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
     )
-    collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
+    with removed_on_failure():
+        collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
+        if is_on(prepared.effects, "shadow_proxy"):
+            with costs.spent_on("shadow_proxy", levels[0].base_color.nbytes):
+                add_shadow_proxy(collection, levels[0], prepared.placement)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
     return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
@@ -356,6 +371,9 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
                 gltf.export_level(level, file)
                 textures.add_to(file)
                 seconds.append(time.perf_counter() - begin)
+            if (shadow := shadow_proxy_of(baked.collection)) is not None:
+                changes.enter_context(left_out(baked.collection, shadow))
+                gltf.export_objects([shadow], staging.path(f"{shadow.name}.glb"))
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
             gltf.export_collection(baked.collection, file)

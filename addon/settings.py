@@ -1,23 +1,27 @@
-"""What a bake is asked to do: checked where it is made, so that nothing behind it has to check again."""
+"""What a bake is asked to do: each setting stands here once, with its limits and its words. Flags, properties and
+checks are made of these; nothing behind them has to check again."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Literal, TypedDict, get_args
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Literal, TypedDict, get_type_hints
+
+from .setting import Described, Limits, Setting
 
 Method = Literal["stochastic", "density", "kmeans"]
 Effort = Literal["literal", "default", "final", "best"]
 Preset = Literal["draft", "balanced", "final"]
 
-METHODS = get_args(Method)
-EFFORTS = get_args(Effort)
-PRESETS = get_args(Preset)
 WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, page, samples and effort by a quick cost curve; one of them at most."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
-CHAINS = ("billboards", "pruning", "both")
+CHAINS = {
+    "billboards": "all leaves until the first cloud takes over",
+    "pruning": "ever fewer leaves, then the cross",
+    "both": "fewer leaves on the way to a first cloud of those that are left",
+}
 EFFECTS = (
     "transitions",
     "pruning",
@@ -29,6 +33,7 @@ EFFECTS = (
     "translucency",
     "occlusion",
     "self_shadowing",
+    "shadow_proxy",
     "leaf_map",
     "contrast",
     "wind",
@@ -40,141 +45,277 @@ CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")
 """What a list of effects may begin with in place of names."""
-VIEWERS = ("camera", "anywhere")
 
-MOST_LEVELS = 8
 SMALLEST_TEXTURE = 64
-LARGEST_TEXTURE = 16384
-MOST_CANDIDATES = 1_000_000
-LARGEST_SEED = 2**63 - 1
 
 
 class SettingsError(ValueError):
     """A setting that cannot be followed. One line: the flag, its value, its limit, what to do."""
 
 
+_SHARE = Limits(0, 1)
+_POSITIVE = Limits(0, above=True)
+
+
 @dataclass(frozen=True)
 class BakeSettings:
     """The settings of one bake, the same from the command line and from the interface.
 
-    epsilon: greatest distance that a vertex of level 1 may move along its plane's normal, as a share of R; in (0, 1].
-    candidates: planes tried per billboard; ≥ 1.
-    levels: number of clouds behind the leaves; 1 … 8.
-    method: the fitter.
-    effort: how long the method stochastic searches.
-    max_billboards: level 1 has at most so many, at the smallest epsilon found that does; `epsilon` is then not used.
-    max_texels: the same for texels as long as epsilon / 8, but not below `epsilon`.
-    max_size: how far a billboard's leaves may lie from where it was found, as a share of R; at least epsilon.
-    compact: billboards are parted at gaps of this share of R.
-    gather: how much leaves prefer billboards whose middle is near: smaller billboards, less of them empty; ≥ 0.
-    max_corners: corners of a billboard's outline, 4 for rectangles; 3 … 16.
-    whole_leaves: whether leaves stay on one billboard at the cost of more billboards.
-    vertical: what a billboard that lies flat loses when it is chosen; 0 … 1.
-    views: likely directions of view; facing_views: what a billboard loses that none of them sees face-on; 0 … 1.
-    image_epsilon, viewing_distance: no vertex moves by more than this angle, in radians, seen from no nearer than this
-        distance, a share of R above 1; both or neither.
-    seed: of every random choice; ≥ 0.
-    texture_size: columns of level 1's atlas in texels, halved with every level, not below 64; 64 … 16384.
-    texture_height: its rows; None makes it square; 64 … 16384.
-    samples: of each texel, along each of its sides; 1 … 16.
-    seconds: the levels are as good as they get in so many, looking for settings among them; > 0.
-    image_error: level 1 has at most this, as quickly as may be; in (0, 1).
-    preset: a place on the cost curve: within twice the least error, within a quarter of it, the least.
-        Each of these three chooses epsilon, samples, effort, and a page not above texture_size.
-    close_cracks: whether billboards also show the parts of other billboards' leaves that lie within ε of their plane.
-    cross: whether crossed billboards of the whole tree follow behind the clouds.
-    bend_normals: the share by which the billboards' normals are bent toward the hull of the crown; 0 … 1.
-    effects: "auto", "all", "none", or names out of `EFFECTS` with commas between them; +NAME and -NAME behind that
-        force one on or off, and alone they do so over "auto".
-    engine: which engine the glTF files are meant for.
-    viewer: who looks at the levels: "camera", those of the scene where it has any and no engine is named; "anywhere".
-    unlit: whether what draws the levels shows their colours as they are, without any light.
-    chain: how the levels follow one another: "billboards", all leaves until level 1; "pruning", ever fewer leaves and
-        then the cross; "both", level 1 of the leaves that pruning has left.
-    prune_pixels: in the latter two leaves are pruned where one is seen smaller than this many pixels; > 0.
-    prune_half: half of the leaves are left at the distance where that begins, divided by this; in (0, ½].
-    pixels: a level takes over where its greatest deviation is seen smaller than this many pixels; > 0.
-
-    Raises `SettingsError` for a value outside its range.
+    R is the radius of the bounding sphere of the leaves. Raises `SettingsError` for a value outside its limits, and for
+    settings that exclude one another.
     """
 
-    epsilon: float = 0.04
-    candidates: int = 600
-    levels: int = 2
-    method: Method = "stochastic"
-    effort: Effort = "default"
-    max_billboards: int | None = None
-    max_texels: int | None = None
-    max_size: float | None = None
-    compact: float | None = None
-    gather: float = 0.0
-    max_corners: int = 4
-    whole_leaves: bool = False
-    vertical: float = 0.0
-    views: tuple[tuple[float, float, float], ...] = ()
-    facing_views: float = 0.0
-    image_epsilon: float | None = None
-    viewing_distance: float | None = None
-    seed: int = 0
-    texture_size: int = 2048
-    texture_height: int | None = None
-    samples: int = 4
-    seconds: float | None = None
-    image_error: float | None = None
-    preset: Preset | None = None
-    close_cracks: bool = False
-    cross: bool = True
-    bend_normals: float = 0.0
-    effects: str = "auto"
-    engine: str = "generic"
-    viewer: str = "camera"
-    unlit: bool = False
-    chain: str = "billboards"
-    prune_pixels: float = 16.0
-    prune_half: float = 0.5
-    pixels: float = 8.0
+    epsilon: Annotated[
+        float,
+        Setting(
+            "how far a leaf may move along its billboard's normal on level 1, as a share of the crown's radius R",
+            "SHARE",
+            Limits(0, 1, above=True),
+        ),
+    ] = 0.04
+    candidates: Annotated[
+        int,
+        Setting(
+            "planes tried per billboard: more make fewer billboards, and take longer", "COUNT", Limits(1, 1_000_000)
+        ),
+    ] = 600
+    levels: Annotated[
+        int, Setting("billboard clouds behind the leaves, the cross not counted", "COUNT", Limits(1, 8))
+    ] = 2
+    cross: Annotated[bool, Setting("crossed billboards of the whole tree behind the clouds")] = True
+    method: Annotated[
+        Method,
+        Setting(
+            "the fitter",
+            "NAME",
+            choices={
+                "stochastic": "planes through leaves drawn at random",
+                "density": "the greedy planes of billboard clouds",
+                "kmeans": "leaves parted into as many billboards as max_billboards says",
+            },
+        ),
+    ] = "stochastic"
+    effort: Annotated[
+        Effort,
+        Setting(
+            "how long the method stochastic looks for few billboards",
+            "NAME",
+            choices={
+                "literal": "the published algorithm, for comparison",
+                "default": "all offsets of all directions, greedily: a fraction of a second",
+                "final": "then a search for fewer billboards: seconds",
+                "best": "the same, ten times as long",
+            },
+        ),
+    ] = "default"
+    max_billboards: Annotated[
+        int | None,
+        Setting(
+            "at most so many on level 1, at the smallest error bound found that does",
+            "COUNT",
+            Limits(1),
+            unset="as many as the error bound asks for",
+        ),
+    ] = None
+    max_texels: Annotated[
+        int | None,
+        Setting(
+            "level 1 needs at most so many, each an eighth of the error bound long, at the smallest bound found that "
+            "does, but not below epsilon",
+            "COUNT",
+            Limits(256),
+            unset="as many as the error bound asks for",
+        ),
+    ] = None
+    max_size: Annotated[
+        float | None,
+        Setting(
+            "how far a billboard's leaves may lie from where it was found, as a share of R, at least epsilon",
+            "SHARE",
+            Limits(0, 2, above=True),
+            unset="anywhere",
+        ),
+    ] = None
+    compact: Annotated[
+        float | None,
+        Setting("billboards are parted at gaps of this share of R", "SHARE", Limits(0, 2, above=True), unset="never"),
+    ] = None
+    gather: Annotated[
+        float,
+        Setting(
+            "how much leaves prefer billboards whose middle is near: billboards become smaller, and less of them is "
+            "empty; 1 is noticeable",
+            "WEIGHT",
+            Limits(0, 1_000_000),
+        ),
+    ] = 0.0
+    max_corners: Annotated[
+        int,
+        Setting(
+            "corners of a billboard's outline: 4 gives rectangles, more leave less of it empty", "COUNT", Limits(3, 16)
+        ),
+    ] = 4
+    whole_leaves: Annotated[
+        bool, Setting("keep every leaf on one billboard at the cost of more billboards, not only where one holds it")
+    ] = False
+    vertical: Annotated[float, Setting("what a billboard that lies flat loses when it is chosen", "SHARE", _SHARE)] = (
+        0.0
+    )
+    views: Annotated[
+        tuple[tuple[float, float, float], ...],
+        Setting("a likely direction of view in the scene, for facing_views; may be given again", "X,Y,Z"),
+    ] = ()
+    facing_views: Annotated[
+        float, Setting("what a billboard loses that none of views sees face-on", "SHARE", _SHARE)
+    ] = 0.0
+    image_epsilon: Annotated[
+        float | None,
+        Setting(
+            "greatest angle by which a vertex may be seen to move, with viewing_distance",
+            "RADIANS",
+            Limits(0, 1, above=True),
+            unset="any",
+        ),
+    ] = None
+    viewing_distance: Annotated[
+        float | None,
+        Setting(
+            "how near a viewer comes to the crown's centre, as a share of R, with image_epsilon",
+            "SHARE",
+            Limits(1, 1_000_000, above=True),
+            unset="anywhere",
+        ),
+    ] = None
+    seed: Annotated[int, Setting("of every random choice", "NUMBER", Limits(0, 2**63 - 1))] = 0
+    texture_size: Annotated[
+        int,
+        Setting(
+            "columns of level 1's atlas in texels, halved with every level", "TEXELS", Limits(SMALLEST_TEXTURE, 16384)
+        ),
+    ] = 2048
+    texture_height: Annotated[
+        int | None,
+        Setting("rows of level 1's atlas", "TEXELS", Limits(SMALLEST_TEXTURE, 16384), unset="as many as columns"),
+    ] = None
+    samples: Annotated[
+        int,
+        Setting(
+            "of each texel, along each of its sides: more make smoother textures, and take longer",
+            "COUNT",
+            Limits(1, 16),
+        ),
+    ] = 4
+    close_cracks: Annotated[
+        bool,
+        Setting(
+            "billboards also show the parts of other billboards' leaves that lie within the error bound of their plane"
+        ),
+    ] = False
+    bend_normals: Annotated[
+        float,
+        Setting(
+            "how far the billboards' normals are bent toward the hull of the crown, as foliage is often shaded",
+            "SHARE",
+            _SHARE,
+        ),
+    ] = 0.0
+    seconds: Annotated[
+        float | None,
+        Setting(
+            "make the levels as good as possible in so many, measured without Blender's start and the files; chooses "
+            "error bound, samples, effort, and a page not above the texture size",
+            "SECONDS",
+            _POSITIVE,
+            unset="as the settings say",
+        ),
+    ] = None
+    image_error: Annotated[
+        float | None,
+        Setting(
+            "make the levels as quickly as possible with at most this image error on level 1, choosing likewise",
+            "ERROR",
+            Limits(0, 1, above=True, below=True),
+            unset="as the settings say",
+        ),
+    ] = None
+    preset: Annotated[
+        Preset | None,
+        Setting(
+            "the same, by a place on this tree's cost curve",
+            "NAME",
+            unset="as the settings say",
+            choices={
+                "draft": "the quickest with at most twice the least error",
+                "balanced": "the quickest within a quarter of the least error",
+                "final": "the least error",
+            },
+        ),
+    ] = None
+    pixels: Annotated[
+        float, Setting("a level takes over where its error is seen smaller than this many pixels", "PIXELS", _POSITIVE)
+    ] = 8.0
+    chain: Annotated[str, Setting("how the levels follow one another", "NAME", choices=CHAINS)] = "billboards"
+    prune_pixels: Annotated[
+        float,
+        Setting(
+            "with the chains pruning and both leaves are pruned where one is seen smaller than this many pixels",
+            "PIXELS",
+            _POSITIVE,
+        ),
+    ] = 16.0
+    prune_half: Annotated[
+        float,
+        Setting(
+            "half of the leaves are left at the distance where pruning begins, divided by this",
+            "SHARE",
+            Limits(0, 0.5, above=True),
+        ),
+    ] = 0.5
+    engine: Annotated[str, Setting("which engine the glTF is for", "NAME", choices=dict.fromkeys(ENGINES, ""))] = (
+        "generic"
+    )
+    effects: Annotated[
+        str,
+        Setting(
+            f"{', '.join(EFFECT_CHOICES)}, or out of {','.join(EFFECTS)} with commas between; behind that +NAME and "
+            "-NAME force one on or off, and alone they do so over auto, as in --effects=-gloss",
+            "NAMES",
+        ),
+    ] = "auto"
+    viewer: Annotated[
+        str,
+        Setting(
+            "who looks at the levels",
+            "NAME",
+            choices={
+                "camera": "the scene's cameras, over all frames, where it has any and the files are for no engine",
+                "anywhere": "one who may come and go as far as there are levels",
+            },
+        ),
+    ] = "camera"
+    unlit: Annotated[
+        bool,
+        Setting("what draws the levels shows their colours as they are: light that stands still is baked into them"),
+    ] = False
 
     def __post_init__(self) -> None:
-        self._require("epsilon", 0.0 < self.epsilon <= 1.0, "greater than 0 and at most 1 (a share of the radius)")
-        self._require("candidates", 1 <= self.candidates <= MOST_CANDIDATES, f"from 1 to {MOST_CANDIDATES}")
-        self._require("levels", 1 <= self.levels <= MOST_LEVELS, f"from 1 to {MOST_LEVELS}")
-        self._require("seed", 0 <= self.seed <= LARGEST_SEED, f"from 0 to {LARGEST_SEED}")
-        for name in ("texture_size", "texture_height"):
-            side = getattr(self, name)
-            fits = side is None or SMALLEST_TEXTURE <= side <= LARGEST_TEXTURE
-            self._require(name, fits, f"from {SMALLEST_TEXTURE} to {LARGEST_TEXTURE} texels")
-        self._require("pixels", 0.0 < self.pixels < math.inf, "greater than 0 and finite")
-        self._require("method", self.method in METHODS, f"one of {', '.join(METHODS)}")
-        self._require("effort", self.effort in EFFORTS, f"one of {', '.join(EFFORTS)}")
-        counted = self.max_billboards is None or self.max_billboards >= 1
-        self._require("max_billboards", counted, "at least 1")
+        for each in described():
+            self._require(each.name, each.setting.allows(getattr(self, each.name)), each.setting.limit)
+        self._check_fit()
+        self._check_effects()
+        self._check_wishes()
+
+    def _check_fit(self) -> None:
         needs_count = self.method != "kmeans" or self.max_billboards is not None
         self._require("max_billboards", needs_count, "given: the method kmeans has it as its input")
-        self._require("max_texels", self.max_texels is None or self.max_texels >= 256, "at least 256")
-        sized = self.max_size is None or self.epsilon <= self.max_size <= 2.0
+        sized = self.max_size is None or self.epsilon <= self.max_size
         self._require("max_size", sized, f"from epsilon ({self.epsilon}) to 2")
-        self._require("compact", self.compact is None or 0.0 < self.compact <= 2.0, "greater than 0 and at most 2")
-        self._require("gather", 0.0 <= self.gather <= 1e6, "from 0 to 1000000")
-        self._require("max_corners", 3 <= self.max_corners <= 16, "from 3 to 16")
-        self._require("vertical", 0.0 <= self.vertical <= 1.0, "from 0 to 1")
-        self._require("facing_views", 0.0 <= self.facing_views <= 1.0, "from 0 to 1")
-        angle = self.image_epsilon
-        self._require("image_epsilon", angle is None or 0.0 < angle <= 1.0, "greater than 0 and at most 1 (radians)")
-        distance = self.viewing_distance
-        self._require("viewing_distance", distance is None or 1.0 < distance <= 1e6, "greater than 1 (a share of R)")
-        self._require(
-            "viewing_distance", (distance is None) == (angle is None), "given with --image-epsilon, or not at all"
-        )
-        self._require("bend_normals", 0.0 <= self.bend_normals <= 1.0, "from 0 to 1")
-        self._require("engine", self.engine in ENGINES, f"one of {', '.join(ENGINES)}")
-        self._require("viewer", self.viewer in VIEWERS, f"one of {', '.join(VIEWERS)}")
-        self._require("chain", self.chain in CHAINS, f"one of {', '.join(CHAINS)}")
+        both = (self.viewing_distance is None) == (self.image_epsilon is None)
+        self._require("viewing_distance", both, "given with --image-epsilon, or not at all")
         ends = self.chain != "pruning" or self.cross
         self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
-        self._require("prune_pixels", 0.0 < self.prune_pixels < math.inf, "greater than 0 and finite")
-        self._require("prune_half", 0.0 < self.prune_half <= 0.5, "greater than 0 and at most 0.5")
-        self._require("samples", 1 <= self.samples <= 16, "from 1 to 16")
-        self._check_wishes()
+
+    def _check_effects(self) -> None:
         asked = asked_effects(self.effects)
         known = asked.known and {*asked.names, *asked.forced} <= set(EFFECTS)
         choices = (
@@ -185,11 +326,6 @@ class BakeSettings:
         self._require("effects", prunes, f"with pruning for --chain {self.chain}")
 
     def _check_wishes(self) -> None:
-        timed = self.seconds is None or 0.0 < self.seconds < math.inf
-        self._require("seconds", timed, "greater than 0 and finite")
-        near = self.image_error is None or 0.0 < self.image_error < 1.0
-        self._require("image_error", near, "greater than 0 and less than 1")
-        self._require("preset", self.preset in (None, *PRESETS), f"one of {', '.join(PRESETS)}")
         given = [name for name in WISHES if getattr(self, name) is not None]
         for name in given:
             self._require(name, len(given) == 1, f"given without {' and '.join(flag(g) for g in given if g != name)}")
@@ -205,8 +341,15 @@ class BakeSettings:
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
             return
-        value, default = getattr(self, name), next(field.default for field in fields(self) if field.name == name)
+        value, default = getattr(self, name), getattr(BakeSettings, name)
         raise SettingsError(f"{flag(name)} is {value!r}, it must be {limit}; the default is {default!r}")
+
+
+@cache
+def described() -> tuple[Described, ...]:
+    """All settings, in their order."""
+    hints = get_type_hints(BakeSettings, include_extras=True)
+    return tuple(Described.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:

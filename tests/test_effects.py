@@ -32,6 +32,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "translucency": False,
         "occlusion": False,
         "self_shadowing": False,
+        "shadow_proxy": False,
         "leaf_map": False,
         "contrast": False,
         "wind": False,

@@ -94,6 +94,10 @@ EFFECTS_APART = {
     "self_shadowing": Own(
         ("addon.build.materials:_add_visibility",), ("images tree_LOD1_visibility is there", "visibilityTexture")
     ),
+    "shadow_proxy": Own(
+        ("addon.build.shadow_proxy:add_shadow_proxy", "addon.build.shadow_proxy:left_out"),
+        ("objects tree_shadow is there", "images tree_shadow is there", "visible_shadow = False"),
+    ),
     "leaf_map": Own(
         ("addon.build.leaf_map", "addon.build.levels:_add_leaf_map"),
         ("images tree_LOD1_leaf_uv is there", "node_groups Leafcloud Leaf Map is there", "leafUvTexture"),

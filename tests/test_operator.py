@@ -12,7 +12,7 @@ import pytest
 import addon
 import leafcloud
 from addon.settings import CHAINS, EFFECTS, BakeSettings
-from addon.ui import operators
+from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
@@ -148,8 +148,8 @@ def test_a_running_bake_ends_with_the_add_on(selected_shrub: list[bpy.types.Obje
     triangles = [(0, i, i + 1) for i in range(1, 2999)]
     corners = [(x + 0.01 * i % 1.0, 0.1 * i, z) for i, (x, _, z) in enumerate(corners)]
     job = leafcloud.start_chain(leafcloud.Foliage(corners, triangles))
-    operators.running.append(job)
+    job_operator.running.append(job)
     assert not bpy.ops.leafcloud.bake.poll()
-    operators.cancel_running()
+    job_operator.cancel_running()
     assert job.done
     assert bpy.ops.leafcloud.bake.poll()

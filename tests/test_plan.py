@@ -237,3 +237,17 @@ def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
     assert facts.camera is not None
     (own, _), (large, _) = facts.camera.spans
     assert large == pytest.approx(own / 2.0, rel=0.02)
+
+
+def test_only_leaves_of_several_colours_have_a_contrast_to_keep() -> None:
+    crown = add_crown()
+    settings = BakeSettings(chain="both")
+    plan = plan_of(crown, settings)
+    assert plan["contrast"].on is False
+    assert plan["contrast"].reason == "all leaves are of one colour, there is no contrast to keep"
+    pale = principled("pale leaf")
+    pale.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.5, 0.6, 0.2, 1.0)
+    crown.data.materials.append(pale)
+    for polygon in crown.data.polygons:
+        polygon.material_index = polygon.index % 2
+    assert plan_of(crown, settings)["contrast"].on is True

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings import BakeSettings, SettingsError, fit_options
+from addon.flags import parse, settings_of
+from addon.setting import Limits
+from addon.settings import BakeSettings, SettingsError, described, fit_options
 
 
 def test_the_defaults_are_those_of_the_promised_command_line() -> None:
@@ -103,3 +105,54 @@ def test_the_fitters_options_are_the_wheels() -> None:
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
     foliage = leafcloud.Foliage(positions, np.array([[0, 1, 2]]))
     assert len(leafcloud.fit(foliage, **options).planes) == 1
+
+
+@pytest.mark.parametrize(
+    ("limits", "inside", "outside", "words"),
+    [
+        (Limits(1, 8), (1, 8), (0, 9), "from 1 to 8"),
+        (Limits(256), (256, 10**9), (255,), "at least 256"),
+        (Limits(0, above=True), (1e-9, 1e9), (0.0, -1.0, math.inf, math.nan), "greater than 0 and finite"),
+        (Limits(0, 1, above=True), (0.5, 1.0), (0.0, 1.1, math.nan), "greater than 0 and at most 1"),
+        (Limits(0, 1, above=True, below=True), (0.5,), (0.0, 1.0), "greater than 0 and less than 1"),
+    ],
+)
+def test_limits_hold_and_say_so(
+    limits: Limits, inside: tuple[float, ...], outside: tuple[float, ...], words: str
+) -> None:
+    assert all(limits.hold(value) for value in inside)
+    assert not any(limits.hold(value) for value in outside)
+    assert str(limits) == words
+
+
+def test_every_setting_has_a_flag_and_words() -> None:
+    assert settings_of(parse([])) == BakeSettings()
+    assert [each.name for each in described()] == list(inspect.signature(BakeSettings).parameters)
+    for each in described():
+        assert each.setting.about, each.name
+        assert each.type is bool or each.setting.unit, each.name
+        assert each.default is not None or each.setting.unset, each.name
+
+
+def test_flags_reach_the_settings() -> None:
+    flags = [
+        "--epsilon",
+        "0.1",
+        "--no-cross",
+        "--whole-leaves",
+        "--max-billboards",
+        "9",
+        "--views=-1,0,0",
+        "--views",
+        "0,1,0",
+    ]
+    settings = settings_of(parse([*flags, "--facing-views", "0.5", "--engine", "godot"]))
+    assert settings == BakeSettings(
+        epsilon=0.1,
+        cross=False,
+        whole_leaves=True,
+        max_billboards=9,
+        views=((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        facing_views=0.5,
+        engine="godot",
+    )

@@ -5,8 +5,9 @@ usage: python tools/wood.py [TREE.glb …]      (default: all of ../shared/folia
 For each tree and cloud of a bake with the usual settings: triangles of the wood that came and of what is shown; how far
 that lies from what came, as a share of R. Then, in 8 views around it in which a pixel is what it is where the level
 takes over: what the wood alone covers, over what it covered; the overlap of the two silhouettes (intersection over
-union of alpha > ½); and the same two numbers of the whole level. Prints a table in Markdown; for all trees it also
-writes docs/bench/wood.md.
+union of alpha > ½); and the same two numbers of the whole level. At last what the wood takes in graphics memory, and
+how many billboards would show it with the same error, and take with texels as large as those of the level. Prints a
+table in Markdown; for all trees it also writes docs/bench/wood.md.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ from addon.settings import BakeSettings  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEWS = [(math.cos(a), math.sin(a), 0.2) for a in np.arange(8) * math.pi / 4.0]
-HEADER = ("tree", "level", "came", "shown", "error / R", "coverage", "overlap", "level's coverage", "level's overlap")
+HEADER = (
+    *("tree", "level", "came", "shown", "error / R", "coverage", "overlap", "level's coverage", "level's overlap"),
+    *("KiB", "as billboards", "their KiB"),
+)
+CORNER_BYTES = 32
+"""Position, normal, texture coordinates."""
 
 
 def main() -> None:
@@ -70,7 +76,24 @@ def rows(baked: Baked) -> Iterator[list[str]]:
         ratios = (*compared(came, shown, size), *compared(leaves + came, leaves + shown, size))
         counts = (baked.levels[0].wood_triangles, built.wood_triangles)
         numbers = [*map(str, counts), f"{built.wood_error / radius:.4f}", *(f"{ratio:.3f}" for ratio in ratios)]
-        yield [f"{built.number} ({size} px)", *numbers]
+        memory = [f"{mesh_bytes(built.wood) / 1024:.0f}", *as_billboards(came[0], level, built.wood_error)]
+        yield [f"{built.number} ({size} px)", *numbers, *memory]
+
+
+def mesh_bytes(wood: bpy.types.Object | None) -> int:
+    """Corners, and three indices for each triangle."""
+    return 0 if wood is None else CORNER_BYTES * len(wood.data.vertices) + 4 * len(wood.data.loops)
+
+
+def as_billboards(wood: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
+    """How many billboards lie no farther than `error` from `wood`, and their KiB: corners, texels with their mips."""
+    if error == 0.0:
+        return "–", "–"
+    epsilon = min(error / wood.radius, 1.0)
+    [own] = leafcloud.build_chain(wood, levels=1, cross=False, epsilon=epsilon, texture_size=1024).levels
+    texels = own.texels * (own.texel_size / level.texel_size) ** 2
+    nbytes = CORNER_BYTES * own.corners.size / 3 + 4.0 * texels * 4.0 / 3.0
+    return str(len(own.corners)), f"{nbytes / 1024:.0f}"
 
 
 def seen(wood: bpy.types.Object | None) -> list[leafcloud.Foliage]:

@@ -112,12 +112,7 @@ class LodSettings:
 
 def lod_group() -> bpy.types.NodeTree:
     """The node group of this file: the one that is there, else a new one."""
-
-    def fill(tree: bpy.types.NodeTree) -> None:
-        _add_interface(tree)
-        _add_nodes(tree)
-
-    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, fill)
+    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _add_interface, _add_nodes)
 
 
 def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.NodesModifier:

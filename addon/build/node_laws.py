@@ -28,15 +28,19 @@ LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
 SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
 
 
-def group_of_layout(name: str, key: str, layout: int, fill: Callable[[bpy.types.NodeTree], None]) -> bpy.types.NodeTree:
-    """The file's own modifier group whose property `key` is `layout`: the one that is there, else a new one, filled."""
+def group_of_layout(
+    name: str, key: str, layout: int, *steps: Callable[[bpy.types.NodeTree], None]
+) -> bpy.types.NodeTree:
+    """The file's own modifier group whose property `key` is `layout`: the one that is there, else a new one that the
+    `steps` fill."""
     for tree in bpy.data.node_groups:
         if tree.library is None and tree.get(key) == layout:
             return tree
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree[key] = layout
     tree.is_modifier = True
-    fill(tree)
+    for step in steps:
+        step(tree)
     return tree
 
 

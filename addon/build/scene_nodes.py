@@ -137,12 +137,7 @@ class _Cut(NamedTuple):
 
 def scene_group() -> bpy.types.NodeTree:
     """The node group of this file: the one that is there, else a new one."""
-
-    def fill(tree: bpy.types.NodeTree) -> None:
-        _add_interface(tree)
-        _add_nodes(tree)
-
-    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, fill)
+    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _add_interface, _add_nodes)
 
 
 def add_scene_modifier(

@@ -132,12 +132,17 @@ def _node_names(collection: bpy.types.Collection) -> set[str]:
 
 def export_level(level: BuiltLevel, path: Path) -> None:
     """Writes one level with its wood as a GLB file. Raises `ExportError` when the file could not be written whole."""
-    collection = bpy.data.collections.new(level.object.name)
+    export_objects([obj for obj in (level.object, level.wood) if obj is not None], path)
+
+
+def export_objects(objects: Sequence[bpy.types.Object], path: Path) -> None:
+    """Writes these alone as a GLB file, whose scene has the first one's name. Raises `ExportError` when the file could
+    not be written whole."""
+    collection = bpy.data.collections.new(objects[0].name)
     bpy.context.scene.collection.children.link(collection)
     try:
-        collection.objects.link(level.object)
-        if level.wood is not None:
-            collection.objects.link(level.wood)
+        for obj in objects:
+            collection.objects.link(obj)
         export_collection(collection, path)
     finally:
         bpy.data.collections.remove(collection)

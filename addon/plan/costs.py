@@ -1,8 +1,10 @@
 """What an effect will cost: seconds of baking, and bytes of what it adds to the levels before these are packed.
 
-Each is in proportion to one amount that is known before the bake: vertices, texels, triangles. The constants are means
-over measured trees; `make plan` measures them anew, and compares estimates with what was measured.
-Seconds are those of the machine that they were measured on.
+Each is in proportion to an amount that is known before the bake: vertices, texels, triangles; and what looks through
+the crown takes longer the more leaves stand behind one another. The constants are fitted to measured trees; `make plan`
+measures them anew, and compares estimates with what was measured. Seconds are those of the machine that they were
+measured on. Known limit: how much wood can be left out shows when it is tried, so bytes of trunk_levels are up to two
+times off.
 """
 
 from __future__ import annotations
@@ -33,23 +35,35 @@ class Amounts:
     """Of the pages of all levels that are made."""
     far_texels: int
     """Of those behind level 1."""
+    depth: float
+    """Leaves that a line of sight meets."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """seconds = `fixed` + `seconds` · amount, bytes = `nbytes` · amount."""
+    """seconds = `fixed` + `per_layer` · depth + (`seconds` + `seconds_per_layer` · depth) · amount, bytes = `nbytes` ·
+    amount; depth is that of the crown."""
 
     amount: Callable[[Amounts], int]
-    fixed: float
-    seconds: float
-    nbytes: float
+    nbytes: float = 0.0
+    fixed: float = 0.0
+    per_layer: float = 0.0
+    seconds: float = 0.0
+    seconds_per_layer: float = 0.0
+
+    def time(self, known: Amounts) -> float:
+        each = self.seconds + self.seconds_per_layer * known.depth
+        return self.fixed + self.per_layer * known.depth + each * self.amount(known)
+
+    def size(self, known: Amounts) -> float:
+        return self.nbytes * self.amount(known)
 
 
 def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> Amounts:
     """What the bake will have of each."""
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds + cross)]
-    return Amounts(facts.vertices, facts.triangles, facts.wood * clouds, sum(pages), sum(pages[1:]))
+    return Amounts(facts.vertices, facts.triangles, facts.wood * clouds, sum(pages), sum(pages[1:]), facts.depth)
 
 
 def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -65,13 +79,13 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
         if effect.on is False or rate is None:
             result.append(replace(effect, seconds=0.0, bytes=0))
             continue
-        amount = rate.amount(known)
-        seconds, nbytes = rate.fixed + rate.seconds * amount, rate.nbytes * amount
+        rates = [rate]
         if effect.name in _SHARING and not paid:
             paid = True
-            seconds, nbytes = seconds + _GLOSS.seconds * amount, nbytes + _GLOSS.nbytes * amount
+            rates.append(_GLOSS)
         if effect.name == "pruning" and settings.chain != "billboards":
-            seconds += _GROWTH_SECONDS
+            rates.append(_GROWTH)
+        seconds, nbytes = sum(each.time(known) for each in rates), sum(each.size(known) for each in rates)
         result.append(replace(effect, seconds=seconds, bytes=round(nbytes)))
     return tuple(result)
 
@@ -98,28 +112,33 @@ def _texels(known: Amounts) -> int:
     return known.texels
 
 
+def _first_texels(known: Amounts) -> int:
+    return known.texels - known.far_texels
+
+
 def _far_texels(known: Amounts) -> int:
     return known.far_texels
 
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
-_GLOSS = Rate(_texels, 0.0, 6.4e-7, BYTES_PER_TEXEL)
-_GROWTH_SECONDS = 0.3
+_GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
+_GROWTH = Rate(_triangles, fixed=0.14, per_layer=0.028, seconds=1.8e-6)
 """Looking at pruned leaves."""
 
 RATES: dict[str, Rate] = {
-    "transitions": Rate(_vertices, 0.0, 6.0e-7, 40.0),
-    "pruning": Rate(_vertices, 0.0, 1.0e-7, 16.0),
-    "back_sides": Rate(_texels, 0.0, 0.0, 1.6),
-    "trunk_levels": Rate(_wood, 0.0, 2.5e-4, 44.0),
-    "far_levels": Rate(_far_texels, 3.0, 2.5e-6, BYTES_PER_TEXEL),
-    "normals": Rate(_texels, 0.0, 2.1e-7, BYTES_PER_TEXEL),
-    "gloss": Rate(_texels, 0.0, 0.0, 0.0),
-    "translucency": Rate(_texels, 0.0, 2.6e-7, BYTES_PER_TEXEL),
-    "occlusion": Rate(_texels, 0.6, 0.0, 0.0),
-    "self_shadowing": Rate(_texels, 0.0, 5.7e-7, BYTES_PER_TEXEL),
-    "leaf_map": Rate(_texels, 0.0, 5.7e-7, 2 * BYTES_PER_TEXEL),
-    "contrast": Rate(_triangles, 0.2, 1.4e-5, 0.0),
-    "wind": Rate(_vertices, 0.5, 6.0e-7, 20.0),
-    "baked_light": Rate(_triangles, 1.0, 1.0e-4, 72.0),
+    "transitions": Rate(_vertices, 41.0, seconds=1.0e-7),
+    "pruning": Rate(_vertices, 16.5, seconds=1.0e-8),
+    "back_sides": Rate(_texels, 1.64),
+    "trunk_levels": Rate(_wood, 31.0, fixed=0.045, seconds=3.2e-5),
+    "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.5, seconds=1.0e-6),
+    "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
+    "gloss": Rate(_texels),
+    "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
+    "occlusion": Rate(_texels, fixed=0.1, per_layer=0.058),
+    "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
+    "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
+    "leaf_map": Rate(_texels, 2 * BYTES_PER_TEXEL, seconds=1.63e-7, seconds_per_layer=6.4e-9),
+    "contrast": Rate(_triangles, fixed=0.04, seconds=6.0e-6, seconds_per_layer=1.4e-6),
+    "wind": Rate(_vertices, 20.0, fixed=0.21),
+    "baked_light": Rate(_triangles, 72.0, fixed=0.1, seconds=1.9e-4, seconds_per_layer=1.75e-4),
 }

@@ -210,9 +210,29 @@ def _translucency(scene: _Scene) -> Effect:
     return Effect("translucency", True, reason)
 
 
+def _shadow_proxy(scene: _Scene) -> Effect:
+    facts, name = scene.facts, "shadow_proxy"
+    if (nobody := _why_unlit(scene)) is not None:
+        return Effect(name, False, nobody)
+    if scene.settings.chain == "pruning":
+        return Effect(name, False, "no cloud is made that could cast the leaves' shadow")
+    if facts.engine == "generic":
+        return Effect(name, False, "what is drawn casts its own shadow, and no billboard stands between leaves for it")
+    if facts.triangles < _WORTH_A_PROXY:
+        return Effect(name, False, f"{facts.triangles} triangles of leaves cost a shadow map nothing")
+    reason = f"every light in {facts.engine} would draw {facts.triangles} triangles of leaves again for its shadows"
+    return Effect(name, True, reason)
+
+
+_WORTH_A_PROXY = 2000
+"""Triangles of leaves: some ten times as many as a cloud has."""
+
+
 def _contrast(scene: _Scene) -> Effect:
     if scene.settings.chain == "billboards" or scene.facts.leaves == 1:
         return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
+    if scene.facts.one_color:
+        return Effect("contrast", False, "all leaves are of one colour, there is no contrast to keep")
     pruning = asked_effects(scene.settings.effects).state("pruning")
     if not (_pruning(scene).on if pruning is None else pruning):
         return Effect("contrast", False, f"{scene.where}, where no leaf is pruned")
@@ -273,6 +293,7 @@ _RULES: dict[str, Callable[[_Scene], Effect]] = {
     "self_shadowing": _always(
         "self_shadowing", "renderers cast shadows themselves, and only a shader made for it reads the texture"
     ),
+    "shadow_proxy": _shadow_proxy,
     "leaf_map": _always("leaf_map", "the leaves keep their textures until somebody wants another season"),
     "contrast": _contrast,
     "wind": _wind,
@@ -293,7 +314,7 @@ def _under_baked_light(effect: Effect) -> Effect:
     return effect
 
 
-_FOR_MOVING_LIGHT = (*CHANNELS, "occlusion", "self_shadowing")
+_FOR_MOVING_LIGHT = (*CHANNELS, "occlusion", "self_shadowing", "shadow_proxy")
 
 
 def _settled(effect: Effect, two_sided: Sequence[int]) -> Effect:

@@ -58,6 +58,8 @@ class Facts:
     """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
     translucent: str | None = None
     """A leaf material through which light shines."""
+    one_color: bool = False
+    """Whether all leaves have one base colour, all over."""
     blended: tuple[str, ...] = ()
     """The leaf materials that are neither opaque nor cut out."""
     camera: Camera | None = None
@@ -67,6 +69,11 @@ class Facts:
     """What the scene's force fields blow on the tree."""
     renderer: str = ""
     """The scene's render engine, as Blender names it."""
+
+    @property
+    def depth(self) -> float:
+        """How many leaves a line of sight meets, about: their area over that of a disc around the crown."""
+        return self.area / (math.pi * self.radius**2)
 
     @property
     def leaf_size(self) -> float:

@@ -6,7 +6,8 @@ import bpy
 
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
-from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, cancel_running
+from .job_operator import cancel_running
+from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings

@@ -9,10 +9,11 @@ from bpy.props import IntProperty
 
 import leafcloud
 
-from ..job import POLL_SECONDS, wait
 from ..pipeline import layer_of, prepare, start_curve
 from ..scene.extract import extract
-from . import measured, operators
+from ..settings import SettingsError
+from . import measured
+from .job_operator import JobOperator
 from .properties import bake_settings, leaf_names
 
 _CHOSEN = ("epsilon", "texture_size", "samples", "effort")
@@ -24,72 +25,24 @@ def forget_curve() -> None:
     measured.forget()
 
 
-class LEAFCLOUD_OT_curve(bpy.types.Operator):
+class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
     """Measure on a sample of the selected leaves what accuracy costs in time"""
 
     bl_idname = "leafcloud.curve"
     bl_label = "Measure Cost Curve"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return operators.can_begin(cls, context)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Measures from start to end; nothing else happens meanwhile."""
-        try:
-            self._begin(context)
-            return self._end(wait(self._job, lambda stage, fraction: None))
-        except operators.REFUSALS as error:
-            return operators.refuse(self, error)
-        finally:
-            operators.running.clear()
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Measures while the view stays alive; without an interface like `execute`."""
-        if bpy.app.background:
-            return self.execute(context)
-        try:
-            self._begin(context)
-        except operators.REFUSALS as error:
-            return operators.refuse(self, error)
-        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
-            self._job.cancel()
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in operators.NAVIGATION else {"RUNNING_MODAL"}
-        operators.show(context, self._job.stage, self._job.fraction)
-        if not self._job.done:
-            return {"RUNNING_MODAL"}
-        try:
-            return self._end(self._job.result())
-        except leafcloud.CancelledError:
-            self.report({"INFO"}, "Cancelled")
-            return {"CANCELLED"}
-        except operators.REFUSALS as error:
-            return operators.refuse(self, error)
-        finally:
-            context.window_manager.event_timer_remove(self._timer)
-            operators.running.clear()
-            operators.show(context, "", 0.0)
-
-    def _begin(self, context: bpy.types.Context) -> None:
+    def begin(self, context: bpy.types.Context) -> leafcloud.Job[leafcloud.Curve]:
         settings = context.scene.leafcloud
         sources = tuple(context.selected_objects)
         self._name = (context.active_object or sources[0]).name
         tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
         prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
-        self._triangles = prepared.foliage.triangle_count
-        self._job = start_curve(prepared, quick=True)
-        operators.running.append(self._job)
+        self._tree = measured.shape_of(prepared.foliage)
+        return start_curve(prepared, quick=True)
 
-    def _end(self, curve: leafcloud.Curve) -> set[str]:
-        measured.keep(curve, self._name, self._triangles)
+    def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:
+        measured.keep(curve, self._name, self._tree)
         self.report({"INFO"}, f"Measured {len(curve.rows)} settings of {self._name}")
         return {"FINISHED"}
 
@@ -169,7 +122,7 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
             for preset, offer in last.presets.items():
                 _add_point(row, last, settings, offer, preset.title())
             column = layout.column(align=True)
-            for offer in last.offers:
+            for offer in last.shown:
                 _add_point(column, last, settings, offer, describe(offer))
             told = expected(settings)
             if told:
@@ -204,11 +157,14 @@ def _icon_scale(context: bpy.types.Context) -> float:
 
 
 def expected(properties: bpy.types.PropertyGroup) -> str:
-    """What the curve says of the settings as they are; empty where it says nothing."""
+    """What the curve says of the settings as they are, or why no bake can follow them; empty where it says nothing."""
     last = measured.last()
     if last is None or properties.chain != "billboards" or properties.seconds or properties.image_error:
         return ""
     names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
-    settings = bake_settings(properties)
+    try:
+        settings = bake_settings(properties)
+    except SettingsError as error:
+        return str(error)
     predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
     return f"Expected: {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"

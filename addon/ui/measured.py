@@ -16,8 +16,19 @@ from ..settings import WISHES
 
 CHART_SIZE = (640, 480)
 """In pixels: about twice as many as a sidebar has, for fine screens."""
-_TEXT = 2.0
+_SHOWN = 8
+"""Points that are listed, about."""
+_TEXT = 2.4
 """So much larger are its letters than on a page: as large, about, as the panel's own."""
+
+
+Shape = tuple[int, int, float, float]
+"""Triangles, leaves, radius and area of a tree's leaves: by these it is known again."""
+
+
+def shape_of(foliage: leafcloud.Foliage) -> Shape:
+    """What a tree is known again by."""
+    return foliage.triangle_count, foliage.leaf_count, foliage.radius, foliage.area
 
 
 @dataclass
@@ -27,7 +38,9 @@ class Measured:
     curve: leafcloud.Curve
     offers: list[leafcloud.Offer]
     presets: dict[leafcloud.Preset, leafcloud.Offer]
-    triangles: int
+    shown: list[leafcloud.Offer]
+    """Some of the offers, even in error, the presets among them: as many as a panel has room for."""
+    tree: Shape
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
     """Of the chart; 0 where Blender has no previews to show."""
@@ -41,8 +54,8 @@ def last() -> Measured | None:
     return _last[-1] if _last else None
 
 
-def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
-    """Keeps a curve and its chart in place of the one before."""
+def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
+    """Keeps the curve of a tree and its chart in place of the one before."""
     forget()
     previews = bpy.utils.previews.new()
     width, height = CHART_SIZE
@@ -51,7 +64,17 @@ def keep(curve: leafcloud.Curve, title: str, triangles: int) -> None:
     preview.image_size = (width, height)
     # Blender's rows go up.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
-    _last.append(Measured(curve, curve.offers, curve.presets, triangles, previews, preview.icon_id))
+    _last.append(Measured(curve, curve.offers, curve.presets, _some(curve), tree, previews, preview.icon_id))
+
+
+def _some(curve: leafcloud.Curve) -> list[leafcloud.Offer]:
+    def error(offer: leafcloud.Offer) -> float:
+        return max(offer["predicted"]["image_error"], 1e-6)
+
+    offers = curve.offers
+    wanted = np.geomspace(error(offers[0]), error(offers[-1]), _SHOWN)
+    nearest = [min(offers, key=lambda offer: abs(np.log(error(offer) / each))) for each in wanted]
+    return [offer for offer in offers if offer in nearest or offer in curve.presets.values()]
 
 
 def forget() -> None:
@@ -61,9 +84,9 @@ def forget() -> None:
 
 
 def predicted(prepared: Prepared) -> Prepared:
-    """With what the curve says of it, where one of as many triangles was measured and no wish is to choose settings."""
+    """With what the curve says of it, where that of the same tree was measured and no wish is to choose settings."""
     measured, settings = last(), prepared.settings
-    if measured is None or measured.triangles != prepared.foliage.triangle_count:
+    if measured is None or measured.tree != shape_of(prepared.foliage):
         return prepared
     if settings.chain != "billboards" or any(getattr(settings, wish) is not None for wish in WISHES):
         return prepared

@@ -31,7 +31,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         for name in ("epsilon", "levels", "cross"):
             column.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("texture_size", "pixels", "close_cracks"):
+        for name in ("texture_size", "texture_height", "pixels", "close_cracks"):
             column.prop(settings, name)
         column = layout.column(align=True)
         column.prop(settings, "chain")

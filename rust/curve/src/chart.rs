@@ -83,7 +83,7 @@ pub struct Chart {
     axes: [&'static str; 2],
     series: Vec<Series>,
     /// Points that have names.
-    named: Vec<((f64, f64), String)>,
+    named: Vec<((f64, f64), &'static str)>,
 }
 
 /// How large a chart is drawn.
@@ -124,14 +124,8 @@ impl Chart {
     #[must_use]
     pub fn of_offers(title: &str, offers: &[Offer]) -> Self {
         let place = |offer: &Offer| (offer.predicted.seconds, offer.predicted.image_error.max(1e-3));
-        let mut named: Vec<((f64, f64), String)> = Vec::new();
-        for preset in Preset::ALL {
-            let Some(at) = preset.of(offers).map(place) else { continue };
-            match named.iter_mut().find(|(other, _)| *other == at) {
-                Some((_, name)) => *name = format!("{name}, {}", preset.name()),
-                None => named.push((at, preset.name().to_owned())),
-            }
-        }
+        let named =
+            Preset::ALL.into_iter().filter_map(|preset| Some((place(preset.of(offers)?), preset.name()))).collect();
         let series = vec![Series { name: "predicted".to_owned(), points: offers.iter().map(place).collect() }];
         Self { title: title.to_owned(), axes: ["seconds to build", "image error (FLIP)"], series, named }
     }
@@ -193,8 +187,9 @@ impl Chart {
         let size = |pixels: f64| (pixels * scale).round().max(1.0) as u32;
         area.fill(&WHITE)?;
         let (width, height) = area.dim_in_pixel();
-        let across = Axis::around(self.all().map(|p| p.0), (f64::from(width) / (90.0 * scale)) as usize);
-        let up = Axis::around(self.all().map(|p| p.1), (f64::from(height) / (50.0 * scale)) as usize);
+        let for_names = if self.named.is_empty() { 0.0 } else { ROOM_FOR_NAMES };
+        let across = Axis::around(self.all().map(|p| p.0), for_names, (f64::from(width) / (90.0 * scale)) as usize);
+        let up = Axis::around(self.all().map(|p| p.1), 0.0, (f64::from(height) / (50.0 * scale)) as usize);
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, text(20.0))
             .margin(size(14.0))
@@ -242,19 +237,22 @@ impl Chart {
         for (place, name) in &self.named {
             let at = chart.backend_coord(&logs(*place));
             let (wide, high) = area.estimate_text_size(name, &text(15.0))?;
-            let beside = beside(at, [wide as i32, high as i32], radius, width as i32, &taken);
+            let beside = beside(at, [wide as i32, high as i32], radius, &taken);
             taken.push([beside.0, beside.1, beside.0 + wide as i32, beside.1 + high as i32]);
             area.draw(&Circle::new(at, radius, ring))?;
-            area.draw(&Text::new(name.as_str(), beside, text(15.0)))?;
+            area.draw(&Text::new(*name, beside, text(15.0)))?;
         }
         area.present()
     }
 }
 
-/// The upper left corner of a name of this size at a point of a line that falls, so that there is room above it: to the right
-/// where the page goes on, and above what is `taken` (left, top, right, bottom).
-fn beside((x, y): (i32, i32), [wide, high]: [i32; 2], gap: i32, width: i32, taken: &[[i32; 4]]) -> (i32, i32) {
-    let left = if x + gap + wide < width { x + gap } else { x - wide };
+/// Right of the points, as a share of how far they reach.
+const ROOM_FOR_NAMES: f64 = 0.4;
+
+/// The upper left corner of a name of this size at a point of a line that falls: to the right and above, where nothing else is, and
+/// above what is `taken` (left, top, right, bottom).
+fn beside((x, y): (i32, i32), [wide, high]: [i32; 2], gap: i32, taken: &[[i32; 4]]) -> (i32, i32) {
+    let left = x + gap;
     let mut top = y - gap - high;
     let overlaps = |o: &[i32; 4], top: i32| {
         left < o[2] + gap && o[0] < left + wide + gap && top < o[3] + gap && o[1] < top + high + gap
@@ -333,12 +331,12 @@ impl ValueFormatter<f64> for Axis {
 }
 
 impl Axis {
-    /// With some room around the values.
-    fn around(values: impl Iterator<Item = f64>, most: usize) -> Self {
+    /// With some room around the values, and `more` of how far they reach behind the greatest.
+    fn around(values: impl Iterator<Item = f64>, more: f64, most: usize) -> Self {
         let (low, high) =
             values.map(f64::log10).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let room = (0.08 * (high - low)).max(0.06);
-        let mut axis = Self { low: low - room, high: high + room, ticks: Vec::new() };
+        let mut axis = Self { low: low - room, high: high + room + more * (high - low), ticks: Vec::new() };
         axis.ticks = axis.ticks(most);
         axis
     }

@@ -15,7 +15,7 @@ and the remedy; an argument of a type that cannot be meant is a ``TypeError``, a
 """
 
 from collections.abc import Callable, Sequence
-from typing import Generic, Literal, TypedDict, TypeVar
+from typing import Generic, Literal, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -425,31 +425,65 @@ class Job(Generic[_T]):
         """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds,
         ``TimeoutError``."""
 
+class FitOptions(TypedDict, total=False):
+    """What :func:`fit` may be asked for; beside each option what it is otherwise."""
+
+    method: Method  # "stochastic"
+    effort: Effort  # "default"
+    epsilon: float  # 0.04
+    candidates: int  # 600
+    seed: int  # 0
+    whole_leaves: bool  # False
+    facing: float  # 1.0
+    gather: float  # 0.0
+    max_billboards: int | None  # None
+    max_texels: int | None  # None
+    max_size: float | None  # None
+    compact: float | None  # None
+    max_corners: int  # 4
+    trim: bool  # True
+    penalty: float  # 0.5
+    views: Sequence[Sequence[float]]  # ()
+    facing_views: float  # 0.0
+    vertical: float  # 0.0
+    up: Sequence[float]  # (0.0, 0.0, 1.0)
+    image_epsilon: float | None  # None
+    viewing_distance: float | None  # None
+
+class LevelOptions(FitOptions, total=False):
+    """What levels may be asked for beside that, see :func:`build_chain`."""
+
+    levels: int  # 2
+    cross: bool  # True
+    texture_size: int  # 2048
+    texture_height: int | None  # None
+    samples: int  # 4
+    back_sides: bool | None  # None
+    close_cracks: bool  # False
+    normals: float | None  # None
+    gloss: bool  # False
+    translucency: bool  # False
+    occlusion: bool  # False
+    visibility: bool  # False
+    leaf_map: bool  # False
+    tight_pages: bool  # True
+
+class ChainOptions(LevelOptions, total=False):
+    """What a chain may be asked for beside that, see :func:`build_chain`."""
+
+    keep: float | None  # None
+    leaf_pixels: float  # 16.0
+    prune_half: float  # 0.5
+    contrast: bool  # True
+    seconds: float | None  # None
+    image_error: float | None  # None
+    preset: Preset | None  # None
+
 def fit(
     foliage: Foliage,
     *,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
     progress: Progress | None = None,
+    **options: Unpack[FitOptions],
 ) -> Cloud:
     """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
 
@@ -481,76 +515,14 @@ def fit(
 
 def start_fit(
     foliage: Foliage,
-    *,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
+    **options: Unpack[FitOptions],
 ) -> Job[Cloud]: ...
 def build_chain(
     foliage: Foliage,
     *,
     wood: Foliage | None = None,
-    levels: int = 2,
-    cross: bool = True,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    texture_size: int = 2048,
-    texture_height: int | None = None,
-    samples: int = 4,
-    back_sides: bool | None = None,
-    keep: float | None = None,
-    leaf_pixels: float = 16.0,
-    prune_half: float = 0.5,
-    contrast: bool = True,
-    close_cracks: bool = False,
-    normals: float | None = None,
-    gloss: bool = False,
-    translucency: bool = False,
-    occlusion: bool = False,
-    visibility: bool = False,
-    leaf_map: bool = False,
-    tight_pages: bool = True,
-    seconds: float | None = None,
-    image_error: float | None = None,
-    preset: Preset | None = None,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
     progress: Progress | None = None,
+    **options: Unpack[ChainOptions],
 ) -> Chain:
     """Fits, packs and bakes every level.
 
@@ -576,42 +548,8 @@ def cost_curve(
     *,
     wood: Foliage | None = None,
     quick: bool = False,
-    levels: int = 2,
-    cross: bool = True,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    texture_size: int = 2048,
-    texture_height: int | None = None,
-    samples: int = 4,
-    back_sides: bool | None = None,
-    close_cracks: bool = False,
-    normals: float | None = None,
-    gloss: bool = False,
-    translucency: bool = False,
-    occlusion: bool = False,
-    visibility: bool = False,
-    leaf_map: bool = False,
-    tight_pages: bool = True,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
     progress: Progress | None = None,
+    **options: Unpack[LevelOptions],
 ) -> Curve:
     """Builds chains with many settings and measures each: ε, candidates, levels, page, samples, effort, method, one
     changed at a time from what is given here, and some that are coarse or fine in all (minutes).
@@ -628,41 +566,7 @@ def start_cost_curve(
     *,
     wood: Foliage | None = None,
     quick: bool = False,
-    levels: int = 2,
-    cross: bool = True,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    texture_size: int = 2048,
-    texture_height: int | None = None,
-    samples: int = 4,
-    back_sides: bool | None = None,
-    close_cracks: bool = False,
-    normals: float | None = None,
-    gloss: bool = False,
-    translucency: bool = False,
-    occlusion: bool = False,
-    visibility: bool = False,
-    leaf_map: bool = False,
-    tight_pages: bool = True,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
+    **options: Unpack[LevelOptions],
 ) -> Job[Curve]: ...
 def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     """The same chains, with their first levels on one page, their second ones on another, and so on: a forest needs one
@@ -677,48 +581,7 @@ def start_chain(
     foliage: Foliage,
     *,
     wood: Foliage | None = None,
-    levels: int = 2,
-    cross: bool = True,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
-    texture_size: int = 2048,
-    texture_height: int | None = None,
-    samples: int = 4,
-    back_sides: bool | None = None,
-    keep: float | None = None,
-    leaf_pixels: float = 16.0,
-    prune_half: float = 0.5,
-    contrast: bool = True,
-    close_cracks: bool = False,
-    normals: float | None = None,
-    gloss: bool = False,
-    translucency: bool = False,
-    occlusion: bool = False,
-    visibility: bool = False,
-    leaf_map: bool = False,
-    tight_pages: bool = True,
-    seconds: float | None = None,
-    image_error: float | None = None,
-    preset: Preset | None = None,
-    method: Method = "stochastic",
-    effort: Effort = "default",
-    epsilon: float = 0.04,
-    candidates: int = 600,
-    seed: int = 0,
-    whole_leaves: bool = False,
-    facing: float = 1.0,
-    gather: float = 0.0,
-    max_billboards: int | None = None,
-    max_texels: int | None = None,
-    max_size: float | None = None,
-    compact: float | None = None,
-    max_corners: int = 4,
-    trim: bool = True,
-    penalty: float = 0.5,
-    views: Sequence[Sequence[float]] = (),
-    facing_views: float = 0.0,
-    vertical: float = 0.0,
-    image_epsilon: float | None = None,
-    viewing_distance: float | None = None,
+    **options: Unpack[ChainOptions],
 ) -> Job[Chain]: ...
 
 class Simplified:

@@ -1,0 +1,126 @@
+"""Operators that have the core work on what is selected, while the view stays alive."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+import leafcloud
+
+from ..job import POLL_SECONDS, wait
+from ..scene import SceneError
+from ..settings import SettingsError
+
+REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
+
+_NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
+"""What gets through meanwhile: nothing that could edit or undo what is being worked on."""
+
+running: list[leafcloud.Job[Any]] = []
+
+
+def cancel_running() -> None:
+    """Cancels the core's work and waits until its thread has ended: the add-on is about to go."""
+    for job in running:
+        job.cancel()
+        try:
+            job.result()
+        except leafcloud.LeafcloudError:
+            continue  # Whether cancelled or failed: nobody is left to tell.
+    running.clear()
+
+
+def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether there is something to work on and nothing at work; tells what is missing."""
+    if not context.selected_objects:
+        operator.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+        return False
+    if context.mode != "OBJECT":
+        operator.poll_message_set("Leave Edit Mode first")
+        return False
+    if running:
+        operator.poll_message_set("A bake or a measurement is running")
+        return False
+    return True
+
+
+def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
+    """Tells why nothing was done; the scene is as it was."""
+    operator.report({"ERROR"}, " ".join(str(error).split()))
+    return {"CANCELLED"}
+
+
+def _cancelled(operator: bpy.types.Operator) -> set[str]:
+    operator.report({"INFO"}, "Cancelled")
+    return {"CANCELLED"}
+
+
+def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
+    """Tells the panels what is being done; an empty stage is nothing."""
+    status = context.window_manager.leafcloud
+    status.stage, status.fraction = stage, fraction
+    for area in context.screen.areas if context.screen else ():
+        area.tag_redraw()
+
+
+class JobOperator:
+    """What such an operator does around the core's work: `begin` reads the scene and starts a job, `end` does something
+    with its result. Either may raise one of `REFUSALS`, and then has changed nothing."""
+
+    def begin(self, context: bpy.types.Context) -> leafcloud.Job[Any]:
+        raise NotImplementedError
+
+    def end(self, context: bpy.types.Context, result: Any) -> set[str]:
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return can_begin(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Works from start to end; nothing else happens meanwhile."""
+        try:
+            self._start(context)
+            return self.end(context, wait(self._job, lambda stage, fraction: None))
+        except REFUSALS as error:
+            return refuse(self, error)
+        finally:
+            running.clear()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Works while the view stays alive; without an interface like `execute`."""
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._start(context)
+        except REFUSALS as error:
+            return refuse(self, error)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self._job.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if event.type in _NAVIGATION else {"RUNNING_MODAL"}
+        show(context, self._job.stage, self._job.fraction)
+        if not self._job.done:
+            return {"RUNNING_MODAL"}
+        try:
+            return self.end(context, self._job.result())
+        except leafcloud.CancelledError:
+            return _cancelled(self)
+        except REFUSALS as error:
+            return refuse(self, error)
+        finally:
+            context.window_manager.event_timer_remove(self._timer)
+            running.clear()
+            show(context, "", 0.0)
+
+    def _start(self, context: bpy.types.Context) -> None:
+        self._job = self.begin(context)
+        running.append(self._job)

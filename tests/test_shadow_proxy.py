@@ -1,0 +1,132 @@
+"""The shadow proxy: it casts what the leaves cast, nobody sees it, engines have it as a file of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from glb import read_glb
+from plan_scenes import add_crown
+from renders import LUMINANCE, render
+from scenes import add_mesh, bake, read
+
+from addon.baked import Baked
+from addon.build.shadow_proxy import shadow_proxy_of
+from addon.pipeline import write
+from addon.plan.effects import Effect, plan_effects
+from addon.plan.facts import Facts
+from addon.settings import BakeSettings
+
+MANY_LEAVES = Facts("three", leaves=5000, triangles=20_000)
+
+
+def planned(settings: BakeSettings, facts: Facts) -> Effect:
+    [effect] = [each for each in plan_effects(settings, facts) if each.name == "shadow_proxy"]
+    return effect
+
+
+def test_engines_draw_shadows_of_many_leaves_by_it() -> None:
+    effect = planned(BakeSettings(engine="three"), MANY_LEAVES)
+    assert effect.on is True
+    assert effect.reason == "every light in three would draw 20000 triangles of leaves again for its shadows"
+
+
+@pytest.mark.parametrize(
+    ("settings", "facts", "why"),
+    [
+        (BakeSettings(), replace(MANY_LEAVES, engine="generic"), "casts its own shadow"),
+        (BakeSettings(engine="three"), replace(MANY_LEAVES, triangles=400), "400 triangles"),
+        (BakeSettings(engine="three", unlit=True), MANY_LEAVES, "nothing is lit"),
+        (BakeSettings(engine="three", chain="pruning"), MANY_LEAVES, "no cloud"),
+    ],
+    ids=["who draws is not known", "few leaves", "unlit", "no cloud"],
+)
+def test_what_does_not_call_for_it(settings: BakeSettings, facts: Facts, why: str) -> None:
+    effect = planned(settings, facts)
+    assert effect.on is False
+    assert why in effect.reason
+
+
+def baked(effects: str) -> Baked:
+    """A crown of cards about the origin."""
+    leaves = add_crown()
+    result = bake(read([leaves], ["leaves"]), BakeSettings(epsilon=0.1, texture_size=256, effects=effects))
+    bpy.data.objects.remove(leaves)
+    return result
+
+
+def shadow(result: Baked, folder: Path) -> float:
+    """How much of the light on a ground below is taken away, as an area, where only level 1 and what belongs to all
+    levels are drawn; the camera stands between them and the ground."""
+    for level in result.levels:
+        level.object.hide_render = level.number != 1
+        level.object.modifiers.clear()
+    ground = add_mesh("ground", [(-2, -2, -1.2), (2, -2, -1.2), (2, 2, -1.2), (-2, 2, -1.2)], [(0, 1, 2, 3)])
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    bpy.context.scene.collection.objects.link(sun)
+    pixels = render(folder, (0.0, 0.0, -1.1), width=2.4, size=(96, 96), samples=16, pixel_filter="BOX")
+    for obj in (ground, sun):
+        bpy.data.objects.remove(obj)
+    light = pixels[..., :3] @ LUMINANCE
+    return float((1.0 - light / np.median(light)).mean()) * 2.4**2
+
+
+def test_it_casts_the_shadow_of_the_leaves(tmp_path: Path) -> None:
+    areas = []
+    for effects in ("transitions", "transitions,shadow_proxy"):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        areas.append(shadow(baked(effects), tmp_path))
+    cards = 60 * 0.1**2 / 2.0  # in the mean half of a card's area is seen from anywhere
+    assert 0.5 * cards < areas[0] < 1.5 * cards
+    assert areas[1] == pytest.approx(areas[0], rel=0.05)
+
+
+def test_nobody_sees_it_and_nothing_else_of_the_leaves_casts_a_shadow(tmp_path: Path) -> None:
+    result = baked("transitions,shadow_proxy")
+    proxy = shadow_proxy_of(result.collection)
+    assert proxy is not None
+    for level in result.levels:
+        assert not level.object.visible_shadow
+        level.object.hide_render = True
+    assert not render(tmp_path, (0.0, 0.0, 3.0), width=2.4)[..., 3].any()
+    proxy.visible_camera = True
+    assert render(tmp_path, (0.0, 0.0, 3.0), width=2.4)[..., 3].any()
+
+
+def test_the_wood_goes_on_with_its_own_shadow() -> None:
+    trunk = add_mesh("trunk", [(0, 0, -1), (0.1, 0, -1), (0, 0, 1)], [(0, 1, 2)])
+    settings = BakeSettings(epsilon=0.1, texture_size=64, effects="shadow_proxy", cross=False)
+    result = bake(read([add_crown(), trunk], ["leaves"]), settings)
+    assert all(level.wood is not None and level.wood.visible_shadow for level in result.levels)
+
+
+def test_engines_have_it_as_a_file_of_its_own(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    result = baked("transitions,shadow_proxy")
+    name = result.collection.name
+    report = write(result, tmp_path, lambda stage, fraction: None, blend=False)
+    assert f"{name}_shadow.glb" in report["files"]
+    [(node, mesh)] = read_glb(tmp_path / f"{name}_shadow.glb").items()
+    assert node == f"{name}_shadow"
+    assert mesh.extras["leafcloud"]["shadow_only"]
+    [primitive] = mesh.primitives
+    assert primitive.material["alphaMode"] == "MASK"
+    assert not primitive.targets, "it does not move"
+    assert f"{name}_shadow" not in read_glb(tmp_path / f"{name}.glb"), "who draws all of a file would draw it"
+    assert shadow_proxy_of(result.collection) is not None, "it is in the scene again"
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+
+
+def test_its_page_says_nothing_but_where_light_passes(tmp_path: Path) -> None:
+    proxy = shadow_proxy_of(baked("shadow_proxy").collection)
+    assert proxy is not None
+    image = proxy.data.materials[0].node_tree.nodes["Leafcloud Page"].image
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    colors, alpha = np.split(pixels.reshape(-1, 4), [3], axis=1)
+    assert (colors == 1.0).all()
+    assert 0.0 < alpha.mean() < 1.0
