@@ -191,6 +191,7 @@ def chain_options(prepared: Prepared) -> dict[str, Any]:
         "occlusion": bool(is_on(prepared.effects, "occlusion")),
         "visibility": bool(is_on(prepared.effects, "self_shadowing")),
         "leaf_map": bool(is_on(prepared.effects, "leaf_map")),
+        "order_by_visibility": bool(is_on(prepared.effects, "pruning")),
         **fit_options(settings),
     }
 
@@ -273,7 +274,8 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
 def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
     """What each effect took in the core. What nobody asked for took nothing there."""
     seconds = dict.fromkeys(EFFECTS, 0.0)
-    seconds["pruning"], seconds["contrast"] = chain.look_seconds["growth"], chain.look_seconds["contrast"]
+    seconds["pruning"] = chain.look_seconds["order"] + chain.look_seconds["growth"]
+    seconds["contrast"] = chain.look_seconds["contrast"]
     seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.look_seconds["sky"]
     of_channel = {
         "normal": "normals",

@@ -32,6 +32,11 @@ fn main() {
             let settings = choice.applied(&asked).expect("samples within their range");
             let (_, point) =
                 measure(&foliage, None, &settings, Progress::silent()).expect("the settings are within their ranges");
+            if std::env::var_os("LEAFCLOUD_STAGES").is_some() {
+                for ((stage, told), (_, took)) in model.stages(&choice).named().into_iter().zip(point.seconds.named()) {
+                    eprintln!("  {stage}: {told:.2} {took:.2}");
+                }
+            }
             let (took, error) = (point.seconds.total(), point.image_error);
             let off = |told: f64, found: f64| 100.0 * (told / found - 1.0);
             all += 1;

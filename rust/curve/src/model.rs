@@ -68,8 +68,13 @@ const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
 const STRETCHES: f64 = 4.0;
 const SIDES: f64 = 2.0;
 
-/// Packing tightly takes time in proportion to the billboards, but not more than this many times that of the base: then fewer ways are tried.
-const TIGHTEST: f64 = 2.0;
+/// Packing tightly takes time in proportion to the root of the billboards, but not more than this many times that of the base: then fewer
+/// ways are tried.
+const TIGHTEST: f64 = 1.4;
+
+/// What a texel of a large page takes over one of a quick sweep's: twice on the measured trees, for textures are read where they are sharper,
+/// and little stays in a cache.
+const LARGE_PAGES: f64 = 2.0;
 
 /// Less than this is not told apart, seconds or a share.
 const LEAST: f64 = 1e-5;
@@ -119,6 +124,8 @@ pub struct Model<'a> {
     fit_whole: f64,
     /// Seconds to bake a texel: by itself, and for each sample.
     bake: (f64, f64),
+    /// How many times as long that takes on pages as large as a bake's.
+    baked: f64,
     /// Seconds of the looks for each texel of a page.
     look: f64,
     /// What packing tightly adds to each cloud, seconds.
@@ -138,6 +145,7 @@ impl<'a> Model<'a> {
             looks: if curve.sweep == Sweep::Quick { more_looks(curve.settings.looks) } else { 1.0 },
             fit_whole: curve.rest.map_or(1.0, |rest| (rest.fit / base.seconds.fit.max(LEAST)).max(1.0)),
             bake: (0.0, 0.0),
+            baked: if curve.sweep == Sweep::Quick { LARGE_PAGES } else { 1.0 },
             look: 0.0,
             tight: 0.0,
             by_texel: Line(Vec::new()),
@@ -166,19 +174,19 @@ impl<'a> Model<'a> {
         let packed = self.figure(&|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels], choice).exp();
         let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
         let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
-        let more = self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp().clamp(0.1, TIGHTEST);
+        let more = self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp().sqrt().min(TIGHTEST);
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
         // Only the first level and the cross see the leaves.
-        let Looks { places, amounts, report } = self.curve.settings.looks;
+        let Looks { places, amounts, report, .. } = self.curve.settings.looks;
         let view = self.curve.rest.map_or(0.0, |rest| rest.view);
         let first = STRETCHES * amounts as f64 + places as f64;
         let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
         Stages {
-            prepare: self.looks * self.base.seconds.prepare + view * (amounts + report) as f64,
+            prepare: self.looks * self.base.seconds.prepare + view * (amounts + report) as f64 + self.curve.order,
             fit: self.fit_whole * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
             pack: (packed + tight).max(0.0) + view * SIDES,
-            bake: texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
+            bake: self.baked * texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
             look: self.looks * viewed + self.look * texels(choice) + view * (first + cross),
         }
     }
@@ -279,7 +287,7 @@ fn texels(choice: &Choice) -> f64 {
 /// How many times as many looks as a quick sweep's.
 fn more_looks(looks: Looks) -> f64 {
     // What a direction of each judge costs: how often he looks, about, times the samples of his pictures.
-    let all = |Looks { places, amounts, report }: Looks| {
+    let all = |Looks { places, amounts, report, .. }: Looks| {
         6.0 * 36_864.0 * places as f64 + 9.0 * 65_536.0 * amounts as f64 + 262_144.0 * report as f64
     };
     all(looks) / all(Looks::QUICK)

@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, Method, fit};
-use leafcloud::judge::{View, render};
+use leafcloud::judge::{View, render, visibility};
 use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
@@ -121,6 +121,8 @@ pub struct Curve {
     pub sweep: Sweep,
     /// What the leaves cost that were left out.
     pub rest: Option<Rest>,
+    /// What it takes beside the points to find the order in which leaves are pruned, seconds.
+    pub order: f64,
 }
 
 /// What all the leaves cost beside the sample of a quick sweep, seconds.
@@ -148,6 +150,14 @@ impl Rest {
         let (_, fit) = timed(|| fit(whole, &settings.fit, progress))?;
         Ok(Self { view, fit })
     }
+}
+
+/// What it takes to see how much of each leaf is seen, from what it takes for a few of the directions.
+fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
+    let all = settings.looks.order;
+    let few = all.div_ceil(4);
+    let (_, seconds) = timed(|| visibility(foliage, settings.up, few))?;
+    Ok(seconds * all as f64 / few.max(1) as f64)
 }
 
 fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
@@ -203,8 +213,10 @@ pub fn measure(
     Ok((chain, point))
 }
 
-/// Triangles that a quick sweep looks at, at most.
-const SAMPLE: usize = 4_000;
+/// How many of so many triangles a quick sweep looks at: a tenth, within bounds.
+fn sample_of(triangles: usize) -> usize {
+    (triangles / 10).clamp(4_000, 10_000)
+}
 
 /// Measures many choices, beginning from `settings`.
 ///
@@ -230,12 +242,14 @@ pub fn sweep(
         triangles: foliage.triangle_count(),
         sweep,
         rest: None,
+        order: 0.0,
     };
     match sweep {
         Sweep::Full => curve.measure_all(foliage, wood, settings, &full_choices(settings), progress)?,
         Sweep::Quick => {
+            curve.order = order_seconds(foliage, settings)?;
             let settings = quick_base(settings);
-            let (whole, sample) = (foliage, sampled(foliage, SAMPLE)?);
+            let (whole, sample) = (foliage, sampled(foliage, sample_of(foliage.triangle_count()))?);
             let foliage = sample.as_ref().unwrap_or(whole);
             curve.measure_all(foliage, wood, &settings, &quick_choices(&settings), progress.part(0.0, 0.95))?;
             if let Some(sample) = &sample {

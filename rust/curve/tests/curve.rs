@@ -159,6 +159,7 @@ fn lawful() -> Curve {
         triangles: 1000,
         sweep: Sweep::Full,
         rest: None,
+        order: 0.0,
     }
 }
 

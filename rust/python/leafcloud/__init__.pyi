@@ -146,6 +146,8 @@ class BakeSeconds(TypedDict):
     look: float
 
 class LookSeconds(TypedDict):
+    order: float
+    """Finding how much of each leaf is seen."""
     sky: float
     """Finding how much of the sky is seen."""
     growth: float
@@ -467,6 +469,7 @@ class LevelOptions(FitOptions, total=False):
     visibility: bool  # False
     leaf_map: bool  # False
     tight_pages: bool  # True
+    order_by_visibility: bool  # True
 
 class ChainOptions(LevelOptions, total=False):
     """What a chain may be asked for beside that, see :func:`build_chain`."""
@@ -530,6 +533,8 @@ def build_chain(
     budget is the first level's) and a page of ``texture_size`` / 2^(i−1) columns and, without a ``texture_height``, as
     many rows. ``wood`` is seen by the
     cross only.
+    ``order_by_visibility``: leaves that are seen less are pruned sooner, which takes looks at all of them; without it
+    place and chance alone make ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
     ``keep``: λ, the share of the leaves that is left where the first level takes over, in (0, 1]: all levels are made
     of those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
@@ -554,8 +559,8 @@ def cost_curve(
     """Builds chains with many settings and measures each: ε, candidates, levels, page, samples, effort, method, one
     changed at a time from what is given here, and some that are coarse or fine in all (minutes).
 
-    ``quick``: few settings on at most 4,000 triangles of the leaves, grown to cover as much, from two directions where
-    a bake looks from eight (seconds); its figures serve to predict and to compare.
+    ``quick``: few settings on a tenth of the leaves, 4,000 to 10,000 triangles, grown to cover as much, from two
+    directions where a bake looks from eight (seconds); its figures serve to predict and to compare.
 
     Raises ``LeafcloudError`` for settings out of range or without a cloud, when nothing could be built, and
     ``CancelledError``.

@@ -123,6 +123,7 @@ impl PyChain {
     fn look_seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seconds = self.chain.look_seconds;
         let dict = PyDict::new(py);
+        dict.set_item("order", seconds.order)?;
         dict.set_item("sky", seconds.sky)?;
         dict.set_item("growth", seconds.growth)?;
         dict.set_item("contrast", seconds.contrast)?;

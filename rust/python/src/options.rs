@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
-use leafcloud::lod::{ChainSettings, PruneSettings};
+use leafcloud::lod::{ChainSettings, Looks, PruneSettings};
 use leafcloud::sheet::PageSize;
 use leafcloud::textures::Channels;
 use leafcloud_curve::{Preset, Sweep, Wish};
@@ -149,7 +149,11 @@ impl<'py> Options<'py> {
             pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
-            looks: default.looks,
+            looks: if self.flag("order_by_visibility", true)? {
+                default.looks
+            } else {
+                Looks { order: 0, ..default.looks }
+            },
         })
     }
 

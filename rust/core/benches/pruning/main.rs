@@ -45,7 +45,7 @@ fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let judge = judge(foliage, views());
     let seen = |foliage: &Foliage| judge.glance(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
-    let visible = visibility(foliage, DVec3::Z).expect("pixels");
+    let visible = visibility(foliage, DVec3::Z, 16).expect("pixels");
     for seed in 0..SEEDS {
         let ranks = order(foliage, &visible, seed);
         let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
@@ -139,7 +139,7 @@ fn main() {
             println!("| {name} | {size} | | its leaves are of one colour | |");
             continue;
         }
-        let seen = visibility(foliage, DVec3::Z).expect("pixels");
+        let seen = visibility(foliage, DVec3::Z, 16).expect("pixels");
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
                 let ranks = order(foliage, &seen, seed);

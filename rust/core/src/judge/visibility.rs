@@ -7,17 +7,19 @@ use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::textures::Samples;
 
-/// From how many directions, and at how many pixels: some hundred samples of a leaf among ten thousand.
-const COUNT: usize = 16;
+/// At how many pixels: from 16 directions some hundred samples of a leaf among ten thousand.
 const SIZE: usize = 128;
 
-/// The share of each leaf that is seen, in the mean over directions all around: samples that see it, over what of its area faces the eye.
+/// The share of each leaf that is seen, in the mean over `count` directions all around, nothing of 0: samples that see it, over what of its area faces the eye.
 /// In [0, 1]; parts that its texture cuts out are never seen, so only ratios between leaves mean anything. Counts of samples, the same on any machine.
 ///
 /// # Errors
 /// An `up` without length.
-pub fn visibility(foliage: &Foliage, up: DVec3) -> Result<Vec<f64>> {
-    let views = Views { count: COUNT, size: SIZE, samples: Samples::default(), up, turn: 0.25 };
+pub fn visibility(foliage: &Foliage, up: DVec3, count: usize) -> Result<Vec<f64>> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let views = Views { count, size: SIZE, samples: Samples::default(), up, turn: 0.25 };
     let mut seen = vec![0.0; foliage.leaf_count()];
     let mut facing = seen.clone();
     for view in views.around(foliage.frame()) {
@@ -54,7 +56,7 @@ mod tests {
     #[test]
     fn a_leaf_alone_is_seen_whole_from_everywhere() {
         for across in 0..3 {
-            let seen = visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z).unwrap();
+            let seen = visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z, 16).unwrap();
             assert!((seen[0] - 1.0).abs() < 0.01, "{seen:?}");
         }
     }
@@ -66,9 +68,9 @@ mod tests {
             (if i < 3 { axis } else { -axis }, i % 3, 2.0)
         });
         let mut places: Vec<_> = sides.collect();
-        let outside = visibility(&squares(&places), DVec3::Z).unwrap();
+        let outside = visibility(&squares(&places), DVec3::Z, 16).unwrap();
         places.push((DVec3::ZERO, 0, 0.5));
-        let seen = visibility(&squares(&places), DVec3::Z).unwrap();
+        let seen = visibility(&squares(&places), DVec3::Z, 16).unwrap();
         assert_eq!(seen[6], 0.0);
         assert_eq!(seen[..6], outside);
         // Of two opposite sides one is seen from anywhere.

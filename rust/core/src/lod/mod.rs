@@ -37,9 +37,11 @@ fn report_views(count: usize, up: DVec3) -> Views {
     Views { count, size: 128, samples: Samples::default(), up, turn: 0.5 }
 }
 
-/// From how many directions each judge of a chain looks, all in [1, 64]. Time is in proportion to them.
+/// From how many directions each judge of a chain looks, at most 64, and all but the first at least 1. Time is in proportion to them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Looks {
+    /// How much of each leaf is seen, for the order in which they are pruned; 0: place and chance alone decide.
+    pub order: usize,
     /// Where leaves are.
     pub places: usize,
     /// How much there is of them.
@@ -50,11 +52,12 @@ pub struct Looks {
 
 impl Looks {
     /// As few as tell settings apart: figures are some per cent off.
-    pub const QUICK: Self = Self { places: 1, amounts: 1, report: 2 };
+    pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2 };
 
     fn check(self) -> Result<()> {
-        let Self { places, amounts, report } = self;
-        match [places, amounts, report].into_iter().find(|count| !(1..=64).contains(count)) {
+        let Self { order, places, amounts, report } = self;
+        let judges = [order.max(1), places, amounts, report];
+        match judges.into_iter().find(|count| !(1..=64).contains(count)) {
             Some(count) => Err(Error::invalid(format!("a judge looks from {count} directions; it must be 1 to 64"))),
             None => Ok(()),
         }
@@ -63,7 +66,7 @@ impl Looks {
 
 impl Default for Looks {
     fn default() -> Self {
-        Self { places: 6, amounts: 8, report: 8 }
+        Self { order: 16, places: 6, amounts: 8, report: 8 }
     }
 }
 
@@ -203,6 +206,8 @@ impl ChainSettings {
 /// Where the time went before the levels; 0 for what was not asked for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LookSeconds {
+    /// Finding how much of each leaf is seen.
+    pub order: f64,
     /// Finding how much of the sky is seen.
     pub sky: f64,
     /// Finding how pruned leaves grow.
@@ -255,9 +260,10 @@ pub fn build_chain(
     let started = Instant::now();
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
-    let ranks = prune::order(foliage, &visibility(foliage, settings.up)?, settings.fit.seed);
-    let pivots = pivots(foliage);
     let mut seconds = LookSeconds::default();
+    let seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.looks.order))?;
+    let ranks = prune::order(foliage, &seen, settings.fit.seed);
+    let pivots = pivots(foliage);
     let (mut growth, mut contrast) = Default::default();
     if let Some(pruning) = &settings.pruning {
         growth = timed(&mut seconds.growth, || pruned_look::growth(foliage, &ranks, settings.up))?;
