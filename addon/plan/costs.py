@@ -83,8 +83,8 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
         if effect.name in _SHARING and not paid:
             paid = True
             rates.append(_GLOSS)
-        if effect.name == "pruning" and settings.chain != "billboards":
-            rates.append(_GROWTH)
+        if effect.name == "pruning":
+            rates += [_ORDER] if settings.chain == "billboards" else [_ORDER, _GROWTH]
         seconds, nbytes = sum(each.time(known) for each in rates), sum(each.size(known) for each in rates)
         result.append(replace(effect, seconds=seconds, bytes=round(nbytes)))
     return tuple(result)
@@ -122,6 +122,8 @@ def _far_texels(known: Amounts) -> int:
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
 _GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
+_ORDER = Rate(_triangles, fixed=0.08, per_layer=0.035, seconds=2.8e-6)
+"""Looking how much of each leaf is seen."""
 _GROWTH = Rate(_triangles, fixed=0.14, per_layer=0.028, seconds=1.8e-6)
 """Looking at pruned leaves."""
 
