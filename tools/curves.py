@@ -99,7 +99,6 @@ def measure(tree: Path) -> dict[str, Any]:
         "rows": curve.rows,
         "refused": curve.refused,
         "shown": [curve.rows.index(row) for row in shown],
-        "presets": curve.presets,
     }
 
 

@@ -51,7 +51,11 @@ def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, p
 
 def shadow_proxy_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
     """That of a baked tree, if it has one."""
-    return next((obj for obj in collection.objects if _KEY in obj.get(EXTRAS, {})), None)
+    return next(filter(is_shadow_proxy, collection.objects), None)
+
+
+def is_shadow_proxy(obj: bpy.types.Object) -> bool:
+    return _KEY in obj.get(EXTRAS, {})
 
 
 @contextmanager

@@ -84,8 +84,8 @@ const LEAST: f64 = 1e-5;
 enum Beyond {
     /// As its last part does.
     Straight,
-    /// Not at all.
-    Level,
+    /// Not at all toward smaller values; toward larger ones as its last part does.
+    LevelBelow,
 }
 
 /// Through points with ascending x.
@@ -102,11 +102,11 @@ impl Line {
     /// 0 without points.
     fn at(&self, x: f64, beyond: Beyond) -> f64 {
         let points = &self.0;
-        let (Some(first), Some(last)) = (points.first(), points.last()) else { return 0.0 };
+        let Some(first) = points.first() else { return 0.0 };
         if points.len() == 1 {
             return first.1;
         }
-        let x = if beyond == Beyond::Level { x.clamp(first.0, last.0) } else { x };
+        let x = if beyond == Beyond::LevelBelow { x.max(first.0) } else { x };
         let end = points.iter().position(|p| p.0 >= x).unwrap_or(points.len() - 1).max(1);
         let (a, b) = (points[end - 1], points[end]);
         a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0)
@@ -233,13 +233,13 @@ impl<'a> Model<'a> {
         let error: Figure = &|p| p.image_error;
         let texel: Figure = &|p| p.texel;
         // What ε alone does: the error beside what the texels of its point would do to the base's.
-        let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::Level);
+        let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::LevelBelow);
         let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
         let axes = [Axis::Epsilon, Axis::Page];
         let size = log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>();
         let others: f64 = ALONE.iter().map(|axis| self.effect(error, *axis, choice)).sum();
         line.at(choice.epsilon.ln(), Beyond::Straight)
-            + self.by_texel.at(size, Beyond::Level)
+            + self.by_texel.at(size, Beyond::LevelBelow)
             + others
             + self.effect_of_kind(error, choice)
     }

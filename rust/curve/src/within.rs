@@ -156,8 +156,8 @@ pub fn build_within(
     let begun = Instant::now();
     wish.check(settings)?;
     let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
-    let offers = offers(&curve);
-    let tries = Tries { foliage, wood, settings, offers, count: 0, progress: progress.part(0.2, 1.0) };
+    let (model, offers) = (Model::new(&curve), offers(&curve));
+    let tries = Tries { foliage, wood, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
     match wish {
         Wish::Preset(preset) => tries.place(preset),
         Wish::ImageError(most) => tries.reach(most),
@@ -212,6 +212,7 @@ struct Tries<'a> {
     foliage: &'a Foliage,
     wood: Option<&'a Foliage>,
     settings: &'a ChainSettings,
+    model: Model<'a>,
     offers: Vec<Offer>,
     count: usize,
     progress: Progress<'a>,
@@ -272,25 +273,27 @@ impl Tries<'_> {
         )))
     }
 
-    /// The best that is done in time.
+    /// The best that is done in time: along the front, then on to what is finer than anything that is predicted to help, for a quick sweep
+    /// sees little of what small bounds and large pages do.
     fn hurry(mut self, most: f64, begun: Instant) -> Result<Built> {
         let mut best: Option<(Chain, Offer)> = None;
         let mut slower = 1.0;
         loop {
             let left = most - begun.elapsed().as_secs_f64();
-            let share = if best.is_none() { FIRST } else { CAREFUL };
-            let fits = |offer: &&Offer, share: f64| offer.predicted.seconds * slower <= share * left;
+            let fits = |offer: &Offer, share: f64| offer.predicted.seconds * slower <= share * left;
             let fitting = |share: f64| self.offers.iter().rev().find(|offer| fits(offer, share)).copied();
-            let offer = match (&best, fitting(share)) {
-                (Some((chain, known)), Some(offer)) => {
+            let offer = match &best {
+                None => fitting(FIRST).or_else(|| fitting(CAREFUL)).ok_or_else(|| self.too_few(most, begun))?,
+                Some((chain, known)) => {
                     let off = chain.levels[0].judgement.error / known.predicted.image_error;
-                    if offer.predicted.image_error * off > STEP * chain.levels[0].judgement.error {
-                        break;
+                    let helps =
+                        |offer: &Offer| offer.predicted.image_error * off <= STEP * chain.levels[0].judgement.error;
+                    let finer = || self.finer(known).filter(|offer| fits(offer, CAREFUL));
+                    match fitting(CAREFUL).filter(helps).or_else(finer) {
+                        Some(offer) => offer,
+                        None => break,
                     }
-                    offer
                 }
-                (Some(_), None) => break,
-                (None, offer) => offer.or_else(|| fitting(CAREFUL)).ok_or_else(|| self.too_few(most, begun))?,
             };
             let gave_up = AtomicBool::new(false);
             let fallback = best.is_some();
@@ -302,11 +305,13 @@ impl Tries<'_> {
             match self.build(&offer, &late) {
                 Ok((chain, took)) => {
                     slower = took / offer.predicted.seconds;
-                    let better = best
-                        .as_ref()
-                        .is_none_or(|(b, _)| chain.levels[0].judgement.error < b.levels[0].judgement.error);
-                    if better {
+                    let before = best.as_ref().map_or(f64::INFINITY, |(b, _)| b.levels[0].judgement.error);
+                    let error = chain.levels[0].judgement.error;
+                    if error < before {
                         best = Some((chain, offer));
+                    }
+                    if error > STEP * before {
+                        break;
                     }
                 }
                 Err(Error::Cancelled) if gave_up.load(Ordering::Relaxed) => break,
@@ -316,6 +321,14 @@ impl Tries<'_> {
         }
         let (chain, offer) = best.expect("without one it goes on or fails");
         Ok(Built { chain, offer, tries: self.count })
+    }
+
+    /// The next smaller bound, on the page and with the samples that are asked for; `None` behind the smallest.
+    fn finer(&self, than: &Offer) -> Option<Offer> {
+        let epsilon = EPSILONS.into_iter().rev().find(|epsilon| *epsilon < than.choice.epsilon)?;
+        let Choice { texture_size, samples, .. } = Choice::of(self.settings);
+        let choice = Choice { epsilon, texture_size, samples: samples.max(than.choice.samples), ..than.choice };
+        Some(Offer { choice, predicted: self.model.predict(&choice) })
     }
 
     fn too_few(&self, most: f64, begun: Instant) -> Error {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use leafcloud::error::Error;
 use leafcloud::fit::{Effort, FitSettings, Method};
-use leafcloud::lod::{ChainSettings, PruneSettings};
+use leafcloud::lod::{Chain, ChainSettings, PruneSettings, build_chain};
 use leafcloud::{Attributes, Foliage, Material, Progress};
 use leafcloud_curve::chart::{Chart, Cost, Size};
 use leafcloud_curve::{
@@ -123,6 +123,24 @@ fn seconds_that_are_wished_are_kept() {
     let built = build_within(&crown(100), None, &small(), Wish::Seconds(600.0), Progress::silent()).unwrap();
     assert!(built.tries >= 1 && begun.elapsed().as_secs_f64() < 600.0);
     assert_eq!(built.chain.levels.len(), 1);
+}
+
+/// With time to spare nothing that can be asked for is much better, whatever is predicted.
+#[test]
+fn with_many_seconds_nothing_is_better() {
+    let crown = crown(100);
+    let built = build_within(&crown, None, &small(), Wish::Seconds(600.0), Progress::silent()).unwrap();
+    let error = |chain: &Chain| chain.levels[0].judgement.error;
+    for epsilon in [0.1, 0.04, 0.02] {
+        let fit = FitSettings { epsilon, ..small().fit };
+        let other = build_chain(&crown, None, &ChainSettings { fit, ..small() }, Progress::silent()).unwrap();
+        assert!(
+            error(&built.chain) <= 1.1 * error(&other),
+            "{} beside {} at {epsilon}",
+            error(&built.chain),
+            error(&other)
+        );
+    }
 }
 
 /// A curve whose seconds and errors follow laws: page² (3 + samples²) · 10⁻⁹ seconds of textures, 0.01 ε^−1.5 of planes, ε^0.6 texel^0.2 as error.
