@@ -159,6 +159,16 @@ def test_chain(foliage: Foliage) -> None:
     assert first.foliage().triangle_count == 2 * len(first.corners)
 
 
+def test_leaves_are_looked_at_only_where_their_order_asks_for_it(foliage: Foliage) -> None:
+    """And then those that are seen are pruned later than those that others hide."""
+    shape: dict[str, Any] = {"levels": 1, "cross": False, "texture_size": 128, "epsilon": 0.3, "samples": 1}
+    seen, unseen = (leafcloud.build_chain(foliage, order_by_visibility=each, **shape) for each in (True, False))
+    assert seen.look_seconds["order"] > 0.0
+    assert unseen.look_seconds["order"] == 0.0, "nobody looked"
+    assert (seen.ranks != unseen.ranks).any()
+    assert sorted(seen.ranks) == sorted(unseen.ranks)
+
+
 def positions_of_leaves() -> np.ndarray:
     positions, _ = squares(200)
     return np.repeat(positions.reshape(-1, 4, 3).mean(axis=1), 2, axis=0)

@@ -261,7 +261,10 @@ pub fn build_chain(
     let frame = *foliage.frame();
     wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
     let mut seconds = LookSeconds::default();
-    let seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.looks.order))?;
+    let mut seen = Vec::new();
+    if settings.looks.order > 0 {
+        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.looks.order))?;
+    }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
     let pivots = pivots(foliage);
     let (mut growth, mut contrast) = Default::default();
