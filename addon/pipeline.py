@@ -42,7 +42,16 @@ from .lighting import light_of
 from .part import described_part
 from .placement import Placement
 from .plan.costs import with_costs
-from .plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, plan_levels, settle_back_sides
+from .plan.effects import (
+    Effect,
+    first_on,
+    is_on,
+    plan_channels,
+    plan_effects,
+    plan_levels,
+    sees_pages,
+    settle_back_sides,
+)
 from .plan.facts import Facts
 from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
 from .plan.sight import level_at, sight
@@ -191,6 +200,7 @@ def chain_options(prepared: Prepared) -> dict[str, Any]:
         "occlusion": bool(is_on(prepared.effects, "occlusion")),
         "visibility": bool(is_on(prepared.effects, "self_shadowing")),
         "leaf_map": bool(is_on(prepared.effects, "leaf_map")),
+        "tight_pages": sees_pages(settings, prepared.facts),
         "order_by_visibility": bool(is_on(prepared.effects, "pruning")),
         **fit_options(settings),
     }

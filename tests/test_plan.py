@@ -22,6 +22,7 @@ from plan_scenes import (
     principled,
 )
 
+from addon.plan.effects import sees_pages
 from addon.settings import BakeSettings
 
 ANYWHERE = {"transitions", "pruning", "far_levels", "normals"}
@@ -41,6 +42,17 @@ def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
         "the camera stays at 3.2 radii, and level 2 takes over at 20.3: only level 1 is made"
     )
     assert plan["normals"].reason.endswith("no billboard is seen")
+
+
+def test_only_pages_that_a_camera_may_see_are_packed_tightly() -> None:
+    crown = add_crown()
+    assert sees_pages(BakeSettings(), facts_of(crown))
+    camera = add_camera(3.2, crown)
+    assert not sees_pages(BakeSettings(), facts_of(crown))
+    anywhere = BakeSettings(viewer="anywhere")
+    assert sees_pages(anywhere, facts_of(crown, anywhere))
+    camera.location.y *= 5.0
+    assert sees_pages(BakeSettings(), facts_of(crown))
 
 
 def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:

@@ -52,6 +52,12 @@ def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
     return min(clouds, last), settings.cross and last > clouds
 
 
+def sees_pages(settings: BakeSettings, facts: Facts) -> bool:
+    """Whether any camera may see a billboard. A page that none sees is packed at once, not as tightly as may be."""
+    seen = sight(settings, facts)
+    return seen is None or seen.last > 0
+
+
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
     """The effects after the bake, where `two_sided` holds the numbers of the levels that kept both sides."""
     return tuple(_settled(effect, two_sided) if effect.on is None else effect for effect in effects)
