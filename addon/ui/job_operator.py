@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -51,11 +52,6 @@ def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
     return {"CANCELLED"}
 
 
-def _cancelled(operator: bpy.types.Operator) -> set[str]:
-    operator.report({"INFO"}, "Cancelled")
-    return {"CANCELLED"}
-
-
 def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
     """Tells the panels what is being done; an empty stage is nothing."""
     status = context.window_manager.leafcloud
@@ -65,14 +61,16 @@ def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
 
 
 class JobOperator:
-    """What such an operator does around the core's work: `begin` reads the scene and starts a job, `end` does something
-    with its result. Either may raise one of `REFUSALS`, and then has changed nothing."""
+    """What such an operator does around the core's work, before `bpy.types.Operator` among its bases.
 
-    def begin(self, context: bpy.types.Context) -> leafcloud.Job[Any]:
-        raise NotImplementedError
+    Its own `begin` reads the scene and starts a job, its `end` does something with the result. Either may raise one of
+    `REFUSALS`, and then has changed nothing.
+    """
 
-    def end(self, context: bpy.types.Context, result: Any) -> set[str]:
-        raise NotImplementedError
+    if TYPE_CHECKING:
+        begin: Callable[[bpy.types.Context], leafcloud.Job[Any]]
+        end: Callable[[bpy.types.Context, Any], set[str]]
+        report: Callable[[set[str], str], None]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -113,7 +111,8 @@ class JobOperator:
         try:
             return self.end(context, self._job.result())
         except leafcloud.CancelledError:
-            return _cancelled(self)
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
         except REFUSALS as error:
             return refuse(self, error)
         finally:
