@@ -27,15 +27,15 @@ pub struct Image {
     pixels: Arc<[[u8; 4]]>,
     /// The least code of alpha that is drawn, and then whole.
     whole_from: Option<u8>,
-    pyramids: Arc<Pyramids>,
+    pyramids: Pyramids,
 }
 
 /// Each made when it is first asked for; on one thread, for whoever waits for it may be a worker whose help it would need.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Pyramids {
     /// As sRGB and as linear codes.
-    colors: [OnceLock<Pyramid<Texel>>; 2],
-    greatest_alpha: OnceLock<Pyramid<u8>>,
+    colors: Arc<[OnceLock<Pyramid<Texel>>; 2]>,
+    greatest_alpha: Arc<OnceLock<Pyramid<u8>>>,
 }
 
 impl PartialEq for Image {
@@ -57,7 +57,7 @@ impl Image {
                 pixels.len()
             )));
         }
-        Ok(Self { width, height, pixels, whole_from: None, pyramids: Arc::default() })
+        Ok(Self { width, height, pixels, whole_from: None, pyramids: Pyramids::default() })
     }
 
     /// Pixels in a row.
@@ -86,14 +86,14 @@ impl Image {
     /// The picture with another alpha, one for each pixel.
     pub(crate) fn with_alpha(self, alpha: Vec<u8>) -> Self {
         let pixels = self.pixels.iter().zip(alpha).map(|(&[r, g, b, _], a)| [r, g, b, a]).collect();
-        Self { pixels, pyramids: Arc::default(), ..self }
+        Self { pixels, pyramids: Pyramids::default(), ..self }
     }
 
     /// The picture with every pixel changed.
     #[must_use]
     pub fn mapped(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
         let pixels = self.pixels.iter().map(|&pixel| change(pixel)).collect();
-        Self { pixels, pyramids: Arc::default(), ..*self }
+        Self { pixels, pyramids: Pyramids::default(), ..*self }
     }
 
     /// The same, of which a mask draws what has at least this alpha: from far, no more and no less than that colours it.
@@ -102,7 +102,9 @@ impl Image {
         if self.whole_from == Some(code) {
             return self;
         }
-        Self { whole_from: Some(code), pyramids: Arc::default(), ..self }
+        // What a texel counts changes, its alpha does not.
+        let pyramids = Pyramids { colors: Arc::default(), ..self.pyramids };
+        Self { whole_from: Some(code), pyramids, ..self }
     }
 
     /// What a texel of this alpha counts in the colour of a place that is seen from far, in [0, 1].

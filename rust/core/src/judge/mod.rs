@@ -5,6 +5,7 @@ mod render;
 mod visibility;
 
 pub use measure::{Judgement, compare};
+use render::silhouette;
 pub use render::{View, render};
 pub use visibility::visibility;
 
@@ -81,7 +82,7 @@ impl Judge {
     /// # Errors
     /// A picture without pixels.
     pub fn glance(&self, level: &Foliage) -> Result<Glance> {
-        let pictures = self.look_at(level)?;
+        let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
     }

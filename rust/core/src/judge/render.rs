@@ -30,8 +30,19 @@ pub struct View {
 /// No parts; a direction without length; a centre or "up" that is not finite; a radius or a size that is not above 0; parts so much larger
 /// than the picture that single precision cannot place them.
 pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
+    rendered(parts, view, Channel::BaseColor)
+}
+
+/// The same on black, of alpha alone.
+///
+/// # Errors
+/// As [`render`].
+pub fn silhouette(parts: &[&Foliage], view: &View) -> Result<Image> {
+    rendered(parts, view, Channel::Alpha)
+}
+
+fn rendered(parts: &[&Foliage], view: &View, channel: Channel) -> Result<Image> {
     let triangles = on_screen(parts, view)?;
-    let channel = Channel::BaseColor;
     Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
 }
 

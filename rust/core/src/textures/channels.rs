@@ -28,6 +28,8 @@ pub enum Channel<'a> {
     LeafUv,
     /// Which leaf of which material is seen.
     LeafId,
+    /// Alpha alone; as an image on black. For who asks no more, nothing is looked up.
+    Alpha,
     /// How near to the viewer, in the units of the screen triangle; no image shows it.
     Depth,
 }
@@ -58,6 +60,7 @@ impl Channel<'_> {
             Self::Visibility(_) => "visibility",
             Self::LeafUv => "leaf_uv",
             Self::LeafId => "leaf_id",
+            Self::Alpha => "alpha",
             Self::Depth => "depth",
         }
     }
@@ -75,6 +78,7 @@ impl Channel<'_> {
             Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
             Self::LeafUv => labels::leaf_uv(seen),
             Self::LeafId => labels::leaf_id(seen),
+            Self::Alpha => Vec3::ZERO,
             Self::Depth => Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
         }
     }
@@ -94,6 +98,7 @@ impl Channel<'_> {
             let value = if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
             match self {
                 Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
+                Self::Alpha => [0, 0, 0, quantise(p.w)],
                 Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
                 Self::Visibility(_) => shares(value * 0.5 + 0.5),
                 Self::Gloss(_) | Self::LeafUv | Self::LeafId | Self::Depth => shares(value),

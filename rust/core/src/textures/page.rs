@@ -111,7 +111,7 @@ impl Page {
                 Channel::Visibility(_) => &mut page.visibility,
                 Channel::LeafUv => &mut page.leaf_uv,
                 Channel::LeafId => &mut page.leaf_id,
-                Channel::BaseColor | Channel::Depth => continue,
+                Channel::BaseColor | Channel::Alpha | Channel::Depth => continue,
             };
             *place = Some(image);
         }
@@ -171,14 +171,14 @@ impl Page {
         }
     }
 
-    /// The material of billboards that show the page, cut out at `alpha_cutoff`.
+    /// The material of billboards that show the page, cut out at `alpha_cutoff`, or blended where that is 0.
     #[must_use]
     pub fn material(&self, alpha_cutoff: f32, double_sided: bool) -> Material {
         Material {
             name: "billboards".to_owned(),
             base_color: Vec4::ONE,
             image: Some(self.base_color.clone()),
-            alpha_mode: AlphaMode::Mask(alpha_cutoff),
+            alpha_mode: if alpha_cutoff > 0.0 { AlphaMode::Mask(alpha_cutoff) } else { AlphaMode::Blend },
             double_sided,
             normal: self.normal.clone(),
             // The image has the whole of it.
