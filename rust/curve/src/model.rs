@@ -9,6 +9,7 @@
 
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
+use leafcloud::sheet::tight_work;
 
 use crate::choice::Choice;
 use crate::sweep::{Curve, Point, Stages, Sweep};
@@ -61,6 +62,9 @@ impl Axis {
     }
 }
 
+/// The settings that packing depends on.
+const PACKING: [Axis; 3] = [Axis::Epsilon, Axis::Levels, Axis::Tight];
+
 /// The settings that act on the error by themselves.
 const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
 
@@ -68,13 +72,9 @@ const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
 const STRETCHES: f64 = 4.0;
 const SIDES: f64 = 2.0;
 
-/// Packing tightly takes time in proportion to the root of the billboards, but not more than this many times that of the base: then fewer
-/// ways are tried.
-const TIGHTEST: f64 = 1.4;
-
-/// What a texel of a large page takes over one of a quick sweep's: twice on the measured trees, for textures are read where they are sharper,
-/// and little stays in a cache.
-const LARGE_PAGES: f64 = 2.0;
+/// What a texel of a large page takes over one of a quick sweep's, about, on the measured trees: textures are read where they are sharper, and
+/// little stays in a cache.
+const LARGE_PAGES: f64 = 1.5;
 
 /// Less than this is not told apart, seconds or a share.
 const LEAST: f64 = 1e-5;
@@ -171,10 +171,16 @@ impl<'a> Model<'a> {
     #[must_use]
     pub fn stages(&self, choice: &Choice) -> Stages {
         let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
-        let packed = self.figure(&|p| p.seconds.pack, &[Axis::Epsilon, Axis::Levels], choice).exp();
+        let pack: Figure = &|p| p.seconds.pack;
+        let loosely = Choice { tight_pages: self.base.choice.tight_pages, ..*choice };
+        let packed = self.figure(pack, &PACKING, &loosely).exp();
         let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
         let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
-        let more = self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp().sqrt().min(TIGHTEST);
+        let of_whole =
+            self.curve.rest.map_or(1.0, |rest| rest.billboards as f64 / self.base.billboards.max(1) as f64).max(1.0);
+        let billboards = of_whole * self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp();
+        let work = |share: f64| tight_work((share * self.base.billboards as f64) as usize).max(1) as f64;
+        let more = work(billboards) / work(1.0);
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
         // Only the first level and the cross see the leaves.
@@ -183,7 +189,9 @@ impl<'a> Model<'a> {
         let first = STRETCHES * amounts as f64 + places as f64;
         let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
         Stages {
-            prepare: self.looks * self.base.seconds.prepare + view * (amounts + report) as f64 + self.curve.order,
+            prepare: self.looks * self.typical(&|p| p.seconds.prepare, &[]).exp()
+                + view * (amounts + report) as f64
+                + self.curve.order,
             fit: self.fit_whole * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
             pack: (packed + tight).max(0.0) + view * SIDES,
             bake: self.baked * texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
@@ -209,8 +217,15 @@ impl<'a> Model<'a> {
 
     /// How far the figure's logarithm is from the base's where only the setting of `axis` is that of `choice`.
     fn effect(&self, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
-        let line = Line::new(self.along(axis).map(|p| (axis.of(&p.choice).ln(), log(figure(p)))).collect());
-        line.at(axis.of(choice).ln(), Beyond::Straight) - log(figure(self.base))
+        self.effect_beside(log(figure(self.base)), figure, axis, choice)
+    }
+
+    /// The same where the base's is known better.
+    fn effect_beside(&self, base: f64, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
+        let at_base = axis.of(&self.base.choice);
+        let value = |p: &Point| if axis.of(&p.choice) == at_base { base } else { log(figure(p)) };
+        let line = Line::new(self.along(axis).map(|p| (axis.of(&p.choice).ln(), value(p))).collect());
+        line.at(axis.of(choice).ln(), Beyond::Straight) - base
     }
 
     /// Of a method that is not the base's: what its point nearest in ε has beside what would be predicted there for the base's.
@@ -224,19 +239,43 @@ impl<'a> Model<'a> {
         nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Axis::Epsilon, &p.choice))
     }
 
+    /// Of a figure that depends on these axes alone, which each point is a measurement of.
     fn figure(&self, figure: Figure, axes: &[Axis], choice: &Choice) -> f64 {
-        let effects: f64 = axes.iter().map(|axis| self.effect(figure, *axis, choice)).sum();
-        log(figure(self.base)) + effects + self.effect_of_kind(figure, choice)
+        let base = self.typical(figure, axes);
+        let effects: f64 = axes.iter().map(|axis| self.effect_beside(base, figure, *axis, choice)).sum();
+        base + effects + self.effect_of_kind(figure, choice)
+    }
+
+    /// The median of the figure's logarithm over the base and all points that differ from it along other axes only: a clock is off by some
+    /// tenths where a stage takes some hundredths of a second.
+    fn typical(&self, figure: Figure, axes: &[Axis]) -> f64 {
+        let base = self.base;
+        let alike = |p: &&Point| {
+            let same = |axis: &Axis| axis.of(&p.choice) == axis.of(&base.choice);
+            kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on && axes.iter().all(same)
+        };
+        let mut values: Vec<f64> = self.curve.points.iter().filter(alike).map(|p| log(figure(p))).collect();
+        values.sort_by(f64::total_cmp);
+        0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+    }
+
+    /// Side of a texel of level 1, a share of R.
+    pub(crate) fn texel(&self, choice: &Choice) -> f64 {
+        self.log_texel(choice).exp()
+    }
+
+    fn log_texel(&self, choice: &Choice) -> f64 {
+        let texel: Figure = &|p| p.texel;
+        let axes = [Axis::Epsilon, Axis::Page];
+        log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>()
     }
 
     fn error(&self, choice: &Choice) -> f64 {
         let error: Figure = &|p| p.image_error;
-        let texel: Figure = &|p| p.texel;
         // What ε alone does: the error beside what the texels of its point would do to the base's.
         let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::LevelBelow);
         let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
-        let axes = [Axis::Epsilon, Axis::Page];
-        let size = log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>();
+        let size = self.log_texel(choice);
         let others: f64 = ALONE.iter().map(|axis| self.effect(error, *axis, choice)).sum();
         line.at(choice.epsilon.ln(), Beyond::Straight)
             + self.by_texel.at(size, Beyond::LevelBelow)
@@ -273,7 +312,8 @@ impl<'a> Model<'a> {
 
     fn tight(&self) -> f64 {
         let other = self.along(Axis::Tight).find(|p| p.choice.tight_pages != self.base.choice.tight_pages);
-        let more = other.map_or(0.0, |p| (p.seconds.pack - self.base.seconds.pack).abs());
+        let base = self.typical(&|p| p.seconds.pack, &PACKING).exp();
+        let more = other.map_or(0.0, |p| (p.seconds.pack - base).abs());
         more / self.base.choice.levels.max(1) as f64
     }
 }

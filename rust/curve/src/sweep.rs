@@ -125,13 +125,15 @@ pub struct Curve {
     pub order: f64,
 }
 
-/// What all the leaves cost beside the sample of a quick sweep, seconds.
+/// What all the leaves cost beside the sample of a quick sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rest {
-    /// A look at all the leaves more than one at the sample.
+    /// A look at all the leaves more than one at the sample, seconds.
     pub view: f64,
-    /// Fitting all of them.
+    /// Fitting all of them, seconds.
     pub fit: f64,
+    /// With how many billboards.
+    pub billboards: usize,
 }
 
 impl Rest {
@@ -147,8 +149,8 @@ impl Rest {
         };
         let look = |foliage: &Foliage| timed(|| render(&[foliage], &view)).map(|(_, seconds)| seconds);
         let view = (look(whole)? - look(sample)?).max(0.0);
-        let (_, fit) = timed(|| fit(whole, &settings.fit, progress))?;
-        Ok(Self { view, fit })
+        let (cloud, fit) = timed(|| fit(whole, &settings.fit, progress))?;
+        Ok(Self { view, fit, billboards: cloud.planes.len() })
     }
 }
 
@@ -317,7 +319,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
     let quick = Choice {
         method: Method::Stochastic,
         effort: Effort::Default,
-        epsilon: 0.04,
+        epsilon: 0.056,
         candidates: 600,
         max_billboards: None,
         levels: 1,
@@ -334,7 +336,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
 fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(base);
     let mut all = vec![base];
-    all.extend([0.025, 0.1].map(|epsilon| Choice { epsilon, ..base }));
+    all.extend([0.028, 0.11].map(|epsilon| Choice { epsilon, ..base }));
     all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
     all.push(Choice { samples: 4, ..base });
     all.push(Choice { effort: Effort::Final, ..base });

@@ -19,13 +19,21 @@ use crate::geometry::{Outline, Plane};
 /// Billboards beyond which packing must not be quadratic.
 const MANY: usize = 2000;
 
-/// Densities are tried from the highest on, each by this factor lower than the one before: whether outlines fit is nearly a matter of chance, so
-/// that many tries find a good one. So many are tried at once.
-const DENSITY_STEP: f64 = 0.9975;
-const TRIES: i32 = 16;
+/// Densities are tried from the highest on: whether outlines fit is nearly a matter of chance, so that many tries find a good one.
+#[derive(Clone, Copy)]
+struct Search {
+    /// Each density is by this factor lower than the one before.
+    step: f64,
+    /// So many are tried at once.
+    together: i32,
+    /// How often each is tried at most.
+    attempts: usize,
+}
 
-/// How often a density is tried at most, and with what number of pairs of billboards in all.
-const MOST_ATTEMPTS: usize = 300;
+const TIGHT: Search = Search { step: 0.9975, together: 16, attempts: 300 };
+const LOOSE: Search = Search { step: 0.99, together: 4, attempts: 1 };
+
+/// With what number of pairs of billboards a density is tried in all.
 const MOST_WORK: usize = 1_000_000;
 
 /// Outlines that are all smaller than this are points, local units: no density brings them out.
@@ -137,18 +145,18 @@ impl Sheet {
     /// # Errors
     /// A page size outside its range; more outlines than fit at one texel each.
     pub fn pack(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
-        Self::packed(planes, outlines, settings, MOST_ATTEMPTS)
+        Self::packed(planes, outlines, settings, TIGHT)
     }
 
-    /// The same in a tenth of the time: each density is tried once.
+    /// The same in a tenth of the time: fewer densities are tried, and each once.
     ///
     /// # Errors
     /// As [`Self::pack`].
     pub fn pack_loosely(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
-        Self::packed(planes, outlines, settings, 1)
+        Self::packed(planes, outlines, settings, LOOSE)
     }
 
-    fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, attempts: usize) -> Result<Self> {
+    fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, search: Search) -> Result<Self> {
         settings.check()?;
         if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size.texels() {
             return Err(too_many(outlines.len(), settings.size));
@@ -159,12 +167,14 @@ impl Sheet {
         let filled = (settings.size.texels() as f64 / (area * settings.sides() as f64)).sqrt();
         let mut density = filled.min(side / longest.max(SMALLEST));
         while density * longest.max(SMALLEST) >= 1.0 {
-            let densities: Vec<f64> = (0..TRIES).map(|i| density * libm::pow(DENSITY_STEP, f64::from(i))).collect();
-            let fits = |&density: &f64| place(outlines, density, settings, attempts).map(|packed| (density, packed));
+            let lower = |steps: i32| density * libm::pow(search.step, f64::from(steps));
+            let densities: Vec<f64> = (0..search.together).map(lower).collect();
+            let fits =
+                |&density: &f64| place(outlines, density, settings, search.attempts).map(|packed| (density, packed));
             if let Some((density, packed)) = densities.par_iter().find_map_first(fits) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));
             }
-            density *= libm::pow(DENSITY_STEP, f64::from(TRIES));
+            density = lower(search.together);
         }
         Err(too_many(outlines.len(), settings.size))
     }
@@ -302,14 +312,24 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings, attempts: 
     Some(placed.collect())
 }
 
+fn attempts(boxes: usize, most: usize) -> usize {
+    (1 + MOST_WORK / (boxes * boxes).max(1)).min(most)
+}
+
+/// What packing so many billboards tightly takes, beside others: pairs of them, times how often a density is tried.
+#[must_use]
+pub fn tight_work(billboards: usize) -> usize {
+    let boxes = billboards.min(MANY);
+    attempts(boxes, TIGHT.attempts) * boxes * boxes
+}
+
 /// Plane and side, width, height.
 type Boxed = ((usize, bool), usize, usize);
 
 /// As tight as it gets, in time quadratic in the number. First the packer turns what it likes; then, while that is quick, it is told at random what
 /// to turn, for its own choice is the best at every step and not in the end.
 fn tightly(items: &[Boxed], size: PageSize, most: usize) -> Option<Vec<((usize, bool), Rect)>> {
-    let attempts = 1 + MOST_WORK / (items.len() * items.len()).max(1);
-    (0..attempts.min(most)).find_map(|attempt| {
+    (0..attempts(items.len(), most)).find_map(|attempt| {
         let mut stream = Stream::new(0, attempt, 0);
         let item = |&(data, width, height): &Boxed| match (attempt, stream.below(4)) {
             (0, _) | (_, 0 | 1) => Item::new(data, width, height, Rotation::Allowed),
