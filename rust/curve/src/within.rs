@@ -103,6 +103,10 @@ const EPSILONS: [f64; 9] = [0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0
 const HALVINGS: std::ops::RangeInclusive<usize> = 0..=3;
 const SMALLEST: usize = 256;
 
+/// How many ε the side of a texel is at most of what is offered: where it is larger, more billboards on the page only make it larger yet, and
+/// what is left of an error's fall with ε is less than a prediction is off by.
+const MOST_TEXEL: f64 = 1.0;
+
 /// An offer's error is below the one before it at least by this factor.
 const STEP: f64 = 0.97;
 
@@ -120,7 +124,9 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
                 for effort in [Effort::Default, Effort::Final] {
                     let choice = Choice { effort, epsilon, texture_size, samples, ..asked };
                     let choice = Choice { method: Method::Stochastic, max_billboards: None, ..choice };
-                    all.push(Offer { choice, predicted: model.predict(&choice) });
+                    if model.texel(&choice) <= MOST_TEXEL * epsilon {
+                        all.push(Offer { choice, predicted: model.predict(&choice) });
+                    }
                 }
             }
         }
@@ -246,31 +252,48 @@ impl Tries<'_> {
         Err(refused)
     }
 
-    /// The quickest offer that has at most this error.
+    /// The quickest that has at most this error: along the front, then on to what is finer.
     fn reach(mut self, most: f64) -> Result<Built> {
         let (mut next, mut bias, mut least) = (0, 1.0, f64::INFINITY);
-        while next < self.offers.len() && self.count < MOST_TRIES {
+        let (mut known, mut refused): (Option<Offer>, Option<Error>) = (None, None);
+        while self.count < MOST_TRIES {
             let enough = |offer: &Offer| offer.predicted.image_error * bias <= MARGIN * most;
-            let last = self.offers.len() - 1;
-            let index = (next..=last).find(|&i| enough(&self.offers[i])).unwrap_or(last);
-            let offer = self.offers[index];
-            next = index + 1;
+            let left = &self.offers[next..];
+            let (offer, passed) = match left.iter().position(enough).or(left.len().checked_sub(1)) {
+                Some(index) => (left[index], index + 1),
+                None => match known.and_then(|known| self.finer(&known)) {
+                    Some(offer) => (offer, 0),
+                    None => break,
+                },
+            };
+            next += passed;
             let chain = match self.build(&offer, &|| false) {
                 Ok((chain, _)) => chain,
-                Err(Error::Invalid(_)) if index < last => continue,
+                Err(error @ Error::Invalid(_)) => {
+                    refused = Some(error);
+                    if passed > 0 {
+                        continue;
+                    }
+                    break;
+                }
                 Err(error) => return Err(error),
             };
             let error = chain.levels[0].judgement.error;
             if error <= most {
                 return Ok(Built { chain, offer, tries: self.count });
             }
+            known = Some(offer);
             least = least.min(error);
             bias = error / offer.predicted.image_error;
         }
-        Err(Error::invalid(format!(
+        Err(refused.filter(|_| least.is_infinite()).unwrap_or_else(|| self.beyond(most, least)))
+    }
+
+    fn beyond(&self, most: f64, least: f64) -> Error {
+        Error::invalid(format!(
             "image_error is {most}; the least that {} tries came to is {least}: raise it, texture_size or samples",
             self.count
-        )))
+        ))
     }
 
     /// The best that is done in time: along the front, then on to what is finer than anything that is predicted to help, for a quick sweep
