@@ -136,11 +136,11 @@ RATES: dict[str, Rate] = {
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),
     "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
-    "occlusion": Rate(_texels, fixed=0.08, per_layer=0.063),
+    "occlusion": Rate(_triangles, fixed=0.03, per_layer=0.065, seconds=1.5e-6),
     "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
     "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.4e-7),
     "leaf_map": Rate(_texels, 2 * BYTES_PER_TEXEL, seconds=1.63e-7, seconds_per_layer=6.4e-9),
     "contrast": Rate(_triangles, fixed=0.04, seconds=6.0e-6, seconds_per_layer=1.4e-6),
-    "wind": Rate(_vertices, 20.0, fixed=0.21),
+    "wind": Rate(_vertices, 20.0, fixed=0.21, seconds=8.0e-7),
     "baked_light": Rate(_triangles, 72.0, fixed=0.1, seconds=1.9e-4, seconds_per_layer=1.75e-4),
 }
