@@ -31,6 +31,7 @@ from .build.shadow_proxy import add_shadow_proxy, left_out, shadow_proxy_of
 from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
 from .export.blend import save_blend
+from .export.blend_order import BlendOrders
 from .export.engine_pages import engine_pages
 from .export.plain_materials import materials_of_meshes, plain_colors
 from .export.preview import preview_image
@@ -57,6 +58,7 @@ from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
 from .plan.sight import level_at, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
+from .scene.describe import is_see_through
 from .scene.extract import Geometry, Tree, world_positions
 from .scene.shading import gloss_of
 from .scene.surface import read_surface
@@ -73,9 +75,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     """
     placement, leaves = Placement(tree.matrix), tree.leaves
     shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
-    blended = tuple(
-        material.name for material in leaves.materials if material is not None and gltf.is_blended(material)
-    )
+    blended = [material for material in leaves.materials if material is not None and gltf.is_blended(material)]
     facts = Facts(
         engine=settings.engine,
         leaves=shape.leaf_count,
@@ -87,7 +87,8 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         glossy=gloss_of(leaves.materials).varies,
         translucent=translucent_of(leaves.materials).material,
         one_color=_is_one_color(leaves),
-        blended=blended,
+        blended=tuple(material.name for material in blended),
+        see_through=next((material.name for material in blended if is_see_through(material)), None),
     )
     if layer is None or not tree.sources:
         return facts
@@ -135,7 +136,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     leaves = described_part(tree.leaves, placement, channels, share, sides[0])
     woods = None if tree.wood is None else described_part(tree.wood, placement, channels, share, sides[1])
     foliage, wood = leaves.foliage(), None if woods is None else woods.foliage()
-    blended = [f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5" for name in facts.blended]
+    cut_out = () if is_on(effects, "blend_order") else facts.blended
+    blended = [f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5" for name in cut_out]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, clouds + cross)
     read = [*leaves.messages, *(() if woods is None else woods.messages), *gloss.warnings, *translucent.warnings]
@@ -193,6 +195,7 @@ def chain_options(prepared: Prepared) -> dict[str, Any]:
         "texture_height": settings.texture_height,
         "samples": settings.samples,
         "close_cracks": settings.close_cracks,
+        "blended": bool(is_on(prepared.effects, "blend_order")),
         "back_sides": is_on(prepared.effects, "back_sides"),
         "normals": settings.bend_normals if is_on(prepared.effects, "normals") else None,
         "gloss": bool(is_on(prepared.effects, "gloss")),
@@ -366,9 +369,12 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         clouds = _levels_by_material(baked)
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
+        blended = is_on(baked.effects, "blend_order")
+        additions = [*([BlendOrders(clouds, baked.costs)] if blended else []), textures]
         with ExitStack() as changes:
             changes.enter_context(gltf.engine_attributes(baked.levels, engine))
-            changes.enter_context(gltf.masked_leaves(baked.levels))
+            if not blended:
+                changes.enter_context(gltf.masked_leaves(baked.levels))
             if is_on(baked.effects, "baked_light"):
                 changes.enter_context(mean_light(baked.levels))
             if is_on(baked.effects, "contrast"):
@@ -381,7 +387,8 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
                 begin = time.perf_counter()
                 file = staging.path(f"{level.object.name}.glb")
                 gltf.export_level(level, file)
-                textures.add_to(file)
+                for addition in additions:
+                    addition.add_to(file)
                 seconds.append(time.perf_counter() - begin)
             if (shadow := shadow_proxy_of(baked.collection)) is not None:
                 changes.enter_context(left_out(baked.collection, shadow))
@@ -389,7 +396,8 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
             gltf.export_collection(baked.collection, file)
-            textures.add_to(file)
+            for addition in additions:
+                addition.add_to(file)
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))

@@ -31,6 +31,7 @@ EFFECTS = (
     "normals",
     "gloss",
     "translucency",
+    "blend_order",
     "occlusion",
     "self_shadowing",
     "shadow_proxy",
@@ -398,13 +399,18 @@ class AskedEffects:
         return self.base is None or not self.names
 
     def state(self, name: str) -> bool | None:
-        """Whether an effect is asked for; None leaves it to the plan. Levels are asked for by settings of their own."""
+        """Whether an effect is asked for; None leaves it to the plan.
+
+        Levels are asked for by settings of their own; `all` does not make leaves see-through that are not.
+        """
         if name in self.forced:
             return self.forced[name]
         if self.base == "auto":
             return None
         if name == "far_levels":
             return True
+        if name == "blend_order" and self.base == "all":
+            return None
         return name in (MOVING_LIGHT if self.base == "all" else self.names)
 
 

@@ -30,6 +30,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "normals": True,
         "gloss": False,
         "translucency": False,
+        "blend_order": False,
         "occlusion": False,
         "self_shadowing": False,
         "shadow_proxy": False,

@@ -88,6 +88,8 @@ EFFECTS_APART = {
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
     ),
+    # `all` does not make leaves see-through that are not.
+    "blend_order": Own(("addon.export.blend_order",), ('"blend_order"', '"alphaMode": "BLEND"'), chain="billboards"),
     "occlusion": Own(
         ("addon.build.materials:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
     ),
@@ -224,6 +226,7 @@ def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monke
     [
         ("all", "both", [name for name in EFFECTS if EFFECTS_APART[name].chain == "both"]),
         ("all", "billboards", ["pruning"]),
+        ("all,+blend_order", "billboards", ["blend_order"]),
         ("transitions,baked_light", "billboards", ["baked_light"]),
     ],
 )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..scene.flatten import SHINE, shining_copy
 from ..scene.light import Light
 from ..scene.node_links import output_of
-from .materials import CUTOFF_NODE, PAGE_NODE, hide_back_in_cycles
+from .materials import PAGE_NODE, hide_back_in_cycles, shown_share
 
 FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
 """Colour attributes by corner: the light over its strength where a face winds counter-clockwise, and on its back."""
@@ -50,20 +50,19 @@ def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.ty
 def unlit_material(
     name: str, image: bpy.types.Image, *, alpha_cutoff: float, double_sided: bool, strength: float
 ) -> bpy.types.Material:
-    """A page that shines by itself where its alpha is above the cutoff.
+    """A page that shines by itself where its alpha is above the cutoff, or as far as it is opaque where that is 0.
 
     Blender's glTF exporter knows the form, down to the Light Path that chooses between the same and the same, and
-    writes it as `KHR_materials_unlit`, `alphaMode` MASK.
+    writes it as `KHR_materials_unlit`, `alphaMode` MASK or BLEND.
     """
     material = _unlit(_new_material(name), strength)
     material.use_backface_culling = not double_sided
     tree = material.node_tree
     tree.nodes.clear()
-    texture, threshold, path, emission, either, clear, cut, output = (
+    texture, path, emission, either, clear, cut, output = (
         _node(tree, kind, place)
         for kind, place in (
             ("TexImage", (-600.0, 0.0)),
-            ("Math", (-280.0, 200.0)),
             ("LightPath", (-280.0, 700.0)),
             ("Emission", (-280.0, 0.0)),
             ("MixShader", (-60.0, 0.0)),
@@ -73,13 +72,10 @@ def unlit_material(
         )
     )
     texture.image, texture.name = image, PAGE_NODE
-    threshold.operation, threshold.inputs[1].default_value = "GREATER_THAN", alpha_cutoff
-    threshold.name, threshold.label = CUTOFF_NODE, "Alpha cutoff"
     emission.name, emission.inputs["Strength"].default_value = SHINE, strength
-    tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     _mix(tree, either, path.outputs["Is Camera Ray"], emission, emission)
-    _mix(tree, cut, threshold.outputs[0], clear, either)
+    _mix(tree, cut, shown_share(tree, texture, alpha_cutoff), clear, either)
     tree.links.new(cut.outputs[0], output.inputs["Surface"])
     if not double_sided:
         hide_back_in_cycles(tree)

@@ -68,10 +68,11 @@ def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> 
 
 
 def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: bool) -> bpy.types.Material:
-    """A Principled BSDF with the page's images, opaque where the alpha of the base colour is above `alpha_cutoff`.
+    """A Principled BSDF with the page's images, opaque where the alpha of the base colour is above `alpha_cutoff`;
+    see-through where that is 0.
 
-    Blender's glTF exporter writes the threshold as
-    `alphaMode` MASK with that `alphaCutoff`, normals as `normalTexture` and gloss as `metallicRoughnessTexture`.
+    Blender's glTF exporter writes the threshold as `alphaMode` MASK with that `alphaCutoff`, none as BLEND, normals as
+    `normalTexture` and gloss as `metallicRoughnessTexture`.
 
     With translucency a Mix Shader adds it: (1 − share) · Principled BSDF + share · Translucent BSDF, as the leaves'
     materials are read (`scene.translucency`). Highlights become weaker by the same share.
@@ -86,14 +87,9 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     surface.inputs["Metallic"].default_value = page.metallic
     texture = _image_node(tree, page.base_color, 300.0)
     texture.name = PAGE_NODE
-    threshold = _node(tree, "ShaderNodeMath", (-280.0, 100.0))
-    threshold.name = CUTOFF_NODE
-    threshold.operation = "GREATER_THAN"
-    threshold.inputs[1].default_value = alpha_cutoff
-    threshold.label = "Alpha cutoff"
+    opacity = shown_share(tree, texture, alpha_cutoff)
     tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
-    tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
-    tree.links.new(threshold.outputs[0], surface.inputs["Alpha"])
+    tree.links.new(opacity, surface.inputs["Alpha"])
     if page.gloss is not None:
         parts = _add_gloss(tree, surface, page.gloss)
         if page.occluded:
@@ -101,12 +97,24 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     if page.normal is not None:
         _add_normal(tree, surface, page.normal)
     if page.translucency is not None:
-        _shine_through(tree, surface, threshold, page)
+        _shine_through(tree, surface, opacity, page)
     if page.visibility is not None:
         _add_visibility(tree, page.visibility)
     if not double_sided:
         hide_back_in_cycles(tree)
     return material
+
+
+def shown_share(tree: bpy.types.NodeTree, texture: bpy.types.Node, alpha_cutoff: float) -> bpy.types.NodeSocket:
+    """How much a page hides of what lies behind it: all where alpha is above the cutoff; its alpha, where that is 0."""
+    if alpha_cutoff == 0.0:
+        return texture.outputs["Alpha"]
+    threshold = _node(tree, "ShaderNodeMath", (-280.0, 100.0))
+    threshold.name, threshold.label = CUTOFF_NODE, "Alpha cutoff"
+    threshold.operation = "GREATER_THAN"
+    threshold.inputs[1].default_value = alpha_cutoff
+    tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
+    return threshold.outputs[0]
 
 
 def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
@@ -152,8 +160,10 @@ def _add_visibility(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
     _image_node(tree, image, -600.0).name = VISIBILITY_NODE
 
 
-def _shine_through(tree: bpy.types.NodeTree, surface: bpy.types.Node, threshold: bpy.types.Node, page: Page) -> None:
-    """Mixes a Translucent BSDF to the surface, by the share, but only where the threshold lets the surface be.
+def _shine_through(
+    tree: bpy.types.NodeTree, surface: bpy.types.Node, opacity: bpy.types.NodeSocket, page: Page
+) -> None:
+    """Mixes a Translucent BSDF to the surface, by the share, but only where the opacity lets the surface be.
 
     So the Principled BSDF keeps its alpha, by which exporters know what is cut out.
     """
@@ -166,7 +176,7 @@ def _shine_through(tree: bpy.types.NodeTree, surface: bpy.types.Node, threshold:
     tree.links.new(texture.outputs["Color"], translucent.inputs["Color"])
     for link in list(surface.inputs["Normal"].links):
         tree.links.new(link.from_socket, translucent.inputs["Normal"])
-    share = _times(tree, threshold.outputs[0], page.share, 300.0)
+    share = _times(tree, opacity, page.share, 300.0)
     share.node.name = SHARE_NODE
     if page.opaque_parts:
         share = _times(tree, share, texture.outputs["Alpha"], 500.0)

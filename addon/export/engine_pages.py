@@ -18,9 +18,14 @@ from ..build.materials import CUTOFF_NODE, PAGE_NODE, atlas_image
 
 @contextmanager
 def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
-    """Gives the clouds' materials, by their names, the pages and cutoffs for engines."""
+    """Gives the clouds' materials, by their names, the pages and cutoffs for engines.
+
+    What is blended keeps its own: plain means suit it.
+    """
     with ExitStack() as stack:
         for name, level in levels.items():
+            if level.alpha_cutoff == 0.0:
+                continue
             stack.enter_context(_engine_page(bpy.data.materials[name].node_tree, level))
         yield
 

@@ -7,7 +7,13 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
+FLOAT, ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 5126, 34962, 34963
+_TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, FLOAT: np.float32}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def read_glb(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -33,6 +39,31 @@ def append_view(document: dict[str, Any], binary: bytes, data: bytes, **more: in
     binary += b"\0" * (-len(binary) % 4)
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), **more})
     return len(document["bufferViews"]) - 1, binary + data
+
+
+def accessor_values(document: dict[str, Any], binary: bytes, number: int) -> NDArray[Any]:
+    """(n, width) an accessor of Blender's exporter, which neither interleaves them nor leaves any sparse."""
+    accessor = document["accessors"][number]
+    view = document["bufferViews"][accessor["bufferView"]]
+    width, kind = _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    return np.frombuffer(binary, kind, accessor["count"] * width, start).reshape(-1, width)
+
+
+def without_unused_views(document: dict[str, Any], binary: bytes) -> bytes:
+    """The chunk without the buffer views that neither an accessor nor an image names; the others get new numbers."""
+    users = [user for kind in ("accessors", "images") for user in document.get(kind, []) if "bufferView" in user]
+    views, kept = document["bufferViews"], b""
+    document["bufferViews"] = []
+    numbers: dict[int, int] = {}
+    for number in sorted({user["bufferView"] for user in users}):
+        start = views[number].pop("byteOffset", 0)
+        data = binary[start : start + views[number]["byteLength"]]
+        more = {key: value for key, value in views[number].items() if key not in ("buffer", "byteLength")}
+        numbers[number], kept = append_view(document, kept, data, **more)
+    for user in users:
+        user["bufferView"] = numbers[user["bufferView"]]
+    return kept
 
 
 def append_texture(

@@ -12,11 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .glb_file import append_view, read_glb, write_glb
-
-_FLOAT, _ARRAY_BUFFER = 5126, 34962
-_TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, _FLOAT: np.float32}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+from .glb_file import ARRAY_BUFFER, FLOAT, accessor_values, append_view, read_glb, write_glb
 
 
 def add_tangents(path: Path) -> None:
@@ -37,8 +33,8 @@ def add_tangents(path: Path) -> None:
         names = ("POSITION", "NORMAL", f"TEXCOORD_{texture.get('texCoord', 0)}")
         if not {*names} <= {*attributes}:
             continue  # a mesh without texture coordinates: the map is not laid out on it
-        positions, normals, uvs = (_values(document, binary, attributes[name]) for name in names)
-        triangles = _values(document, binary, primitive["indices"]).reshape(-1, 3)
+        positions, normals, uvs = (accessor_values(document, binary, attributes[name]) for name in names)
+        triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
         binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
     write_glb(path, document, binary)
 
@@ -75,20 +71,11 @@ def _tangents(
     return np.hstack([tangents, sign[:, None]]).astype(np.float32)
 
 
-def _values(document: dict[str, Any], binary: bytes, number: int) -> NDArray[Any]:
-    """(n, width) an accessor of Blender's exporter, which neither interleaves nor normalises these."""
-    accessor = document["accessors"][number]
-    view = document["bufferViews"][accessor["bufferView"]]
-    width, kind = _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
-    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    return np.frombuffer(binary, kind, accessor["count"] * width, start).reshape(-1, width)
-
-
 def _append(document: dict[str, Any], binary: bytes, primitive: dict[str, Any], tangents: NDArray[np.float32]) -> bytes:
-    view, binary = append_view(document, binary, tangents.tobytes(), target=_ARRAY_BUFFER)
+    view, binary = append_view(document, binary, tangents.tobytes(), target=ARRAY_BUFFER)
     accessor = {
         "bufferView": view,
-        "componentType": _FLOAT,
+        "componentType": FLOAT,
         "count": len(tangents),
         "type": "VEC4",
     }

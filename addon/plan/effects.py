@@ -216,6 +216,17 @@ def _translucency(scene: _Scene) -> Effect:
     return Effect("translucency", True, reason)
 
 
+def _blend_order(scene: _Scene) -> Effect:
+    facts, name = scene.facts, "blend_order"
+    if not facts.blended:
+        return Effect(name, False, "no leaf is blended, and what is cut out is drawn in any order")
+    if facts.see_through is None:
+        return Effect(name, False, f"hardly anything is seen through {facts.blended[0]!r}, so it is cut out instead")
+    if scene.only_leaves:
+        return Effect(name, False, scene.before_level_1)
+    return Effect(name, True, f"what is behind {facts.see_through!r} is seen through it, from back to front")
+
+
 def _shadow_proxy(scene: _Scene) -> Effect:
     facts, name = scene.facts, "shadow_proxy"
     if (nobody := _why_unlit(scene)) is not None:
@@ -300,6 +311,7 @@ _RULES: dict[str, Callable[[_Scene], Effect]] = {
         "self_shadowing", "renderers cast shadows themselves, and only a shader made for it reads the texture"
     ),
     "shadow_proxy": _shadow_proxy,
+    "blend_order": _blend_order,
     "leaf_map": _always("leaf_map", "the leaves keep their textures until somebody wants another season"),
     "contrast": _contrast,
     "wind": _wind,

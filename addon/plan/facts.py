@@ -62,6 +62,8 @@ class Facts:
     """Whether all leaves have one base colour, all over."""
     blended: tuple[str, ...] = ()
     """The leaf materials that are neither opaque nor cut out."""
+    see_through: str | None = None
+    """One of them through most of which what is behind it is seen."""
     camera: Camera | None = None
     """None: the viewer may be anywhere."""
     lights: Lights = Lights(())

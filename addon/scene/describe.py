@@ -192,6 +192,16 @@ def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"
     return "MASK" if between <= covered else "BLEND"
 
 
+def is_see_through(material: bpy.types.Material) -> bool:
+    """Whether what is behind a blended material is seen through most of it. Of one that is rendered it is not known."""
+    surface = read_surface(material)
+    if surface.alpha_mode != "BLEND" or surface.gaps:
+        return False
+    image = _image(surface)
+    opacity = np.ones((1, 1)) if image is None else image[..., 3] / 255.0
+    return _alpha_mode(surface.alpha * opacity) == "BLEND"
+
+
 def _part_light(
     description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float
 ) -> list[str]:

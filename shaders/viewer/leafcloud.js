@@ -9,6 +9,7 @@
 // where the file has wind, lcBillboardPivot, lcPhase and lcFreedom, too, and update(camera, seconds) says when it is.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { BlendOrder } from "./blending.js";
 
 /** ../leafcloud.glsl, and after it what a vertex shader declares and where it puts a point. */
 export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
@@ -123,8 +124,8 @@ export class Tree extends THREE.Group {
 
   /** Shows what the camera asks for, as the wind has it after so many seconds. */
   update(camera, seconds = 0) {
-    const place = this.worldToLocal(camera.getWorldPosition(new THREE.Vector3()));
-    this.distance = place.distanceTo(this.centre);
+    const eye = camera.getWorldPosition(new THREE.Vector3());
+    this.distance = this.worldToLocal(eye.clone()).distanceTo(this.centre);
     this.level = this.#levelAt(this.distance);
     const share = this.#shareOfNext();
     this.levels.forEach((level, number) => {
@@ -134,6 +135,7 @@ export class Tree extends THREE.Group {
       Object.assign(level.uniforms.lcShare, { value: share });
       Object.assign(level.uniforms.lcNext, { value: next });
       this.#move(level);
+      level.blended.forEach((order) => order.update(eye));
       if (level.wind) this.#blow(level, seconds);
     });
   }
@@ -245,26 +247,26 @@ function newLevel(object, parser) {
   const pruning = pruningOf(object.userData.leafcloud);
   const { wind = null } = object.userData.leafcloud;
   const uniforms = newUniforms(pruning, wind);
-  const pruned = [];
+  const [pruned, blended] = [[], []];
   for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
     const leaves = moves(mesh.geometry);
     if (wind) mesh.frustumCulled = false; // The wind moves what it likes.
+    const table = tableOf(mesh, parser);
+    if (mesh.material.transparent) blended.push(new BlendOrder(mesh, table?.order ?? null));
     if (leaves) {
-      const table = tableOf(mesh, parser);
       addAttributes(mesh.geometry, wind);
       mesh.frustumCulled = false; // Leaves grow out of the bounds.
       mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
-      if (table) {
-        uniforms.lcShares.value = table.shares;
-        pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
-      }
+      if (table?.shares) uniforms.lcShares.value = table.shares;
+      // What is blended has another order; there, pruned leaves are drawn without a size.
+      if (table?.shares && !mesh.material.transparent) pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
     }
     mesh.material = patched(mesh.material, uniforms, leaves);
     // Mip levels would make the leaves' own textures thinner, and the first cloud, which keeps its coverage, a step.
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned };
+  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned, blended };
 }
 
 /** How a level was baked to be pruned, and what was measured of it; never, where its extras do not say. */
@@ -314,7 +316,9 @@ function moves({ attributes, morphAttributes }) {
 function tableOf(mesh, parser) {
   const { meshes, primitives } = parser.associations.get(mesh);
   const extras = parser.json.meshes[meshes].extras?.leafcloud;
-  return extras && { shares: extras.area_shares, prefixes: extras.prefixes[primitives].triangles };
+  if (!extras) return undefined;
+  const { area_shares: shares, prefixes, blend_order: orders } = extras;
+  return { shares, prefixes: prefixes?.[primitives].triangles, order: orders?.[primitives] };
 }
 
 /** Names what the shaders read; where the file has no ranks, all leaves are protected. */

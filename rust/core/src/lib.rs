@@ -12,6 +12,7 @@
 //! threads and on any machine. Randomness is counter-based (one stream per candidate), reductions have a fixed
 //! order, and transcendental functions come from `libm`, not from the platform.
 
+pub mod blend_order;
 pub mod cloud;
 mod color;
 pub mod error;

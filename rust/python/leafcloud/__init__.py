@@ -1,6 +1,7 @@
 """Leafcloud: levels of detail for foliage that do not pop. The stubs beside this file are the documentation."""
 
 from ._native import (
+    BlendOrder,
     CancelledError,
     Chain,
     Cloud,
@@ -13,6 +14,7 @@ from ._native import (
     Simplified,
     __version__,
     area_scale,
+    blend_order,
     build_chain,
     cost_curve,
     fit,
@@ -31,6 +33,7 @@ from ._native import (
 )
 
 __all__ = [
+    "BlendOrder",
     "CancelledError",
     "Chain",
     "Cloud",
@@ -43,6 +46,7 @@ __all__ = [
     "Simplified",
     "__version__",
     "area_scale",
+    "blend_order",
     "build_chain",
     "cost_curve",
     "fit",

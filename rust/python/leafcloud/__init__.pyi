@@ -224,7 +224,8 @@ class Level:
         ``leaf_id``), and for a page whose side is no multiple of 4.
         """
     @property
-    def alpha_cutoff(self) -> float: ...
+    def alpha_cutoff(self) -> float:
+        """Texels of at least this alpha are drawn; 0 where alpha is coverage, and nothing is cut out."""
     @property
     def texels(self) -> int:
         """Texels of the page that lie in billboards."""
@@ -462,6 +463,7 @@ class LevelOptions(FitOptions, total=False):
     samples: int  # 4
     back_sides: bool | None  # None
     close_cracks: bool  # False
+    blended: bool  # False
     normals: float | None  # None
     gloss: bool  # False
     translucency: bool  # False
@@ -542,6 +544,8 @@ def build_chain(
     a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth`` and
     ``contrast``; without ``contrast`` the latter is not).
     ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
+    ``blended``: billboards are see-through where leaves are, ``Level.alpha_cutoff`` is 0; draw them from back to front
+    (:func:`blend_order`).
     Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
     bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
     from a place, in the red of ``gloss``), ``visibility`` (where it is seen, with ``occlusion``: the crown shades
@@ -579,7 +583,7 @@ def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     and all levels of a page get one ``alpha_cutoff``, at which just the same texels pass. Chains may have different
     numbers of levels; a short one's cross then shares a page with the others' clouds.
 
-    Raises ``LeafcloudError`` for levels of different channels, and for more than fits on 16384 × 16384 texels.
+    Raises ``LeafcloudError`` for levels of different channels or of which some are blended, and for more than fits on 16384 × 16384 texels.
     """
 
 def start_chain(
@@ -626,6 +630,47 @@ def simplify(
     The same bytes on any number of threads; another kind of processor may round otherwise (``meshopt``, which orders
     the collapses, is C++). Raises ``LeafcloudError`` as :class:`Foliage` does, and for an ``error`` that is not above 0
     and finite.
+    """
+
+class BlendOrder:
+    """Pieces of triangles, and the tree by which they are drawn from back to front; see :func:`blend_order`.
+
+    ``c`` corners of ``p`` triangles, ``k`` nodes. Node 0 is the root, if there is any.
+    """
+    @property
+    def sources(self) -> NDArray[np.uint32]:
+        """(c,) the triangle of the input that each corner lies in."""
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(c, 3) and where: its barycentric coordinates, not negative, 1 together."""
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """(p, 3) corners, wound as those of the input; in the order for an eye far away in the direction ``toward``."""
+    @property
+    def planes(self) -> NDArray[np.float64]:
+        """(k, 4) n and d of each node's plane n · x = d, n of length 1."""
+    @property
+    def children(self) -> NDArray[np.int64]:
+        """(k, 2) the nodes of what lies where n · x > d, and where n · x < d; −1 where nothing does. An eye draws the
+        one on its far side first, then the node's own triangles, then the one on its side."""
+    @property
+    def ranges(self) -> NDArray[np.uint32]:
+        """(k, 2) the first of ``triangles`` that lies in the node, and the one behind the last."""
+
+def blend_order(
+    positions: ArrayLike,
+    triangles: ArrayLike,
+    *,
+    toward: Sequence[float] = (0.0, 0.0, 1.0),
+    most: int | None = None,
+) -> BlendOrder:
+    """A binary space partition of triangles that are blended and may cross one another.
+
+    ``positions`` (v, 3) floats; ``triangles`` (t, 3) integers. What crosses a node's plane is cut in two; behind
+    ``most`` pieces nothing is cut any more, and the order is only about right (``None``: there may be some n² of them).
+    Triangles without area are left out. The same result on any machine.
+
+    Raises ``LeafcloudError`` for a position or direction that is not finite, and for an index out of range.
     """
 
 def render(

@@ -4,6 +4,7 @@
 #![allow(clippy::needless_pass_by_value)]
 
 mod arrays;
+mod blend;
 mod curve;
 mod errors;
 mod foliage;
@@ -27,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
     module.add_class::<wood::PySimplified>()?;
+    module.add_class::<blend::PyBlendOrder>()?;
     module.add_function(wrap_pyfunction!(job::fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::build_chain, module)?)?;
@@ -35,6 +37,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(job::start_cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
     module.add_function(wrap_pyfunction!(wood::simplify, module)?)?;
+    module.add_function(wrap_pyfunction!(blend::blend_order, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;

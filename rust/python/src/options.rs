@@ -148,6 +148,7 @@ impl<'py> Options<'py> {
             back_sides: self.take("back_sides", sides, default.back_sides)?,
             pruning: self.pruning()?,
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
+            blended: self.flag("blended", default.blended)?,
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
             looks: if self.flag("order_by_visibility", true)? {
                 default.looks

@@ -56,7 +56,8 @@ pub(super) fn build(
     let baked = Instant::now();
     progress.tell("bake", 0.8)?;
     let judges = Judges::new(parts, parts, &frame, settings)?;
-    let alpha_cutoff = tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)?;
+    let alpha_cutoff =
+        if settings.blended { 0.0 } else { tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)? };
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     tune::check_shown(&judgement, &page, alpha_cutoff)?;

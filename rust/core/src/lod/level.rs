@@ -57,7 +57,7 @@ pub struct Level {
     pub sheet: Sheet,
     /// What the billboards show.
     pub page: Page,
-    /// Texels of at least this alpha are drawn.
+    /// Texels of at least this alpha are drawn; 0 where alpha is coverage, and nothing is cut out.
     pub alpha_cutoff: f32,
     /// Whether the sides have textures of their own, as pairs of single-sided billboards.
     pub two_sided: bool,
@@ -135,10 +135,15 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let baked = Instant::now();
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
-    let collapsed = projection.at(finer, HAND_OVER)?;
-    let before = Judge::new(&[&collapsed], finer.frame(), tune::views_of_places(settings.looks.places, settings.up)?)?;
-    let alpha_cutoff = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
-    let alpha_cutoff = tune::matched(alpha_cutoff, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?;
+    let alpha_cutoff = if settings.blended {
+        0.0
+    } else {
+        let collapsed = projection.at(finer, HAND_OVER)?;
+        let views = tune::views_of_places(settings.looks.places, settings.up)?;
+        let before = Judge::new(&[&collapsed], finer.frame(), views)?;
+        let best = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
+        tune::matched(best, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?
+    };
     let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let judgement = step.judges.report.judge(&shown)?;
@@ -182,7 +187,10 @@ impl Level {
     /// The base colour and the cutoff with which engines draw the level that make mip levels themselves, made when first asked for. Not to
     /// be asked for on a worker of rayon's: who waits for it does not help.
     pub fn for_engines(&self) -> &(Image, f32) {
-        self.engine.get_or_init(|| for_plain_means(&self.page.base_color, self.alpha_cutoff))
+        self.engine.get_or_init(|| match self.alpha_cutoff {
+            0.0 => (self.page.base_color.clone(), 0.0), // Plain means keep what is covered.
+            cutoff => for_plain_means(&self.page.base_color, cutoff),
+        })
     }
 
     /// The mip levels of a channel, of base colour as engines draw it. `None` for a channel that is not there or has none.
@@ -190,7 +198,8 @@ impl Level {
     pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
         if channel == "base_color" {
             let (image, cutoff) = self.for_engines();
-            return Some(mips::of_color(image, &self.regions, *cutoff));
+            let kept = if *cutoff > 0.0 { mips::of_color(image, &self.regions, *cutoff) } else { mips::means(image) };
+            return Some(kept);
         }
         self.page.levels(channel)
     }

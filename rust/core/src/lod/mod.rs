@@ -72,6 +72,7 @@ impl Default for Looks {
 
 /// What a chain may be asked.
 #[derive(Clone, Debug)]
+#[allow(clippy::struct_excessive_bools)] // Each is on or not, whatever the others.
 pub struct ChainSettings {
     /// The fit of level 1; ε grows by [`EPSILON_STEP`] from level to level.
     pub fit: FitSettings,
@@ -93,6 +94,9 @@ pub struct ChainSettings {
     pub pruning: Option<PruneSettings>,
     /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
     pub close_cracks: bool,
+    /// Whether billboards are see-through where leaves are: then alpha is coverage, and nothing is cut out. They have to be drawn from back to
+    /// front ([`crate::blend_order`]).
+    pub blended: bool,
     /// Whether pages are packed as tightly as seconds allow, some per cent finer than at once.
     pub tight_pages: bool,
     /// From how many directions the judges look.
@@ -149,6 +153,7 @@ impl Default for ChainSettings {
             back_sides: None,
             pruning: None,
             close_cracks: false,
+            blended: false,
             tight_pages: true,
             looks: Looks::default(),
         }

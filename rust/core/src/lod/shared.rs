@@ -15,9 +15,10 @@ use super::Level;
 /// The levels with their billboards on one page, the same for all.
 ///
 /// # Errors
-/// Levels of different channels; more than fits on 16384 × 16384 texels.
+/// Levels of different channels, or of which some are blended and some cut out; more than fits on 16384 × 16384 texels.
 pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     check_channels(levels)?;
+    check_alpha(levels)?;
     let boxes: Vec<(usize, usize)> =
         levels.iter().flat_map(|level| outer_regions(level)).map(|r| (r.width, r.height)).collect();
     let too_large = || {
@@ -61,6 +62,17 @@ fn check_channels(levels: &[&Level]) -> Result<()> {
             names(first)
         ))),
         None => Ok(()),
+    }
+}
+
+fn check_alpha(levels: &[&Level]) -> Result<()> {
+    let blended = |level: &&&Level| level.alpha_cutoff == 0.0;
+    match levels.iter().filter(blended).count() {
+        count if count == 0 || count == levels.len() => Ok(()),
+        count => Err(Error::invalid(format!(
+            "{count} of {} trees are blended, the others are cut out; bake all with the same blended",
+            levels.len()
+        ))),
     }
 }
 

@@ -229,3 +229,35 @@ fn levels_have_the_mean_colour_of_the_leaves() {
         assert!((ratio - 1.0).abs().max_element() < 0.06, "{}: {ratio}", level.method);
     }
 }
+
+#[test]
+fn what_is_seen_through_is_not_cut_out() {
+    let foliage = |alpha: f32| {
+        let faint = Material {
+            base_color: Vec4::new(0.1, 0.5, 0.05, alpha),
+            alpha_mode: AlphaMode::Blend,
+            ..Material::default()
+        };
+        let ball = ball(200);
+        let positions: Vec<DVec3> =
+            (0..ball.triangle_count()).flat_map(|t| ball.corners(t)).map(|p| ball.frame().to_caller(p)).collect();
+        let triangles = (0..ball.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        Foliage::new(&positions, triangles, Attributes::default(), vec![faint]).unwrap()
+    };
+    let blended = ChainSettings { blended: true, ..settings() };
+    let chain = build_chain(&foliage(0.3), None, &blended, Progress::silent()).unwrap();
+    let cut_out = build_chain(&foliage(0.3), None, &settings(), Progress::silent()).unwrap();
+    for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {
+        assert_eq!(level.alpha_cutoff, 0.0);
+        assert!((level.judgement.coverage - 1.0).abs() < 0.1, "{:?}", level.judgement);
+        let (blended, cut) = (level.judgement.error, cut.judgement.error);
+        assert!(blended < 0.8 * cut, "of a cut-out leaf all is seen or nothing: {blended} beside {cut}");
+        let mips = level.mips("base_color").unwrap();
+        let mean =
+            |image: &Image| image.alpha().iter().map(|&a| f64::from(a)).sum::<f64>() / image.alpha().len() as f64;
+        assert!((mean(&mips[3]) - mean(&mips[0])).abs() < 1.0, "plain means keep what is covered");
+    }
+    let message = share_page(&[&chain.levels[0], &cut_out.levels[0]]).unwrap_err().to_string();
+    assert!(message.contains("1 of 2 trees are blended"), "{message}");
+    assert!(share_page(&[&chain.levels[0], &chain.levels[1]]).unwrap().iter().all(|level| level.alpha_cutoff == 0.0));
+}

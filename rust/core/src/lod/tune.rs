@@ -174,7 +174,7 @@ const LEAST_COVERAGE: f64 = 0.01;
 /// # Errors
 /// It is none.
 pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Result<()> {
-    let passes = page.base_color.pixels().iter().any(|p| f32::from(p[3]) / 255.0 >= alpha_cutoff);
+    let passes = page.base_color.pixels().iter().any(|p| p[3] > 0 && f32::from(p[3]) / 255.0 >= alpha_cutoff);
     if judgement.coverage >= LEAST_COVERAGE && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
 }
 

@@ -1,0 +1,129 @@
+"""Blended clouds in GLB files: cut where billboards cross, with the tree by which they are drawn from back to front.
+
+Engines draw the triangles of a mesh in the order of its indices. No order of whole billboards is right, for they cross
+one another; and for their pieces it depends on the eye. So each primitive whose material is a cloud's is cut
+(`leafcloud.blend_order`), all that its vertices have is interpolated, and its mesh's extras hold the tree, one for each
+primitive:
+
+    leafcloud.blend_order[i] = {planes: [nx, ny, nz, d, …], children: [front, back, …], ranges: [first, behind, …]}
+
+`shaders/viewer/blending.js` walks it. Who does not gets the order for an eye in front of the tree. Known limits: a
+cloud that morphs keeps the order of its places at rest; pruned billboards shrink to nothing, but stay in the indices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..build.levels import Costs
+from .glb_file import (
+    ARRAY_BUFFER,
+    ELEMENT_ARRAY_BUFFER,
+    accessor_values,
+    append_view,
+    read_glb,
+    without_unused_views,
+    write_glb,
+)
+
+MOST_PIECES = 16
+"""For each triangle; behind that, the order is only about right."""
+_FRONT = (0.0, 0.0, 1.0)
+"""Where the eye is for which indices are in order: before the tree, in glTF's coordinates."""
+_TRIANGLES = 4
+_SHORT, _LONG = (5123, np.uint16), (5125, np.uint32)
+
+
+class BlendOrders:
+    """Orders the primitives of the clouds, by the names of their materials; what it takes counts as `blend_order`'s."""
+
+    def __init__(self, materials: Collection[str], costs: Costs) -> None:
+        self._materials = set(materials)
+        self._costs = costs
+        self._orders: dict[str, leafcloud.BlendOrder] = {}
+
+    def add_to(self, path: Path) -> None:
+        """Cuts and orders what is blended in the GLB file at `path`."""
+        known = len(self._orders)
+        with self._costs.spent_on("blend_order", 0):
+            document, binary = read_glb(path)
+            names = [material["name"] for material in document.get("materials", [])]
+            for mesh in document["meshes"]:
+                for number, primitive in enumerate(mesh["primitives"]):
+                    material = names[primitive["material"]] if "material" in primitive else None
+                    if material in self._materials and primitive.get("mode", _TRIANGLES) == _TRIANGLES:
+                        binary = self._cut(document, binary, mesh, number, material)
+            binary = without_unused_views(document, binary)
+        before = path.stat().st_size
+        write_glb(path, document, binary)
+        if len(self._orders) > known:  # Each cloud is in two files, and counts in one.
+            self._costs.bytes["blend_order"] += path.stat().st_size - before
+
+    def _cut(self, document: dict[str, Any], binary: bytes, mesh: dict[str, Any], number: int, material: str) -> bytes:
+        primitive = mesh["primitives"][number]
+        triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
+        if material not in self._orders:
+            positions = accessor_values(document, binary, primitive["attributes"]["POSITION"])
+            most = MOST_PIECES * len(triangles)
+            self._orders[material] = leafcloud.blend_order(positions, triangles, toward=_FRONT, most=most)
+        order = self._orders[material]
+        binary = _cut_vertices(document, binary, primitive, triangles, order)
+        indices = order.triangles.ravel()
+        kind, dtype = _SHORT if len(order.sources) < 2**16 - 1 else _LONG
+        change = {"componentType": kind, "count": indices.size}
+        binary = _replace(document, binary, primitive["indices"], indices.astype(dtype), change, ELEMENT_ARRAY_BUFFER)
+        extras = mesh.setdefault("extras", {}).setdefault("leafcloud", {})
+        trees = extras.setdefault("blend_order", [None] * len(mesh["primitives"]))
+        trees[number] = _tree(order)
+        if "prefixes" in extras:
+            steps = len(extras["prefixes"][number]["triangles"])
+            extras["prefixes"][number]["triangles"] = [len(order.triangles)] * steps
+        return binary
+
+
+def _cut_vertices(
+    document: dict[str, Any],
+    binary: bytes,
+    primitive: dict[str, Any],
+    triangles: NDArray[Any],
+    order: leafcloud.BlendOrder,
+) -> bytes:
+    """Gives each corner of the pieces what it has of its triangle's three."""
+    vertices, weights = triangles[order.sources], order.weights[:, :, None]
+    sets = [primitive["attributes"], *primitive.get("targets", [])]
+    for accessor in dict.fromkeys(number for values in sets for number in values.values()):
+        values = accessor_values(document, binary, accessor)
+        mixed = (values[vertices] * weights).sum(axis=1)
+        mixed = (mixed if values.dtype == np.float32 else np.rint(mixed)).astype(values.dtype)
+        change: dict[str, Any] = {"count": len(mixed)}
+        if "min" in document["accessors"][accessor]:
+            change |= {"min": mixed.min(axis=0).tolist(), "max": mixed.max(axis=0).tolist()}
+        binary = _replace(document, binary, accessor, mixed, change, ARRAY_BUFFER)
+    return binary
+
+
+def _replace(
+    document: dict[str, Any], binary: bytes, accessor: int, values: NDArray[Any], change: dict[str, Any], target: int
+) -> bytes:
+    """Gives an accessor other values, in a view of their own."""
+    view, binary = append_view(document, binary, values.tobytes(), target=target)
+    document["accessors"][accessor].pop("byteOffset", None)
+    document["accessors"][accessor] |= {"bufferView": view, **change}
+    return binary
+
+
+def _tree(order: leafcloud.BlendOrder) -> dict[str, list[Any]]:
+    """As glTF's extras hold it; planes are rounded to what single precision tells apart."""
+    planes = order.planes.astype(np.float32)
+    return {
+        "planes": [float(f"{value:.7g}") for value in planes.ravel().tolist()],
+        "children": order.children.ravel().tolist(),
+        "ranges": order.ranges.ravel().tolist(),
+    }
