@@ -370,7 +370,9 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
         blended = is_on(baked.effects, "blend_order")
-        additions = [*([BlendOrders(clouds, baked.costs)] if blended else []), textures]
+        additions: list[BlendOrders | ktx2.Ktx2Textures] = [textures]
+        if blended:
+            additions.insert(0, BlendOrders(clouds, baked.costs))
         with ExitStack() as changes:
             changes.enter_context(gltf.engine_attributes(baked.levels, engine))
             if not blended:

@@ -40,8 +40,9 @@ EFFECTS = (
     "wind",
     "baked_light",
 )
-MOVING_LIGHT = tuple(name for name in EFFECTS if name != "baked_light")
-"""What `all` stands for: the effects for light that may move, beside which baked light makes no sense."""
+MOVING_LIGHT = tuple(name for name in EFFECTS if name not in ("baked_light", "blend_order"))
+"""What `all` stands for: the effects for light that may move, beside which baked light makes no sense; and the plan
+still decides whether leaves are seen through."""
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
 EFFECT_CHOICES = ("auto", "all", "none")
@@ -401,7 +402,7 @@ class AskedEffects:
     def state(self, name: str) -> bool | None:
         """Whether an effect is asked for; None leaves it to the plan.
 
-        Levels are asked for by settings of their own; `all` does not make leaves see-through that are not.
+        Levels are asked for by settings of their own.
         """
         if name in self.forced:
             return self.forced[name]

@@ -99,8 +99,8 @@ def test_a_camera_that_sees_only_leaves_needs_none() -> None:
 
 
 def test_pages_keep_how_far_they_are_seen_through() -> None:
-    """Two quads in a row: from in front a quarter of what is behind is seen, as of the leaves."""
-    quads = np.array([[(x, y, z) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))] for y in (0.0, 0.1)], float)
+    """Two quads side by side on one billboard: half of what is behind is seen."""
+    quads = np.array([[(x + 1.2 * i, 0.1 * i, z) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))] for i in (0, 1)], float)
     triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     material = leafcloud.Material(base_color=(0.2, 0.4, 0.1, ALPHA), alpha_mode="BLEND")
     foliage = leafcloud.Foliage(quads.reshape(-1, 3), triangles, materials=[material])
@@ -108,7 +108,7 @@ def test_pages_keep_how_far_they_are_seen_through() -> None:
     [level] = leafcloud.build_chain(foliage, blended=True, **options).levels
     assert len(level.corners) == 1
     assert level.alpha_cutoff == 0.0
-    assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * (1 - (1 - ALPHA) ** 2), abs=2)
+    assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * ALPHA, abs=1)
     assert level.for_engines()[1] == 0.0
     assert np.array_equal(level.for_engines()[0], level.base_color)
     [cut] = leafcloud.build_chain(foliage, **options).levels
@@ -175,8 +175,8 @@ class Eye:
         return forward + at[None, :, None] * right + at[:, None, None] * np.cross(right, forward)
 
 
-def composed(eye: Eye, size: int) -> NDArray[np.float64]:
-    """(size, size, 3) the three cards as rays meet them, each over what is behind it, on black."""
+def composed(eye: Eye, size: int, *, backward: bool = False) -> NDArray[np.float64]:
+    """(size, size, 3) the three cards as rays meet them, each over what is behind it (or before it), on black."""
     rays = eye.rays(size).reshape(-1, 3)
     away, colors = [], []
     for corners, color in zip(cards() @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), COLORS, strict=True):
@@ -184,12 +184,12 @@ def composed(eye: Eye, size: int) -> NDArray[np.float64]:
         normal = np.cross(u, v)
         distance = ((a - eye.place) @ normal) / (rays @ normal)
         point = eye.place + distance[:, None] * rays - a
-        inside = np.all([(0 < point @ e) & (point @ e < e @ e) for e in (u, v)], axis=0)
+        inside = np.all([(point @ e > 0.0) & (point @ e < e @ e) for e in (u, v)], axis=0)
         away.append(np.where(inside, distance, -1.0))
         colors.append(color)
     order = np.argsort(-np.array(away), axis=0)
     picture = np.zeros((len(rays), 3))
-    for number in order:
+    for number in order[::-1] if backward else order:
         met = np.take_along_axis(np.array(away), number[None], axis=0)[0] > 0.0
         shown = np.where(met, ALPHA, 0.0)[:, None]
         picture = shown * np.array(colors)[number] + (1.0 - shown) * picture
@@ -211,8 +211,9 @@ def test_the_viewer_draws_from_back_to_front(baked: Path) -> None:
     for eye, view in zip(eyes, views, strict=True):
         assert view["level"] == 1
         seen = np.frombuffer(base64.b64decode(view["pixels"]), "<f4").reshape(64, 64, 4)[..., :3]
-        off = np.abs(seen - composed(eye, 64)).max(axis=2)
+        expected, backward = composed(eye, 64), composed(eye, 64, backward=True)
+        covered = expected.max(axis=2) > 0.0
+        off, other = (np.abs(seen - picture).max(axis=2)[covered] for picture in (expected, backward))
         # Edges are a pixel wide; elsewhere light is a per cent or two off.
-        assert np.quantile(off, 0.85) < 0.04, eye.place
-        backward = np.abs(seen - composed(Eye(2.0 * centre - eye.place, centre, radius), 64)[:, ::-1]).max(axis=2)
-        assert np.quantile(backward, 0.85) > 0.1, "from behind other cards are in front"
+        assert np.quantile(off, 0.75) < 0.06, eye.place
+        assert np.quantile(other, 0.75) > 0.1, "the other order is seen to be another"

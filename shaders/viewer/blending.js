@@ -24,6 +24,7 @@ export class BlendOrder {
 
   /** Before each picture; the camera's place in the world. */
   update(place) {
+    this.#mesh.updateWorldMatrix(true, false);
     const eye = this.#mesh.worldToLocal(place.clone());
     if (this.#eye && this.#eye.distanceTo(eye) < STEP * eye.length()) return;
     this.#eye = eye;

@@ -374,6 +374,7 @@ function boundsOf({ object }, root) {
 /** A material of the level's own that includes the laws. */
 function patched(original, uniforms, leaves) {
   const material = original.clone();
+  material.forceSinglePass = true; // Else of what is blended all backs are drawn before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   const wind = "lcWind" in uniforms;
   material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind}`;

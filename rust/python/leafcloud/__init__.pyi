@@ -583,7 +583,8 @@ def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     and all levels of a page get one ``alpha_cutoff``, at which just the same texels pass. Chains may have different
     numbers of levels; a short one's cross then shares a page with the others' clouds.
 
-    Raises ``LeafcloudError`` for levels of different channels or of which some are blended, and for more than fits on 16384 × 16384 texels.
+    Raises ``LeafcloudError`` for levels of different channels or of which only some are blended, and for more than fits
+    on 16384 × 16384 texels.
     """
 
 def start_chain(
