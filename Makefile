@@ -101,6 +101,11 @@ minimal: setup .venv/.fidelity ## bake a scene that calls for next to nothing as
 	@mkdir -p docs/bench
 	.venv/bin/python tools/minimal.py $(ARGS)
 
+.PHONY: blending
+blending: setup ## measure what cutting billboards for blending costs, and how far it gets
+	@mkdir -p docs/bench
+	.venv/bin/python tools/blending.py $(ARGS)
+
 .PHONY: three
 three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium

@@ -3,8 +3,8 @@
 Each is in proportion to an amount that is known before the bake: vertices, texels, triangles; and what looks through
 the crown takes longer the more leaves stand behind one another. The constants are fitted to measured trees; `make plan`
 measures them anew, and compares estimates with what was measured. Seconds are those of the machine that they were
-measured on. Known limit: how much wood can be left out shows when it is tried, so bytes of trunk_levels are up to two
-times off.
+measured on. Known limit: how much wood can be left out shows when it is tried, and in how many pieces billboards are
+cut when they are, so bytes of trunk_levels and of blend_order are up to two times off.
 """
 
 from __future__ import annotations
@@ -120,6 +120,11 @@ def _far_texels(known: Amounts) -> int:
     return known.far_texels
 
 
+def _pieces(known: Amounts) -> int:
+    """Of billboards that are blended: deep crowns have more of them."""
+    return 10_000 + round(900 * known.depth)
+
+
 _SHARING = ("gloss", "occlusion", "self_shadowing")
 _GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
 _ORDER = Rate(_triangles, fixed=0.08, per_layer=0.035, seconds=2.8e-6)
@@ -136,6 +141,7 @@ RATES: dict[str, Rate] = {
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),
     "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
+    "blend_order": Rate(_pieces, 125.0, seconds=6.0e-6),
     "occlusion": Rate(_triangles, fixed=0.03, per_layer=0.065, seconds=1.5e-6),
     "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
     "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.4e-7),

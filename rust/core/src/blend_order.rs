@@ -10,6 +10,8 @@
 //! O(p log p) for p pieces where cuts are few; there may be O(n²) of them for n triangles, so behind a number of pieces that is given nothing is cut
 //! any more, but goes where its middle lies, and is drawn in about the right order only.
 
+use std::collections::VecDeque;
+
 use glam::DVec3;
 
 use crate::error::{Error, Result};
@@ -206,9 +208,9 @@ impl Partition {
     fn new(pieces: Vec<Piece>, thickness: f64, most: usize) -> Self {
         let mut partition = Self { nodes: Vec::new(), within: Vec::new() };
         let mut count = pieces.len();
-        // What still has to be divided, and whose child it becomes.
-        let mut waiting = vec![(pieces, None)];
-        while let Some((pieces, parent)) = waiting.pop() {
+        // What still has to be divided, and whose child it becomes. Planes through much of it come first: all get some of the cuts.
+        let mut waiting = VecDeque::from([(pieces, None)]);
+        while let Some((pieces, parent)) = waiting.pop_front() {
             let Some(plane) = best_plane(&pieces, thickness) else { continue };
             let number = partition.add(plane, parent);
             let (normal, offset) = plane;
