@@ -45,6 +45,7 @@ from .placement import Placement
 from .plan.costs import with_costs
 from .plan.effects import (
     Effect,
+    blended_leaves,
     first_on,
     is_on,
     plan_channels,
@@ -58,8 +59,8 @@ from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
 from .plan.sight import level_at, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
-from .scene.describe import is_see_through
 from .scene.extract import Geometry, Tree, world_positions
+from .scene.see_through import see_through
 from .scene.shading import gloss_of
 from .scene.surface import read_surface
 from .scene.survey import survey
@@ -88,7 +89,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         translucent=translucent_of(leaves.materials).material,
         one_color=_is_one_color(leaves),
         blended=tuple(material.name for material in blended),
-        see_through=next((material.name for material in blended if is_see_through(material)), None),
+        see_through=see_through(leaves, blended),
     )
     if layer is None or not tree.sources:
         return facts
@@ -136,8 +137,12 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     leaves = described_part(tree.leaves, placement, channels, share, sides[0])
     woods = None if tree.wood is None else described_part(tree.wood, placement, channels, share, sides[1])
     foliage, wood = leaves.foliage(), None if woods is None else woods.foliage()
-    cut_out = () if is_on(effects, "blend_order") else facts.blended
-    blended = [f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5" for name in cut_out]
+    kept = blended_leaves(settings, facts)
+    blended = [
+        f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5"
+        for name in facts.blended
+        if name not in kept
+    ]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, clouds + cross)
     read = [*leaves.messages, *(() if woods is None else woods.messages), *gloss.warnings, *translucent.warnings]
@@ -369,14 +374,13 @@ def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> 
         clouds = _levels_by_material(baked)
         taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
         textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
-        blended = is_on(baked.effects, "blend_order")
         additions: list[BlendOrders | ktx2.Ktx2Textures] = [textures]
-        if blended:
-            additions.insert(0, BlendOrders(clouds, baked.costs))
+        if is_on(baked.effects, "blend_order"):
+            additions.insert(0, BlendOrders(clouds, baked.prepared.facts.triangles, baked.costs))
         with ExitStack() as changes:
             changes.enter_context(gltf.engine_attributes(baked.levels, engine))
-            if not blended:
-                changes.enter_context(gltf.masked_leaves(baked.levels))
+            kept = blended_leaves(baked.prepared.settings, baked.prepared.facts)
+            changes.enter_context(gltf.masked_leaves(baked.levels, kept))
             if is_on(baked.effects, "baked_light"):
                 changes.enter_context(mean_light(baked.levels))
             if is_on(baked.effects, "contrast"):

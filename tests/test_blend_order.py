@@ -83,7 +83,7 @@ def test_what_is_blended_but_has_hard_edges_is_cut_out(shades: tuple[float, ...]
     tree.links.new(texture.outputs["Alpha"], surface.inputs["Alpha"])
     effect = plan_of(add_crown(material))["blend_order"]
     assert effect.on is on
-    assert on or effect.reason == "hardly anything is seen through 'm', so it is cut out instead"
+    assert on or effect.reason == "little is known to be seen through 'm', so it is cut out instead"
 
 
 def test_it_is_not_part_of_all() -> None:

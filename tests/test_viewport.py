@@ -72,7 +72,7 @@ def test_a_mesh_that_neither_moves_nor_thins_out_stays() -> None:
     for name in ("target", "pivot", "pivot_target"):
         np.testing.assert_array_equal(corners[name], corners["position"])
     np.testing.assert_array_equal(corners["normal"], np.tile(np.float32([0.0, 0.0, 1.0]), (6, 1)))
-    assert (part.image, part.cutoff) == (None, 0.0)
+    assert (part.image, part.cutoff) == (None, -1.0)
 
 
 def test_each_material_is_a_part() -> None:

@@ -97,7 +97,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     if page.normal is not None:
         _add_normal(tree, surface, page.normal)
     if page.translucency is not None:
-        _shine_through(tree, surface, opacity, page)
+        _shine_through(tree, surface, opacity, page, cut_out=alpha_cutoff > 0.0)
     if page.visibility is not None:
         _add_visibility(tree, page.visibility)
     if not double_sided:
@@ -161,11 +161,12 @@ def _add_visibility(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
 
 
 def _shine_through(
-    tree: bpy.types.NodeTree, surface: bpy.types.Node, opacity: bpy.types.NodeSocket, page: Page
+    tree: bpy.types.NodeTree, surface: bpy.types.Node, opacity: bpy.types.NodeSocket, page: Page, *, cut_out: bool
 ) -> None:
     """Mixes a Translucent BSDF to the surface, by the share, but only where the opacity lets the surface be.
 
-    So the Principled BSDF keeps its alpha, by which exporters know what is cut out.
+    So the Principled BSDF keeps its alpha, by which exporters know what is cut out. Where nothing is, and both are seen
+    through alike, both have it.
     """
     texture = _image_node(tree, page.translucency, -900.0)
     texture.name = TRANSLUCENCY_NODE
@@ -176,27 +177,46 @@ def _shine_through(
     tree.links.new(texture.outputs["Color"], translucent.inputs["Color"])
     for link in list(surface.inputs["Normal"].links):
         tree.links.new(link.from_socket, translucent.inputs["Normal"])
-    share = _times(tree, opacity, page.share, 300.0)
+    behind = translucent.outputs[0]
+    share = _times(tree, opacity if cut_out else 1.0, page.share, 300.0)
     share.node.name = SHARE_NODE
+    if not cut_out:
+        behind = _as_far_as(tree, opacity, behind)
     if page.opaque_parts:
         share = _times(tree, share, texture.outputs["Alpha"], 500.0)
     [output] = [link.to_socket for link in surface.outputs[0].links]
-    for source, target in zip((share, surface.outputs[0], translucent.outputs[0]), mix.inputs, strict=True):
+    for source, target in zip((share, surface.outputs[0], behind), mix.inputs, strict=True):
         tree.links.new(source, target)
     tree.links.new(mix.outputs[0], output)
 
 
-def _times(
-    tree: bpy.types.NodeTree, first: bpy.types.NodeSocket, second: bpy.types.NodeSocket | float, height: float
+def _as_far_as(
+    tree: bpy.types.NodeTree, opacity: bpy.types.NodeSocket, shader: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """The product of a socket's value and another, or a number."""
+    """A shader that is seen through but for its opacity."""
+    clear, mix = (
+        _node(tree, f"Shader{kind}", (300.0, height))
+        for kind, height in (("NodeBsdfTransparent", -600.0), ("NodeMixShader", -450.0))
+    )
+    for source, target in zip((opacity, clear.outputs[0], shader), mix.inputs, strict=True):
+        tree.links.new(source, target)
+    return mix.outputs[0]
+
+
+def _times(
+    tree: bpy.types.NodeTree,
+    first: bpy.types.NodeSocket | float,
+    second: bpy.types.NodeSocket | float,
+    height: float,
+) -> bpy.types.NodeSocket:
+    """The product of two, each a socket's value or a number."""
     node = _node(tree, "ShaderNodeMath", (-280.0, height))
     node.operation = "MULTIPLY"
-    tree.links.new(first, node.inputs[0])
-    if isinstance(second, float):
-        node.inputs[1].default_value = second
-    else:
-        tree.links.new(second, node.inputs[1])
+    for value, socket in zip((first, second), node.inputs, strict=False):
+        if isinstance(value, float):
+            socket.default_value = value
+        else:
+            tree.links.new(value, socket)
     return node.outputs[0]
 
 

@@ -25,7 +25,6 @@ from .materials import Page, atlas_image, atlas_material
 
 _KEY = "shadow_only"
 """What says so among the object's custom properties, and in glTF's extras."""
-_HALF = 0.5
 _SEEN_BY = ("camera", "diffuse", "glossy", "transmission", "volume_scatter")
 
 
@@ -36,7 +35,8 @@ def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, p
     """
     name = f"{collection.name}_shadow"
     pixels, cutoff = level.for_engines()
-    cutoff = cutoff or _HALF  # Shadow maps know no shades.
+    if cutoff == 0.0:  # Shadow maps know no shades.
+        cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255
     material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
     faces = fans(np.zeros((len(level.corners), level.corners.shape[1] - 2), np.int32), placement)

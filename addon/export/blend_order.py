@@ -34,18 +34,24 @@ from .glb_file import (
 )
 
 MOST_PIECES = 16
-"""For each triangle; behind that, the order is only about right."""
-_FRONT = (0.0, 0.0, 1.0)
+"""For each triangle, and in all as many as the leaves have, if these are not few: behind that, the order is only about
+right."""
+FEW = 1000
+_FRONT = np.array([0.0, 0.0, 1.0])
 """Where the eye is for which indices are in order: before the tree, in glTF's coordinates."""
 _TRIANGLES = 4
 _SHORT, _LONG = (5123, np.uint16), (5125, np.uint32)
 
 
 class BlendOrders:
-    """Orders the primitives of the clouds, by the names of their materials; what it takes counts as `blend_order`'s."""
+    """Orders the primitives of the clouds, by the names of their materials; what it takes counts as `blend_order`'s.
 
-    def __init__(self, materials: Collection[str], costs: Costs) -> None:
+    `leaves`: how many triangles those have.
+    """
+
+    def __init__(self, materials: Collection[str], leaves: int, costs: Costs) -> None:
         self._materials = set(materials)
+        self._leaves = leaves
         self._costs = costs
         self._orders: dict[str, leafcloud.BlendOrder] = {}
 
@@ -55,24 +61,28 @@ class BlendOrders:
         with self._costs.spent_on("blend_order", 0):
             document, binary = read_glb(path)
             names = [material["name"] for material in document.get("materials", [])]
-            for mesh in document["meshes"]:
+            for index, mesh in enumerate(document["meshes"]):
+                toward = _before(document, index)
                 for number, primitive in enumerate(mesh["primitives"]):
                     material = names[primitive["material"]] if "material" in primitive else None
                     if material in self._materials and primitive.get("mode", _TRIANGLES) == _TRIANGLES:
-                        binary = self._cut(document, binary, mesh, number, material)
+                        binary = self._cut(document, binary, mesh, number, toward)
             binary = without_unused_views(document, binary)
         before = path.stat().st_size
         write_glb(path, document, binary)
         if len(self._orders) > known:  # Each cloud is in two files, and counts in one.
             self._costs.bytes["blend_order"] += path.stat().st_size - before
 
-    def _cut(self, document: dict[str, Any], binary: bytes, mesh: dict[str, Any], number: int, material: str) -> bytes:
+    def _cut(
+        self, document: dict[str, Any], binary: bytes, mesh: dict[str, Any], number: int, toward: NDArray[np.float64]
+    ) -> bytes:
         primitive = mesh["primitives"][number]
+        material = document["materials"][primitive["material"]]["name"]
         triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
         if material not in self._orders:
             positions = accessor_values(document, binary, primitive["attributes"]["POSITION"])
-            most = MOST_PIECES * len(triangles)
-            self._orders[material] = leafcloud.blend_order(positions, triangles, toward=_FRONT, most=most)
+            most = min(MOST_PIECES * len(triangles), max(self._leaves, FEW))
+            self._orders[material] = leafcloud.blend_order(positions, triangles, toward=toward.tolist(), most=most)
         order = self._orders[material]
         binary = _cut_vertices(document, binary, primitive, triangles, order)
         indices = order.triangles.ravel()
@@ -86,6 +96,15 @@ class BlendOrders:
             steps = len(extras["prefixes"][number]["triangles"])
             extras["prefixes"][number]["triangles"] = [len(order.triangles)] * steps
         return binary
+
+
+def _before(document: dict[str, Any], mesh: int) -> NDArray[np.float64]:
+    """The direction to the eye in the coordinates of a mesh, as the first node has it that shows it."""
+    node: dict[str, Any] = next((node for node in document["nodes"] if node.get("mesh") == mesh), {})
+    *axis, cosine = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    back = -np.array(axis)
+    once = np.cross(back, _FRONT)
+    return _FRONT + 2.0 * (cosine * once + np.cross(back, once))
 
 
 def _cut_vertices(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -64,17 +64,24 @@ def engine_attributes(levels: Sequence[BuiltLevel], engine: str) -> Iterator[Non
 
 
 @contextmanager
-def masked_leaves(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Cuts blended leaf materials out at an alpha of ½ for the time of the export.
+def masked_leaves(levels: Sequence[BuiltLevel], kept: Collection[str]) -> Iterator[None]:
+    """Cuts blended leaf materials out at an alpha of ½ for the time of the export, but for those that are `kept`.
 
     Crossing cards that are blended have no depth order in engines, and would change their look where the first cloud,
-    which is cut out, takes over.
+    which is cut out, takes over. An alpha of one number above ½ is made full; below, it stays: else all would be gone.
     """
     materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
-    cuts = [cut for material in materials if is_blended(material) for cut in _cut_out(material.node_tree)]
+    cut_out = [material for material in materials if is_blended(material) and material.name not in kept]
+    cuts = [cut for material in cut_out for cut in _cut_out(material.node_tree)]
+    filled = [alpha for material in cut_out for alpha in _even_alphas(material.node_tree)]
+    values = [alpha.default_value for alpha in filled]
     try:
+        for alpha in filled:
+            alpha.default_value = 1.0
         yield
     finally:
+        for alpha, value in zip(filled, values, strict=True):
+            alpha.default_value = value
         for tree, threshold in cuts:
             source, target = threshold.inputs[0].links[0].from_socket, threshold.outputs[0].links[0].to_socket
             tree.nodes.remove(threshold)
@@ -85,6 +92,12 @@ def is_blended(material: bpy.types.Material) -> bool:
     """Whether the material's alpha is read as coverage, or not understood, which exporters take for the same."""
     surface = read_surface(material)
     return surface.alpha_mode == "BLEND" or any(gap.startswith("its alpha ") for gap in surface.gaps)
+
+
+def _even_alphas(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
+    """The alphas of one number above ½."""
+    alphas = [node.inputs["Alpha"] for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    return [alpha for alpha in alphas if not alpha.is_linked and alpha.default_value > 0.5]
 
 
 def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:

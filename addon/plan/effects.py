@@ -42,6 +42,14 @@ def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
     return tuple(name for name in CHANNELS if name in on)
 
 
+def blended_leaves(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
+    """The leaf materials that stay blended in files: those that are seen through, if nothing else is asked for."""
+    asked = asked_effects(settings.effects).forced.get("blend_order")
+    if asked is None:
+        return facts.see_through
+    return facts.blended if asked else ()
+
+
 def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[int, bool]:
     """How many clouds are made, and whether the cross is: without the effect far_levels those that are seen, or one."""
     clouds = 0 if settings.chain == "pruning" else settings.levels
@@ -220,11 +228,11 @@ def _blend_order(scene: _Scene) -> Effect:
     facts, name = scene.facts, "blend_order"
     if not facts.blended:
         return Effect(name, False, "no leaf is blended, and what is cut out is drawn in any order")
-    if facts.see_through is None:
-        return Effect(name, False, f"hardly anything is seen through {facts.blended[0]!r}, so it is cut out instead")
+    if not facts.see_through:
+        return Effect(name, False, f"little is known to be seen through {facts.blended[0]!r}, so it is cut out instead")
     if scene.only_leaves:
         return Effect(name, False, scene.before_level_1)
-    return Effect(name, True, f"what is behind {facts.see_through!r} is seen through it, from back to front")
+    return Effect(name, True, f"what is behind {facts.see_through[0]!r} is seen through it, from back to front")
 
 
 def _shadow_proxy(scene: _Scene) -> Effect:

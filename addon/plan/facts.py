@@ -62,8 +62,8 @@ class Facts:
     """Whether all leaves have one base colour, all over."""
     blended: tuple[str, ...] = ()
     """The leaf materials that are neither opaque nor cut out."""
-    see_through: str | None = None
-    """One of them through most of which what is behind it is seen."""
+    see_through: tuple[str, ...] = ()
+    """Those of them through most of which what is behind them is seen; none where hardly a leaf has them."""
     camera: Camera | None = None
     """None: the viewer may be anywhere."""
     lights: Lights = Lights(())

@@ -192,14 +192,11 @@ def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"
     return "MASK" if between <= covered else "BLEND"
 
 
-def is_see_through(material: bpy.types.Material) -> bool:
-    """Whether what is behind a blended material is seen through most of it. Of one that is rendered it is not known."""
-    surface = read_surface(material)
-    if surface.alpha_mode != "BLEND" or surface.gaps:
-        return False
+def opacity_of(surface: Surface) -> NDArray[np.float64]:
+    """(h, w) what a surface's alpha and its image make of it; (1, 1) without an image. Raises `SceneError` for one that
+    is missing."""
     image = _image(surface)
-    opacity = np.ones((1, 1)) if image is None else image[..., 3] / 255.0
-    return _alpha_mode(surface.alpha * opacity) == "BLEND"
+    return surface.alpha * (np.ones((1, 1)) if image is None else image[..., 3] / 255.0)
 
 
 def _part_light(

@@ -45,7 +45,7 @@ def parts_of(mesh: bpy.types.Mesh) -> list[Part]:
         texture = surface.texture
         attributes["uv"] = _uvs(mesh, "" if texture is None else texture.uv_map)[corners]
         image = None if texture is None else texture.image
-        cutoff = surface.alpha_cutoff if surface.alpha_mode == "MASK" else 0.0
+        cutoff = {"MASK": surface.alpha_cutoff, "BLEND": 0.0, "OPAQUE": -1.0}[surface.alpha_mode]
         result.append(Part(attributes, image, (*surface.color, surface.alpha), cutoff))
     return result
 

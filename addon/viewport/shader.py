@@ -53,7 +53,8 @@ void main() {
     vec3 face = normalize(cross(dFdx(seen_point), dFdy(seen_point)));
     if (!lc_shown(lc_grazing(dot(face, view), keep_at.w), gl_FragCoord.xy)) discard;
     vec4 texel = texture(page, seen_uv) * tint;
-    if (texel.a <= cutoff) discard;
+    // What is blended has a cutoff of 0, and is dithered; what is opaque has one below.
+    if (cutoff > 0.0 ? texel.a <= cutoff : cutoff == 0.0 && !lc_shown(texel.a, gl_FragCoord.xy)) discard;
     float kept = lc_keep(keep_at.x, keep_at.y, keep_at.z);
     vec3 color = lc_toward_mean(texel.rgb, mean, lc_contrast(kept, contrast));
     // From the eye, and half of it from everywhere. A 3D view encodes what is drawn into it.

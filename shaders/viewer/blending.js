@@ -13,10 +13,13 @@ export class BlendOrder {
   #mesh;
   #indices;
   #walk;
+  #middle;
   #eye = null;
 
   constructor(mesh, tree) {
     this.#mesh = mesh;
+    mesh.geometry.computeBoundingSphere();
+    this.#middle = mesh.geometry.boundingSphere.center.clone();
     this.#indices = indicesOf(mesh.geometry);
     this.#walk = tree ? (eye) => walked(tree, eye) : byDistance(mesh.geometry.attributes.position, this.#indices);
     mesh.geometry.setIndex(new THREE.BufferAttribute(this.#indices.slice(), 1));
@@ -26,7 +29,7 @@ export class BlendOrder {
   update(place) {
     this.#mesh.updateWorldMatrix(true, false);
     const eye = this.#mesh.worldToLocal(place.clone());
-    if (this.#eye && this.#eye.distanceTo(eye) < STEP * eye.length()) return;
+    if (this.#eye && this.#eye.distanceTo(eye) < STEP * eye.distanceTo(this.#middle)) return;
     this.#eye = eye;
     const { index } = this.#mesh.geometry;
     let at = 0;

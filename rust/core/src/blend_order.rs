@@ -211,12 +211,14 @@ impl Partition {
         // What still has to be divided, and whose child it becomes. Planes through much of it come first: all get some of the cuts.
         let mut waiting = VecDeque::from([(pieces, None)]);
         while let Some((pieces, parent)) = waiting.pop_front() {
-            let Some(plane) = best_plane(&pieces, thickness) else { continue };
-            let number = partition.add(plane, parent);
-            let (normal, offset) = plane;
+            let Some(best) = best_plane(&pieces, thickness) else { continue };
+            let Piece { normal, offset, .. } = pieces[best];
+            let number = partition.add((normal, offset), parent);
             let mut sides = [Vec::new(), Vec::new()];
-            for piece in pieces {
+            for (index, piece) in pieces.into_iter().enumerate() {
                 match piece.side(normal, offset, thickness) {
+                    // Its own plane holds it, however it is rounded.
+                    _ if index == best => partition.within[number].push(piece),
                     Side::Within => partition.within[number].push(piece),
                     Side::Front => sides[0].push(piece),
                     Side::Back => sides[1].push(piece),
@@ -262,9 +264,9 @@ impl Partition {
     }
 }
 
-/// The plane of one of the pieces that cuts few, and leaves about as many on one side as on the other. `None` when there are none.
-fn best_plane(pieces: &[Piece], thickness: f64) -> Option<(DVec3, f64)> {
-    let tried = pieces.iter().step_by(pieces.len().div_ceil(TRIED).max(1));
+/// The piece whose plane cuts few others, and leaves about as many on one side as on the other. `None` when there are none.
+fn best_plane(pieces: &[Piece], thickness: f64) -> Option<usize> {
+    let tried = (0..pieces.len()).step_by(pieces.len().div_ceil(TRIED).max(1));
     let cost = |plane: &Piece| {
         let mut counts = [0usize; 4];
         for piece in pieces {
@@ -273,5 +275,5 @@ fn best_plane(pieces: &[Piece], thickness: f64) -> Option<(DVec3, f64)> {
         let [front, back, _, cut] = counts;
         CUT_WEIGHT * cut + front.abs_diff(back)
     };
-    tried.min_by_key(|plane| cost(plane)).map(|plane| (plane.normal, plane.offset))
+    tried.min_by_key(|&plane| cost(&pieces[plane]))
 }

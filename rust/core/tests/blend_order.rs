@@ -155,6 +155,9 @@ fn hostile_input() {
         let plain = BlendOrder::new(&crossing(7, 30), DVec3::Z, usize::MAX).unwrap();
         assert_eq!(scaled.triangles.len(), plain.triangles.len(), "{scale}");
     }
+    // So far away that no corner lies in its own triangle's plane.
+    let far: Vec<[DVec3; 3]> = crossing(8, 20).into_iter().map(|t| t.map(|p| p + 1e11)).collect();
+    assert!(BlendOrder::new(&far, DVec3::Z, usize::MAX).unwrap().nodes.len() <= 1000);
     // All at one place, over and over.
     let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, usize::MAX).unwrap();
     assert_eq!((same.triangles.len(), same.nodes.len()), (5000, 1));

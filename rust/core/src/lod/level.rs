@@ -127,7 +127,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
-    let (page, channel_seconds) = if settings.close_cracks {
+    // What is blended and drawn twice hides twice as much.
+    let (page, channel_seconds) = if settings.close_cracks && !settings.blended {
         bake_timed(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
     } else {
         bake_timed(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
