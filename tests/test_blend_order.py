@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import bake, saved
 from glb import Node, read_glb
+from mathutils import Matrix, Vector
 from node_trees import new_image, new_material, texture_node
 from numpy.typing import NDArray
 from plan_scenes import add_camera, add_crown, plan_of, principled
@@ -84,6 +85,77 @@ def test_what_is_blended_but_has_hard_edges_is_cut_out(shades: tuple[float, ...]
     effect = plan_of(add_crown(material))["blend_order"]
     assert effect.on is on
     assert on or effect.reason == "little is known to be seen through 'm', so it is cut out instead"
+
+
+@pytest.mark.parametrize(("alpha", "on"), [(0.05, True), (0.3, True), (0.8, True), (0.95, False)])
+def test_an_even_alpha_is_seen_through_as_far_as_it_is_one(alpha: float, on: bool) -> None:
+    assert plan_of(add_crown(principled("leaf", Alpha=alpha)))["blend_order"].on is on
+
+
+def test_soft_edges_of_narrow_leaves_are_edges() -> None:
+    """Needles three texels wide, with as much of a soft edge again."""
+    row = [(0.2, 0.5, 0.1, shade) for shade in (0.0, 0.3, 0.7, 1.0, 1.0, 1.0, 0.7, 0.3, 0.0, 0.0)]
+    material, surface, tree = new_material()
+    texture = texture_node(tree, new_image("needles", [row * 3] * 8))
+    tree.links.new(texture.outputs["Alpha"], surface.inputs["Alpha"])
+    assert plan_of(add_crown(material))["blend_order"].on is False
+
+
+@pytest.mark.parametrize(("count", "on"), [(1, False), (30, True)])
+def test_enough_leaves_have_to_be_seen_through(count: int, on: bool) -> None:
+    """Of 60; the others are opaque."""
+    assert plan_of(mixed(count))["blend_order"].on is on
+
+
+def mixed(count: int) -> bpy.types.Object:
+    """A crown of which `count` of the cards are seen through, with a hard and a nearly opaque material beside them."""
+    crown = add_crown(principled("hard"))
+    for name, alpha in [("soft", 0.4), ("nearly", 0.95)]:
+        crown.data.materials.append(principled(name, Alpha=alpha))
+    for number, polygon in enumerate(crown.data.polygons):
+        polygon.material_index = 1 if number < count else 2 * (number % 2)
+    return crown
+
+
+@pytest.mark.parametrize(
+    ("flags", "radii", "soft"),
+    [
+        (("--effects=auto",), 3.2, "BLEND"),
+        (("--effects=auto",), 0.0, "BLEND"),
+        (("--effects=-blend_order",), 0.0, "BLEND"),
+    ],
+)
+def test_leaves_in_files_are_as_they_are_seen(flags: tuple[str, ...], radii: float, soft: str, tmp_path: Path) -> None:
+    """Also where the camera sees nothing but leaves; below ½ an even alpha stays, or nothing would be left of it."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    crown = mixed(30)
+    if radii > 0.0:
+        add_camera(radii, crown)
+    source = saved(tmp_path / "mixed.blend")
+    report = bake(source, tmp_path / "out", "--levels", "1", "--no-cross", "--texture-size", "128", *flags)
+    primitives = read_glb(tmp_path / "out" / "mixed_LOD0.glb")["mixed_LOD0"].primitives
+    modes = {primitive.material["name"]: primitive.material.get("alphaMode", "OPAQUE") for primitive in primitives}
+    assert modes == {"hard": "OPAQUE", "soft": soft, "nearly": "OPAQUE"}
+    warned = [warning for warning in report["warnings"] if "is blended" in warning]
+    assert any("'nearly'" in warning for warning in warned)
+    assert any("'soft'" in warning for warning in warned) is ("-blend_order" in flags[0])
+
+
+def test_a_turned_tree_is_in_order_from_the_front(tmp_path: Path) -> None:
+    """Squares in a row away from the eye, on an object that lies on its back: the farthest comes first."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    turn = Matrix.Rotation(1.2, 4, "X")
+    rows = [Vector((x, 0.3 * number, z)) for number in range(8) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    corners = [tuple(turn.inverted() @ corner) for corner in rows]
+    faces = [tuple(range(4 * number, 4 * number + 4)) for number in range(8)]
+    add_mesh("leaves", corners, faces, materials=[principled("leaf", Alpha=0.5)], matrix=turn)
+    source = saved(tmp_path / "row.blend")
+    bake(source, tmp_path / "out", "--levels", "1", "--no-cross", "--texture-size", "128", "--epsilon", "0.02")
+    node = read_glb(tmp_path / "out" / "row_LOD1.glb")["row_LOD1"]
+    [primitive] = node.primitives
+    depths = node.to_world(primitive.attributes["POSITION"])[primitive.indices][:, :, 2].mean(axis=1)
+    assert (np.diff(depths) > -0.01).all()
+    assert np.ptp(depths) > 1.5
 
 
 def test_it_is_not_part_of_all() -> None:
