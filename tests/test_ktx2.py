@@ -72,6 +72,18 @@ def test_each_texture_of_a_level_has_both(files: Path) -> None:
         assert transfer(file) == codes
 
 
+@pytest.mark.parametrize("effects", ["none", "blend_order"])
+def test_a_page_that_is_no_square_has_all_its_levels(effects: str, tmp_path: Path, shrub: Path) -> None:
+    shape = ("--levels", "1", "--no-cross", "--texture-size", "256", "--texture-height", "128", "--effects", effects)
+    baked = run("--input", shrub, "--out", tmp_path, "--engine", "three", *shape)
+    assert baked.returncode == 0, baked.stderr
+    document, binary = document_of(tmp_path / "shrub_LOD1.glb")
+    [image] = [image for image in document["images"] if image["mimeType"] == "image/ktx2"]
+    view = document["bufferViews"][image["bufferView"]]
+    found = header(binary[view["byteOffset"] :][: view["byteLength"]])
+    assert (found["width"], found["height"], found["levels"]) == (256, 128, 9)
+
+
 def test_the_leaves_keep_their_own_textures(files: Path) -> None:
     document, _ = document_of(files / "shrub_LOD0.glb")
     assert "KHR_texture_basisu" not in document.get("extensionsUsed", [])

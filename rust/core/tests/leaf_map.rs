@@ -50,14 +50,34 @@ fn agreement(level: &Level, within: f64) -> f64 {
     f64::from(u32::try_from(agreeing).unwrap()) / f64::from(u32::try_from(all).unwrap())
 }
 
-#[test]
-fn labels_say_what_colours_say_on_every_level() {
-    let settings = ChainSettings {
+fn settings() -> ChainSettings {
+    ChainSettings {
         fit: FitSettings { epsilon: 0.1, ..FitSettings::default() },
         texture_size: 512.into(),
         channels: Channels { leaf_map: true, ..Channels::default() },
         ..ChainSettings::default()
-    };
+    }
+}
+
+#[test]
+fn labels_say_so_too_on_both_sides_and_where_cracks_are_closed() {
+    let leaves = coil();
+    let shown = [
+        ChainSettings { back_sides: Some(true), ..settings() },
+        ChainSettings { close_cracks: true, ..settings() },
+        ChainSettings { back_sides: Some(true), close_cracks: true, ..settings() },
+    ];
+    for settings in shown {
+        let settings = ChainSettings { levels: 1, cross: false, ..settings };
+        let chain = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
+        let share = agreement(&chain.levels[0], 6.0);
+        assert!(share > 0.85, "{:?}, {}: {share}", settings.back_sides, settings.close_cracks);
+    }
+}
+
+#[test]
+fn labels_say_what_colours_say_on_every_level() {
+    let settings = settings();
     let leaves = coil();
     let chain = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
     // Where leaves cross, a texel is a mean of colours, and has one label; a texel of the cross is a fifth of a leaf.
