@@ -104,7 +104,7 @@ const HALVINGS: std::ops::RangeInclusive<usize> = 0..=3;
 const SMALLEST: usize = 256;
 
 /// How many ε the side of a texel is at most of what is offered: where it is larger, more billboards on the page only make it larger yet, and
-/// what is left of an error's fall with ε is less than a prediction is off by.
+/// what is left of an error's fall with ε is less than a prediction is off by. On a page that is so small that all are larger, all are offered.
 const MOST_TEXEL: f64 = 1.0;
 
 /// An offer's error is below the one before it at least by this factor.
@@ -124,12 +124,14 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
                 for effort in [Effort::Default, Effort::Final] {
                     let choice = Choice { effort, epsilon, texture_size, samples, ..asked };
                     let choice = Choice { method: Method::Stochastic, max_billboards: None, ..choice };
-                    if model.texel(&choice) <= MOST_TEXEL * epsilon {
-                        all.push(Offer { choice, predicted: model.predict(&choice) });
-                    }
+                    all.push(Offer { choice, predicted: model.predict(&choice) });
                 }
             }
         }
+    }
+    let sharp = |offer: &Offer| model.texel(&offer.choice) <= MOST_TEXEL * offer.choice.epsilon;
+    if all.iter().any(sharp) {
+        all.retain(sharp);
     }
     let costs: Vec<(f64, f64)> = all.iter().map(|o| (o.predicted.seconds, o.predicted.image_error)).collect();
     let mut best: Vec<Offer> = all.into_iter().zip(front(&costs)).filter(|(_, on)| *on).map(|(o, _)| o).collect();

@@ -260,6 +260,20 @@ fn assert_texts_lie_apart(chart: &Chart, size: Size) -> Vec<String> {
     texts.into_iter().map(|(text, _)| text).collect()
 }
 
+/// Or more time would at times give a worse picture.
+#[test]
+fn no_texel_on_offer_is_larger_than_the_bound() {
+    let texel = |c: &Choice| 20.0 / c.texture_size as f64 * c.epsilon.powf(-0.3);
+    let sharp = offers(&lawful());
+    assert!(sharp.iter().all(|offer| texel(&offer.choice) <= 1.001 * offer.choice.epsilon));
+    let mut coarse = lawful();
+    coarse.points.iter_mut().for_each(|point| point.texel *= 1000.0);
+    assert!(!offers(&coarse).is_empty(), "where all are larger there is still a choice");
+    let tiny = ChainSettings { texture_size: 64.into(), ..small() };
+    let built = build_within(&crown(60), None, &tiny, Wish::Preset(Preset::Final), Progress::silent()).unwrap();
+    assert_eq!(built.chain.levels[0].page.base_color.width(), 64);
+}
+
 #[test]
 fn charts_have_units_and_texts_that_do_not_touch() {
     let curve = lawful();
