@@ -24,8 +24,6 @@ import leafcloud
 
 FOLIAGE = Path(__file__).resolve().parents[1].parent / "shared" / "foliage"
 SEEDS = 20
-SHAPES = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.2], [0.2, 0.2, 1.0]])
-"""What normals are multiplied by."""
 
 
 def trees(named: list[str]) -> list[Path]:

@@ -11,7 +11,7 @@ import leafcloud
 
 from ..pipeline import layer_of, prepare, start_curve
 from ..scene.extract import extract
-from ..settings import SettingsError
+from ..settings import SMALLEST_TEXTURE, BakeSettings, SettingsError
 from . import measured
 from .job_operator import JobOperator
 from .properties import bake_settings, leaf_names
@@ -82,6 +82,9 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
             self.report({"ERROR"}, f"The curve has {len(last.offers)} points, there is no point {self.index}")
             return {"CANCELLED"}
         settings, chosen = context.scene.leafcloud, last.offers[self.index]["settings"]
+        if settings.texture_height:  # The page keeps its proportions.
+            height = settings.texture_height * chosen["texture_size"] // settings.texture_size
+            settings.texture_height = max(height, SMALLEST_TEXTURE)
         for name in _CHOSEN:
             setattr(settings, name, chosen[name])
         settings.max_billboards, settings.seconds, settings.image_error = 0, 0.0, 0.0
@@ -124,13 +127,17 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
             column = layout.column(align=True)
             for offer in last.shown:
                 _add_point(column, last, settings, offer, describe(offer))
-            told = expected(settings)
-            if told:
-                layout.label(text=told)
+            _add_label(layout, expected(settings))
+        _add_label(layout, measured.told())
         column = layout.column(align=True)
         column.use_property_split, column.use_property_decorate = True, False
         for name in ("samples", "seconds", "image_error"):
             column.prop(settings, name)
+
+
+def _add_label(layout: bpy.types.UILayout, text: str) -> None:
+    if text:
+        layout.label(text=text)
 
 
 def _add_point(
@@ -159,12 +166,26 @@ def _icon_scale(context: bpy.types.Context) -> float:
 def expected(properties: bpy.types.PropertyGroup) -> str:
     """What the curve says of the settings as they are, or why no bake can follow them; empty where it says nothing."""
     last = measured.last()
-    if last is None or properties.chain != "billboards" or properties.seconds or properties.image_error:
+    if last is None:
         return ""
-    names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
     try:
         settings = bake_settings(properties)
     except SettingsError as error:
         return str(error)
-    predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
-    return f"Expected: {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
+    if measured.can_predict(settings):
+        names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
+        predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
+        return f"{last.title}: expected {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
+    offer = _wished(last.offers, settings)
+    return "" if offer is None else f"{last.title}: expected about {describe(offer)}"
+
+
+def _wished(offers: list[leafcloud.Offer], settings: BakeSettings) -> leafcloud.Offer | None:
+    """The point that a wish for an error or for seconds begins with, about."""
+    if settings.image_error is not None:
+        most = settings.image_error
+        return next((offer for offer in offers if offer["predicted"]["image_error"] <= most), None)
+    if settings.seconds is not None:
+        time = settings.seconds
+        return next((offer for offer in reversed(offers) if offer["predicted"]["seconds"] <= time), None)
+    return None

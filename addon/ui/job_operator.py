@@ -120,6 +120,13 @@ class JobOperator:
             running.clear()
             show(context, "", 0.0)
 
+    def cancel(self, context: bpy.types.Context) -> None:
+        """What Blender calls when the window closes or another file is loaded: nothing is at work afterwards."""
+        self._job.cancel()
+        context.window_manager.event_timer_remove(self._timer)
+        running.clear()
+        show(context, "", 0.0)
+
     def _start(self, context: bpy.types.Context) -> None:
         self._job = self.begin(context)
         running.append(self._job)

@@ -12,7 +12,7 @@ import leafcloud
 
 from ..baked import Prepared
 from ..pipeline import chain_options
-from ..settings import WISHES
+from ..settings import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)
 """In pixels: about twice as many as a sidebar has, for fine screens."""
@@ -40,6 +40,8 @@ class Measured:
     presets: dict[leafcloud.Preset, leafcloud.Offer]
     shown: list[leafcloud.Offer]
     """Some of the offers, even in error, the presets among them: as many as a panel has room for."""
+    title: str
+    """What the tree was called."""
     tree: Shape
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
@@ -56,15 +58,16 @@ def last() -> Measured | None:
 
 def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
     """Keeps the curve of a tree and its chart in place of the one before."""
-    forget()
-    previews = bpy.utils.previews.new()
     width, height = CHART_SIZE
     picture = curve.picture("offers", title=title, width=width, height=height, text=_TEXT)
+    shown = _some(curve)
+    forget()
+    previews = bpy.utils.previews.new()
     preview = previews.new("chart")
     preview.image_size = (width, height)
     # Blender's rows go up.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
-    _last.append(Measured(curve, curve.offers, curve.presets, _some(curve), tree, previews, preview.icon_id))
+    _last.append(Measured(curve, curve.offers, curve.presets, shown, title, tree, previews, preview.icon_id))
 
 
 def _some(curve: leafcloud.Curve) -> list[leafcloud.Offer]:
@@ -83,11 +86,32 @@ def forget() -> None:
         bpy.utils.previews.remove(_last.pop().previews)
 
 
+def can_predict(settings: BakeSettings) -> bool:
+    """Whether a curve says anything of such a bake: of clouds of all leaves, whose bound is as it is set."""
+    wished = any(getattr(settings, wish) is not None for wish in WISHES)
+    bounds = (settings.max_billboards, settings.max_texels, settings.image_epsilon)
+    free = settings.method == "stochastic" and bounds == (None, None, None)
+    return settings.chain == "billboards" and free and not wished
+
+
 def predicted(prepared: Prepared) -> Prepared:
-    """With what the curve says of it, where that of the same tree was measured and no wish is to choose settings."""
-    measured, settings = last(), prepared.settings
-    if measured is None or measured.tree != shape_of(prepared.foliage):
-        return prepared
-    if settings.chain != "billboards" or any(getattr(settings, wish) is not None for wish in WISHES):
+    """With what the curve says of it, where that of the same tree was measured."""
+    measured = last()
+    if measured is None or measured.tree != shape_of(prepared.foliage) or not can_predict(prepared.settings):
         return prepared
     return replace(prepared, predicted=measured.curve.predict(**chain_options(prepared)))
+
+
+_told: list[str] = []
+
+
+def told() -> str:
+    """What the last bake took and came to, beside what was expected; empty before one."""
+    return _told[-1] if _told else ""
+
+
+def tell(prepared: Prepared, chain: leafcloud.Chain) -> None:
+    """Keeps that of a bake that is done."""
+    expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
+    beside = "" if expected is None else f" (expected {expected['seconds']:.1f} s, {expected['image_error']:.3f})"
+    _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]

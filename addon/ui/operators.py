@@ -13,7 +13,7 @@ from ..build.rollback import removed_on_failure
 from ..pipeline import file_name, finish, layer_of, plan, prepare, start, view_of, write
 from ..scene.extract import extract
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
-from .measured import predicted
+from .measured import predicted, tell
 from .properties import bake_settings, leaf_names, show_plan
 
 
@@ -64,6 +64,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
                 directory = Path(bpy.path.abspath(scene.leafcloud.directory))
                 write(baked, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
         show_plan(context.window_manager.leafcloud, baked.effects)
+        tell(self._prepared, chain)
         for obj in self._sources:
             obj.hide_set(True)
             obj.hide_render = True

@@ -3,7 +3,11 @@
 use leafcloud::error::Result;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::ChainSettings;
+use leafcloud::sheet::PageSize;
 use leafcloud::textures::Samples;
+
+/// Texels that a page has along a side, at least.
+const SMALLEST: usize = 64;
 
 /// The settings that a sweep varies; what they mean and their ranges stand in [`ChainSettings`] and [`FitSettings`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,9 +58,6 @@ impl Choice {
     /// # Errors
     /// Samples outside their range; the other settings are checked where they are used.
     pub fn applied(&self, settings: &ChainSettings) -> Result<ChainSettings> {
-        let mut page = settings.texture_size;
-        page.height = page.height * self.texture_size / page.width.max(1);
-        page.width = self.texture_size;
         Ok(ChainSettings {
             fit: FitSettings {
                 method: self.method,
@@ -68,10 +69,17 @@ impl Choice {
             },
             levels: self.levels,
             cross: self.cross,
-            texture_size: page,
+            texture_size: self.page(settings),
             samples: Samples::new(self.samples)?,
             tight_pages: self.tight_pages,
             ..settings.clone()
         })
+    }
+
+    /// Its page, in the proportions of that of `settings`.
+    pub(crate) fn page(&self, settings: &ChainSettings) -> PageSize {
+        let PageSize { width, height } = settings.texture_size;
+        let scaled = (height * self.texture_size / width.max(1)).max(SMALLEST.min(height));
+        PageSize { width: self.texture_size, height: scaled }
     }
 }

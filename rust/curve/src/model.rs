@@ -176,11 +176,8 @@ impl<'a> Model<'a> {
         let packed = self.figure(pack, &PACKING, &loosely).exp();
         let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
         let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
-        let of_whole =
-            self.curve.rest.map_or(1.0, |rest| rest.billboards as f64 / self.base.billboards.max(1) as f64).max(1.0);
-        let billboards = of_whole * self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp();
-        let work = |share: f64| tight_work((share * self.base.billboards as f64) as usize).max(1) as f64;
-        let more = work(billboards) / work(1.0);
+        let work = |billboards: f64| tight_work(billboards as usize).max(1) as f64;
+        let more = work(self.billboards(choice)) / work(self.base.billboards as f64);
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
         // Only the first level and the cross see the leaves.
@@ -257,6 +254,13 @@ impl<'a> Model<'a> {
         let mut values: Vec<f64> = self.curve.points.iter().filter(alike).map(|p| log(figure(p))).collect();
         values.sort_by(f64::total_cmp);
         0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+    }
+
+    /// How many billboards level 1 has, pairs counted once.
+    pub(crate) fn billboards(&self, choice: &Choice) -> f64 {
+        let base = self.base.billboards.max(1) as f64;
+        let whole = self.curve.rest.map_or(base, |rest| (rest.billboards as f64).max(base));
+        whole * self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp()
     }
 
     /// Side of a texel of level 1, a share of R.

@@ -314,12 +314,15 @@ fn sampled(foliage: &Foliage, most: usize) -> Result<Option<Foliage>> {
     Ok(Some(prune::thin(foliage, &ranks, share, 1.0)?.foliage))
 }
 
-/// Small and quick, with what else the settings ask for.
+/// The bound of a quick sweep's base.
+const QUICK_EPSILON: f64 = 0.056;
+
+/// Small and quick, with what else the settings ask for: no bound is above the size of billboards.
 fn quick_base(settings: &ChainSettings) -> ChainSettings {
     let quick = Choice {
         method: Method::Stochastic,
         effort: Effort::Default,
-        epsilon: 0.056,
+        epsilon: settings.fit.max_size.map_or(QUICK_EPSILON, |most| most.min(QUICK_EPSILON)),
         candidates: 600,
         max_billboards: None,
         levels: 1,
@@ -328,15 +331,17 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
         samples: 1,
         tight_pages: false,
     };
-    let settings = ChainSettings { looks: Looks::QUICK, texture_size: 512.into(), ..settings.clone() };
+    let settings = ChainSettings { looks: Looks::QUICK, ..settings.clone() };
     quick.applied(&settings).expect("one sample is a number of samples")
 }
 
 /// The base, then one setting changed at a time.
-fn quick_choices(base: &ChainSettings) -> Vec<Choice> {
-    let base = Choice::of(base);
+fn quick_choices(settings: &ChainSettings) -> Vec<Choice> {
+    let base = Choice::of(settings);
     let mut all = vec![base];
-    all.extend([0.028, 0.11].map(|epsilon| Choice { epsilon, ..base }));
+    let most = settings.fit.max_size.unwrap_or(f64::INFINITY);
+    let epsilons = [0.5, 2.0].map(|times| times * base.epsilon).into_iter().filter(|epsilon| *epsilon <= most);
+    all.extend(epsilons.map(|epsilon| Choice { epsilon, ..base }));
     all.extend([256, 1024].map(|texture_size| Choice { texture_size, ..base }));
     all.push(Choice { samples: 4, ..base });
     all.push(Choice { effort: Effort::Final, ..base });

@@ -9,6 +9,7 @@ use std::time::Instant;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::{Chain, ChainSettings};
+use leafcloud::sheet::SheetSettings;
 use leafcloud::{Foliage, Progress};
 
 use crate::choice::Choice;
@@ -107,6 +108,9 @@ const SMALLEST: usize = 256;
 /// what is left of an error's fall with ε is less than a prediction is off by. On a page that is so small that all are larger, all are offered.
 const MOST_TEXEL: f64 = 1.0;
 
+/// Of the billboards for which a page has room if each is a texel, so many may be expected at most.
+const MOST_ROOM: f64 = 0.5;
+
 /// An offer's error is below the one before it at least by this factor.
 const STEP: f64 = 0.97;
 
@@ -117,7 +121,8 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
     let asked = Choice::of(&curve.settings);
     let model = Model::new(curve);
     let mut all = Vec::new();
-    for epsilon in EPSILONS {
+    let most = curve.settings.fit.max_size.unwrap_or(f64::INFINITY);
+    for epsilon in EPSILONS.into_iter().filter(|epsilon| *epsilon <= most.max(EPSILONS[0])) {
         for texture_size in HALVINGS.map(|halved| (asked.texture_size >> halved).max(SMALLEST.min(asked.texture_size)))
         {
             for samples in [1, 2, 4] {
@@ -130,8 +135,15 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
         }
     }
     let sharp = |offer: &Offer| model.texel(&offer.choice) <= MOST_TEXEL * offer.choice.epsilon;
-    if all.iter().any(sharp) {
-        all.retain(sharp);
+    let two_sided = curve.settings.back_sides.unwrap_or(true);
+    let fits = |offer: &Offer| {
+        let room = SheetSettings::of_size(offer.choice.page(&curve.settings), two_sided).room();
+        model.billboards(&offer.choice) <= MOST_ROOM * room as f64
+    };
+    for wanted in [&fits as &dyn Fn(&Offer) -> bool, &sharp] {
+        if all.iter().any(wanted) {
+            all.retain(wanted);
+        }
     }
     let costs: Vec<(f64, f64)> = all.iter().map(|o| (o.predicted.seconds, o.predicted.image_error)).collect();
     let mut best: Vec<Offer> = all.into_iter().zip(front(&costs)).filter(|(_, on)| *on).map(|(o, _)| o).collect();
@@ -239,19 +251,21 @@ impl Tries<'_> {
         Ok((chain, point.seconds.total()))
     }
 
-    /// The offer that is meant; where its page holds too few billboards, one behind it.
+    /// The offer that is meant; where its page holds too few billboards, one behind it, or else one before.
     fn place(mut self, preset: Preset) -> Result<Built> {
         let meant = preset.of(&self.offers).copied();
-        let behind: Vec<Offer> = self.offers.iter().copied().skip_while(|offer| Some(*offer) != meant).collect();
-        let mut refused = Error::invalid("a curve without points offers nothing");
-        for offer in behind {
+        let (before, behind) =
+            self.offers.split_at(self.offers.iter().position(|offer| Some(*offer) == meant).unwrap_or(0));
+        let all: Vec<Offer> = behind.iter().chain(before.iter().rev()).copied().collect();
+        let mut refused = None;
+        for offer in all {
             match self.build(&offer, &|| false) {
                 Ok((chain, _)) => return Ok(Built { chain, offer, tries: self.count }),
-                Err(error @ Error::Invalid(_)) => refused = error,
+                Err(error @ Error::Invalid(_)) => refused = refused.or(Some(error)),
                 Err(error) => return Err(error),
             }
         }
-        Err(refused)
+        Err(refused.unwrap_or_else(|| Error::invalid("a curve without points offers nothing")))
     }
 
     /// The quickest that has at most this error: along the front, then on to what is finer.
@@ -340,7 +354,17 @@ impl Tries<'_> {
                     }
                 }
                 Err(Error::Cancelled) if gave_up.load(Ordering::Relaxed) => break,
-                Err(Error::Invalid(_)) if self.offers.len() > 1 => self.offers.retain(|other| *other != offer),
+                Err(error @ Error::Invalid(_)) => {
+                    let before = self.offers.len();
+                    self.offers.retain(|other| *other != offer);
+                    // What is finer than all that is offered is not tried again.
+                    let finer = self.offers.len() == before;
+                    match &best {
+                        Some(_) if finer => break,
+                        None if self.offers.is_empty() => return Err(error),
+                        _ => {}
+                    }
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -348,17 +372,22 @@ impl Tries<'_> {
         Ok(Built { chain, offer, tries: self.count })
     }
 
-    /// The next smaller bound, on the page and with the samples that are asked for; `None` behind the smallest.
+    /// The page and the samples that are asked for, or with them the next smaller bound; `None` behind the smallest.
     fn finer(&self, than: &Offer) -> Option<Offer> {
-        let epsilon = EPSILONS.into_iter().rev().find(|epsilon| *epsilon < than.choice.epsilon)?;
         let Choice { texture_size, samples, .. } = Choice::of(self.settings);
-        let choice = Choice { epsilon, texture_size, samples: samples.max(than.choice.samples), ..than.choice };
+        let whole = Choice { texture_size, samples: samples.max(than.choice.samples), ..than.choice };
+        let choice = if whole == than.choice {
+            let epsilon = EPSILONS.into_iter().rev().find(|epsilon| *epsilon < than.choice.epsilon)?;
+            Choice { epsilon, ..whole }
+        } else {
+            whole
+        };
         Some(Offer { choice, predicted: self.model.predict(&choice) })
     }
 
     fn too_few(&self, most: f64, begun: Instant) -> Error {
         let swept = begun.elapsed().as_secs_f64();
-        let quickest = self.offers[0].predicted.seconds;
+        let quickest = self.offers.first().map_or(f64::NAN, |offer| offer.predicted.seconds);
         Error::invalid(format!(
             "seconds is {most}; looking for settings took {swept:.1}, and the quickest are predicted to take {quickest:.1}: raise it"
         ))

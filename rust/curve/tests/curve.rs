@@ -6,6 +6,7 @@ use glam::DVec3;
 use leafcloud::error::Error;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{Chain, ChainSettings, PruneSettings, build_chain};
+use leafcloud::sheet::PageSize;
 use leafcloud::{Attributes, Foliage, Material, Progress};
 use leafcloud_curve::chart::{Chart, Cost, Size};
 use leafcloud_curve::{
@@ -272,6 +273,32 @@ fn no_texel_on_offer_is_larger_than_the_bound() {
     let tiny = ChainSettings { texture_size: 64.into(), ..small() };
     let built = build_within(&crown(60), None, &tiny, Wish::Preset(Preset::Final), Progress::silent()).unwrap();
     assert_eq!(built.chain.levels[0].page.base_color.width(), 64);
+}
+
+#[test]
+fn offers_keep_to_the_size_of_billboards_and_to_the_shape_of_the_page() {
+    let crown = crown(60);
+    let small_ones = FitSettings { max_size: Some(0.03), epsilon: 0.02, ..small().fit };
+    let narrow = ChainSettings { fit: small_ones, ..small() };
+    let curve = sweep(&crown, None, &narrow, Sweep::Quick, Progress::silent()).unwrap();
+    assert!(curve.refused.is_empty(), "{:?}", curve.refused);
+    assert!(offers(&curve).iter().all(|offer| offer.choice.epsilon <= 0.03));
+    let flat = ChainSettings { texture_size: PageSize { width: 512, height: 64 }, ..small() };
+    let built = build_within(&crown, None, &flat, Wish::Preset(Preset::Draft), Progress::silent()).unwrap();
+    assert_eq!(built.chain.levels[0].page.base_color.height(), 64);
+}
+
+/// On so few texels small bounds have more billboards than there is room for.
+#[test]
+fn what_does_not_fit_is_left_for_what_does() {
+    let crown = crown(300);
+    let tiny = ChainSettings { texture_size: 64.into(), back_sides: Some(true), ..small() };
+    let begun = std::time::Instant::now();
+    for wish in [Wish::Seconds(600.0), Wish::Preset(Preset::Final), Wish::Preset(Preset::Draft)] {
+        let built = build_within(&crown, None, &tiny, wish, Progress::silent()).unwrap();
+        assert!(built.tries < 20, "{wish:?}: {}", built.tries);
+    }
+    assert!(begun.elapsed().as_secs_f64() < 600.0, "nothing is tried again and again until time is up");
 }
 
 #[test]

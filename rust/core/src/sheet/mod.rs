@@ -88,6 +88,12 @@ impl SheetSettings {
         Self { size, gutter: (size.width.min(size.height) / 512).max(2), back_sides }
     }
 
+    /// As many outlines as are at least a texel each, with what lies around them.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.size.texels() / (self.sides() * (1 + 2 * self.gutter).pow(2))
+    }
+
     fn sides(self) -> usize {
         if self.back_sides { 2 } else { 1 }
     }
@@ -158,7 +164,7 @@ impl Sheet {
 
     fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, search: Search) -> Result<Self> {
         settings.check()?;
-        if outlines.len() * settings.sides() * (1 + 2 * settings.gutter).pow(2) > settings.size.texels() {
+        if outlines.len() > settings.room() {
             return Err(too_many(outlines.len(), settings.size));
         }
         let area: f64 = outlines.iter().map(|o| o.size().x * o.size().y).sum();
