@@ -271,3 +271,34 @@ def test_a_bake_after_a_curve_reports_both(tmp_path: Path) -> None:
     told = json.loads((tmp_path / "report.json").read_text())["predicted"]
     assert told["settings"] is None
     assert told["image_error"]["predicted"] == pytest.approx(told["image_error"]["measured"], rel=1.0)
+    shown = [text for kind, text in drawn() if kind == "label"]
+    came_to = f"error {told['image_error']['measured']:.3f} (expected {told['seconds']['predicted']:.1f} s"
+    assert shown[-1].startswith("Baked: ")
+    assert came_to in shown[-1]
+
+
+@pytest.mark.usefixtures("_selected")
+def test_the_panel_expects_only_what_the_curve_knows() -> None:
+    bpy.ops.leafcloud.curve()
+    last, settings = measured.last(), bpy.context.scene.leafcloud
+    assert last is not None
+    assert panel.expected(settings).startswith(f"{last.title}: expected ")
+    settings.max_billboards = 3
+    assert panel.expected(settings) == ""
+    settings.max_billboards = 0
+    settings.image_error = 1.001 * last.offers[-1]["predicted"]["image_error"]
+    assert panel.expected(settings).endswith(panel.describe(last.offers[-1]))
+    settings.image_error, settings.seconds = 0.0, 1000.0
+    assert panel.expected(settings).endswith(panel.describe(last.offers[-1]))
+
+
+@pytest.mark.usefixtures("_selected")
+def test_a_page_keeps_its_proportions() -> None:
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.texture_height = 256, 128
+    bpy.ops.leafcloud.curve()
+    last = measured.last()
+    assert last is not None
+    settings.texture_size, settings.texture_height = 512, 256
+    bpy.ops.leafcloud.pick(index=0)
+    assert settings.texture_height * 2 == settings.texture_size == last.offers[0]["settings"]["texture_size"]

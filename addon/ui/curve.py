@@ -21,8 +21,9 @@ _CHOSEN = ("epsilon", "texture_size", "samples", "effort")
 
 
 def forget_curve() -> None:
-    """Frees the chart: the add-on is about to go."""
+    """Frees the chart and what was told: the add-on is about to go."""
     measured.forget()
+    measured.tell_nothing()
 
 
 class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):

@@ -110,6 +110,11 @@ def told() -> str:
     return _told[-1] if _told else ""
 
 
+def tell_nothing() -> None:
+    """As before any bake."""
+    _told.clear()
+
+
 def tell(prepared: Prepared, chain: leafcloud.Chain) -> None:
     """Keeps that of a bake that is done."""
     expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
