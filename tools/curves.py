@@ -1,6 +1,6 @@
 """What accuracy costs in time, tree by tree: `make curves` makes docs/accuracy.md.
 
-usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage up to 200,000 triangles)
+usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
        python tools/curves.py --verify [TREE.glb]      judge and Cycles on ten settings (an hour)
 
 A curve of a tree takes minutes to an hour; it goes into docs/bench/curves.json, its charts and pictures into
@@ -141,8 +141,10 @@ def tree_part(row: dict[str, Any]) -> str:
         for one in (rows[i] for i in row["shown"])
     )
     table = lines_of(HEAD, [row_cells(one) for one in rows])
+    sample = rows[0]["measured_on"]
+    quick = f"A quick curve, of a sample of {sample} triangles, one level, seen from two directions.\n\n"
     return (
-        f"### {name}, {row['triangles']} triangles\n\n{charts}\n\n"
+        f"### {name}, {row['triangles']} triangles\n\n{quick if sample < row['triangles'] else ''}{charts}\n\n"
         f"![{name} at points of its curve](curves/{name}_points.png)\n\n"
         f"From the left: {shown}; the leaves themselves.\n\n"
         f"<details><summary>All settings (● on the front)</summary>\n\n{table}\n\n</details>"

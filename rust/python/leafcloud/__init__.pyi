@@ -331,7 +331,7 @@ class CurveSeconds(TypedDict):
 class CurveRow(TypedDict):
     """What one choice of settings costs and gives.
 
-    ``measured_on``: triangles of the leaves, of all but a few rows of a quick curve the same. ``peak_bytes``: by how
+    ``measured_on``: triangles of the leaves, of a sample of them in a quick curve. ``peak_bytes``: by how
     many bytes the process had grown at most, as the system says (VmHWM over VmRSS; None but on Linux); memory that was
     freed before and is taken again does not count. ``billboards``, ``triangles``: of level 1. ``texels``: in billboards
     of all levels. ``bytes``: of all levels on a graphics card, four a texel with mip levels, and 32 a corner.
