@@ -157,7 +157,8 @@ impl Rest {
 /// What it takes to see how much of each leaf is seen, from what it takes for a few of the directions.
 fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
     let all = settings.looks.order;
-    let few = all.div_ceil(4);
+    let few = all.div_ceil(8);
+    visibility(foliage, settings.up, few.min(1))?; // The first look makes the pyramids of textures.
     let (_, seconds) = timed(|| visibility(foliage, settings.up, few))?;
     Ok(seconds * all as f64 / few.max(1) as f64)
 }
@@ -217,7 +218,7 @@ pub fn measure(
 
 /// How many of so many triangles a quick sweep looks at: a tenth, within bounds.
 fn sample_of(triangles: usize) -> usize {
-    (triangles / 10).clamp(4_000, 10_000)
+    (triangles / 10).clamp(3_500, 9_000)
 }
 
 /// Measures many choices, beginning from `settings`.

@@ -563,7 +563,7 @@ def cost_curve(
     """Builds chains with many settings and measures each: ε, candidates, levels, page, samples, effort, method, one
     changed at a time from what is given here, and some that are coarse or fine in all (minutes).
 
-    ``quick``: few settings on a tenth of the leaves, 4,000 to 10,000 triangles, grown to cover as much, from two
+    ``quick``: few settings on a tenth of the leaves, 3,500 to 9,000 triangles, grown to cover as much, from two
     directions where a bake looks from eight (seconds); its figures serve to predict and to compare.
 
     Raises ``LeafcloudError`` for settings out of range or without a cloud, when nothing could be built, and
