@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use leafcloud::error::{Error, Result};
-use leafcloud::fit::{Effort, Method, fit};
+use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::judge::{View, render, visibility};
 use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain};
 use leafcloud::textures::Samples;
@@ -224,7 +224,7 @@ fn sample_of(triangles: usize) -> usize {
 /// Measures many choices, beginning from `settings`.
 ///
 /// # Errors
-/// Settings outside their ranges or that prune; all choices are refused; [`Error::Cancelled`].
+/// Settings outside their ranges, that prune, or of a full sweep that have a budget; all choices are refused; [`Error::Cancelled`].
 pub fn sweep(
     foliage: &Foliage,
     wood: Option<&Foliage>,
@@ -236,6 +236,13 @@ pub fn sweep(
     if settings.pruning.is_some() || settings.levels == 0 {
         return Err(Error::invalid(
             "a cost curve is of clouds of all leaves: ask for one level at least, and for no pruning",
+        ));
+    }
+    let FitSettings { method, max_billboards, max_texels, .. } = &settings.fit;
+    let budget = max_texels.is_some() || (max_billboards.is_some() && *method != Method::KMeans);
+    if budget && sweep == Sweep::Full {
+        return Err(Error::invalid(
+            "a budget of billboards or texels decides on epsilon, which a cost curve varies: leave max_billboards and max_texels out",
         ));
     }
     let mut curve = Curve {
