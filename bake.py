@@ -42,6 +42,7 @@ class Refusal(Exception):
 def main(arguments: Sequence[str]) -> int:
     """Runs one bake; gives the exit status."""
     from addon.flags import UsageError, parse, settings_of
+    from addon.settings import WISHES, flag
 
     try:
         options = parse(arguments)
@@ -52,6 +53,9 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("--out DIR is missing: name the folder that the files go to")
         if options.cost_curve and options.plan_only:
             raise UsageError("--cost-curve and --plan-only each do something in place of a bake: give one of them")
+        wished = [flag(name) for name in WISHES if getattr(settings, name) is not None]
+        if options.cost_curve and wished:
+            raise UsageError(f"--cost-curve measures all that {wished[0]} could choose: give one of them")
         if options.cost_curve and settings.chain == "pruning":
             raise UsageError("--cost-curve is of clouds, and --chain pruning has none: leave it out")
     except UsageError as error:

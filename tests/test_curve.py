@@ -162,6 +162,7 @@ def test_the_command_line_refuses_a_curve_whole(shrub: Path, tmp_path: Path) -> 
     source = ("--input", shrub)
     assert "full" in refusal(tmp_path / "a", *source, "--cost-curve", "slow")
     assert "--plan-only" in refusal(tmp_path / "b", *source, "--cost-curve", "--plan-only")
+    assert "--seconds" in refusal(tmp_path / "d", *source, "--cost-curve", "quick", "--seconds", 9)
     assert "--chain pruning" in refusal(tmp_path / "c", *source, "--cost-curve", "quick", "--chain", "pruning")
     taken = tmp_path / "out"
     (taken / "shrub_curve.svg").mkdir(parents=True)
