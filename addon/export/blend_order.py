@@ -34,9 +34,9 @@ from .glb_file import (
 )
 
 MOST_PIECES = 16
-"""For each triangle, and in all as many as the leaves have, if these are not few: behind that, the order is only about
-right."""
+"""For each triangle, and in all as many as there are of the leaves: behind that, the order is only about right."""
 FEW = 1000
+"""Pieces that any cloud may have, however few leaves there are."""
 _FRONT = np.array([0.0, 0.0, 1.0])
 """Where the eye is for which indices are in order: before the tree, in glTF's coordinates."""
 _TRIANGLES = 4
@@ -61,6 +61,8 @@ class BlendOrders:
         with self._costs.spent_on("blend_order", 0):
             document, binary = read_glb(path)
             names = [material["name"] for material in document.get("materials", [])]
+            if self._materials.isdisjoint(names):
+                return
             for index, mesh in enumerate(document["meshes"]):
                 toward = _before(document, index)
                 for number, primitive in enumerate(mesh["primitives"]):
