@@ -6,7 +6,8 @@ Trees are all of ../shared/foliage but the one of a million triangles, unless th
 effects on, with the chain `both`, once more with baked light, and once with the order of what is blended. Seconds are
 the least of the runs, for whatever else a machine does makes them more. Prints a table in Markdown: for each effect and
 tree what was measured over what was estimated, the greatest factor between the two either way, and by how much the rate
-in `addon/plan/costs.py` would have to be multiplied to make that least. For all trees it writes docs/bench/plan.md, too.
+in `addon/plan/costs.py` would have to be multiplied to make that least. For all trees it also writes
+docs/bench/plan.md.
 """
 
 from __future__ import annotations
