@@ -106,6 +106,11 @@ blending: setup ## measure what cutting billboards for blending costs, and how f
 	@mkdir -p docs/bench
 	.venv/bin/python tools/blending.py $(ARGS)
 
+.PHONY: grazing
+grazing: setup ## measure what leaving out billboards that are seen on edge does to a picture
+	@mkdir -p docs/bench
+	.venv/bin/python tools/grazing.py $(ARGS)
+
 .PHONY: three
 three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium

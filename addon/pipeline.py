@@ -138,11 +138,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     woods = None if tree.wood is None else described_part(tree.wood, placement, channels, share, sides[1])
     foliage, wood = leaves.foliage(), None if woods is None else woods.foliage()
     kept = blended_leaves(settings, facts)
-    blended = [
-        f"material {name!r} is blended: the glTF files cut it out at an alpha of 0.5"
-        for name in facts.blended
-        if name not in kept
-    ]
+    cut_out = set(facts.blended) - set(kept)
+    blended = [gltf.cut_message(each) for each in tree.leaves.materials if each is not None and each.name in cut_out]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, clouds + cross)
     read = [*leaves.messages, *(() if woods is None else woods.messages), *gloss.warnings, *translucent.warnings]
@@ -269,6 +266,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
+        grazing_fade=bool(is_on(prepared.effects, "grazing_fade")),
     )
     with removed_on_failure():
         collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)

@@ -37,6 +37,7 @@ EFFECTS = (
     "shadow_proxy",
     "leaf_map",
     "contrast",
+    "grazing_fade",
     "wind",
     "baked_light",
 )

@@ -410,7 +410,7 @@ def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: P
     texture = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
     tree.links.new(texture.outputs["Alpha"], surface.inputs["Alpha"])
     report = bake(saved(tmp_path / "blended.blend"), tmp_path / "out", *QUICK, "--levels", 1, "--no-cross")
-    assert any("'leaves' is blended" in warning for warning in report["warnings"])
+    assert any("'leaves' is blended: the glTF files cut it out" in warning for warning in report["warnings"])
     for name in ("blended.glb", "blended_LOD0.glb"):
         (primitive,) = read_glb(tmp_path / "out" / name)["blended_LOD0"].primitives
         assert primitive.material["alphaMode"] == "MASK"

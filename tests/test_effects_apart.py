@@ -38,6 +38,8 @@ class Own:
     without: tuple[str, ...] = ()
     """Other effects that share some of it, off as well."""
     chain: str = "both"
+    alpha: float = 1.0
+    """Of the leaves."""
 
 
 EFFECTS_APART = {
@@ -46,7 +48,8 @@ EFFECTS_APART = {
             "addon.build.leaf_moves",
             "addon.build.morphs:add_transition",
             "addon.build.morphs:Transition",
-            "addon.build.fading",
+            "addon.build.fading:add_fade",
+            "addon.build.fading:fading_copy",
             "addon.export.plain_materials:materials_of_meshes",
         ),
         ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
@@ -88,8 +91,10 @@ EFFECTS_APART = {
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
     ),
-    # `all` does not make leaves see-through that are not.
-    "blend_order": Own(("addon.export.blend_order",), ('"blend_order"', '"alphaMode": "BLEND"'), chain="billboards"),
+    # `all` leaves it to the plan, which has it on for these leaves.
+    "blend_order": Own(
+        ("addon.export.blend_order",), ('"blend_order"', '"alphaMode": "BLEND"'), chain="billboards", alpha=0.7
+    ),
     "occlusion": Own(
         ("addon.build.materials:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
     ),
@@ -107,6 +112,14 @@ EFFECTS_APART = {
     "contrast": Own(
         ("addon.build.contrast", "addon.export.plain_materials:plain_colors"),
         ("nodes Leafcloud Contrast is there", "mean_color"),
+    ),
+    "grazing_fade": Own(
+        (
+            "addon.build.grazing_nodes:add_grazing_modifier",
+            "addon.build.grazing_nodes:add_grazing_fade",
+            "addon.build.grazing_nodes:grazing_group",
+        ),
+        ("node_groups Leafcloud Grazing is there", "leaf_grazing_share", '"grazing"'),
     ),
     "wind": Own(
         ("addon.build.swaying", "addon.build.wind_nodes:add_wind_modifier", "addon.build.wind_nodes:wind_group"),
@@ -134,10 +147,10 @@ class Written:
         return "\n".join([*self.blocks, *self.documents])
 
 
-def tree() -> list[bpy.types.Object]:
+def tree(alpha: float) -> list[bpy.types.Object]:
     """Cards of two materials that differ in gloss and let light through, on a tube of more triangles than it needs."""
-    crown = add_crown(principled("shiny", Roughness=0.2, Subsurface_Weight=0.5))
-    crown.data.materials.append(principled("dull", Roughness=0.9, Subsurface_Weight=0.5))
+    crown = add_crown(principled("shiny", Roughness=0.2, Subsurface_Weight=0.5, Alpha=alpha))
+    crown.data.materials.append(principled("dull", Roughness=0.9, Subsurface_Weight=0.5, Alpha=alpha))
     crown.data.uv_layers.new(name="UVMap")
     for polygon in crown.data.polygons:
         polygon.material_index = polygon.index % 2
@@ -160,10 +173,10 @@ def tree() -> list[bpy.types.Object]:
     return [crown, add_mesh("trunk", vertices, faces)]
 
 
-def baked(out: Path, effects: str, chain: str, **changed: Any) -> Written:
-    """A bake in a scene of its own, with other settings where they are given."""
+def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: Any) -> Written:
+    """A bake in a scene of its own, of leaves with this alpha, with other settings where they are given."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bake_tree = read(tree(), ["leaves"])
+    bake_tree = read(tree(alpha), ["leaves"])
     settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
     report = write(bake(bake_tree, BakeSettings(**settings)), out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
@@ -209,10 +222,10 @@ def test_every_effect_says_what_is_its_own() -> None:
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = EFFECTS_APART[effect]
-    off = baked(tmp_path / "off", all_but(effect), own.chain)
+    off = baked(tmp_path / "off", all_but(effect), own.chain, own.alpha)
     with monkeypatch.context() as patched:
         assert all(forbid(patched, entry) > 0 for entry in own.modules)
-        forbidden = baked(tmp_path / "forbidden", all_but(effect), own.chain)
+        forbidden = baked(tmp_path / "forbidden", all_but(effect), own.chain, own.alpha)
     assert off.files == forbidden.files
     assert off.blocks == forbidden.blocks
     assert without_times(off.report) == without_times(forbidden.report)
@@ -226,12 +239,12 @@ def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monke
     [
         ("all", "both", [name for name in EFFECTS if EFFECTS_APART[name].chain == "both"]),
         ("all", "billboards", ["pruning"]),
-        ("all,+blend_order", "billboards", ["blend_order"]),
+        ("all", "billboards", ["blend_order"]),
         ("transitions,baked_light", "billboards", ["baked_light"]),
     ],
 )
 def test_an_effect_that_is_on_leaves_its_traces(effects: str, chain: str, shown: list[str], tmp_path: Path) -> None:
-    words = baked(tmp_path, effects, chain).words
+    words = baked(tmp_path, effects, chain, EFFECTS_APART[shown[0]].alpha).words
     assert [trace for name in shown for trace in EFFECTS_APART[name].traces if trace not in words] == []
 
 

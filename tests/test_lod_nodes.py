@@ -378,7 +378,6 @@ def test_the_inputs_have_the_promised_names() -> None:
             "Vanish",
             "Whole",
             "Fading",
-            "Grazing",
             "Centre",
             "Manual",
             "Transition",

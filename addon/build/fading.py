@@ -29,11 +29,16 @@ def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | Non
 
 def add_fade(tree: bpy.types.NodeTree) -> None:
     """Lets what each renderer shows of a material with an output fade by `leaf_hidden_share`."""
+    x, y = tree.get_output_node("ALL").location
+    fade_by(tree, _hidden(tree, (x, y + 700.0)))
+
+
+def fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
+    """Mixes as much transparency as `hidden` says into what each renderer shows of a material with an output."""
     everywhere = tree.get_output_node("ALL")
     x, y = everywhere.location
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
     clear.location = (x, y + 500.0)
-    hidden = _hidden(tree, (x, y + 700.0))
     for row, renderer in enumerate(RENDERERS):
         output = _output_for(tree, renderer)
         mix = tree.nodes.new("ShaderNodeMixShader")

@@ -25,6 +25,7 @@ from .baked_light import add_light, lit_material, unlit_material
 from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
 from .contrast import contrast_material
 from .fading import add_fade, fading_copy
+from .grazing_nodes import WIDTH, add_grazing_fade, add_grazing_modifier
 from .leaf_map import add_leaf_map
 from .leaf_moves import LeafMoves, leaf_moves
 from .lod_nodes import LodSettings, add_lod_modifier
@@ -96,6 +97,7 @@ class Plan:
     """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
     wind: WindSettings | None = None
     """What blows, and on what; when levels take over is the plan's."""
+    grazing_fade: bool = False
 
     @property
     def follows_camera(self) -> bool:
@@ -202,6 +204,9 @@ def _add_level(
                 add_wind_modifier(member, wind)
                 if member is obj:
                     obj[EXTRAS]["wind"] = wind_extras(wind)
+    if plan.grazing_fade and number > 0:
+        with costs.spent_on("grazing_fade", 0):
+            add_grazing_modifier(obj)
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, wooden, triangles)
     if wood is None:
@@ -328,6 +333,9 @@ def _cloud_object(
     if plan.reaches[number].fades:
         with costs.spent_on("transitions", 0):
             add_fade(material.node_tree)
+    if plan.grazing_fade:
+        with costs.spent_on("grazing_fade", 0):
+            add_grazing_fade(material.node_tree)
     shape = _cloud_shape(level, following, plan)
     mesh = create_mesh(name, shape.surface, [material])
     extras = {
@@ -335,6 +343,8 @@ def _cloud_object(
         "switch_distance": plan.switch_distances[number],
         "max_deviation": level.max_deviation_leaves,
     }
+    if plan.grazing_fade:
+        extras["grazing"] = WIDTH
     return _object(mesh, shape, extras, plan.reaches[number], costs)
 
 

@@ -11,9 +11,8 @@ camera to the level's centre in the object's own coordinates:
     p' = pivot(a) + (p(a) − pivot(a))·s·γ·r                      for leaves of rank below λ; the others are deleted
     κ = min(1, λ^(k₁ + k₂ ln λ))                                 what colours keep of their distance to the mean
     h = clamp(max((whole − d) / (whole − appear), (d − fading) / (vanish − fading)), 0, 1)     share that is not shown
-    h' = max(h, 1 − smoothstep(0, grazing, |n·v|))               … of a face with the normal n, seen from v
 
-Leaves of a negative rank are protected: they stay as they are, and do not count in the sums. 1 − κ and h' are stored as
+Leaves of a negative rank are protected: they stay as they are, and do not count in the sums. 1 − κ and h are stored as
 the point attributes `leaf_mean_share` and `leaf_hidden_share`, which materials read, where there is any.
 
 The branches are switched, not multiplied by 0 or 1: at a = 0 and λ = 1 the output is the input, bit for bit and at no
@@ -61,7 +60,7 @@ from .sections import Section
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 3
+_LAYOUT = 4
 """Written into the group; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
 
 _RAMP = 0.05
@@ -80,7 +79,6 @@ class LodSettings:
     appear, vanish: the level is drawn for appear ≤ distance < vanish. ≥ 0.
     whole, fading: it fades in up to `whole`, and out from `fading` on; at once where the one is not above `appear`, the
         other not below `vanish`. ≥ 0.
-    grazing: faces fade out from this |cos| between normal and view on; in [0, 1), 0 for no such fade.
     centre: the point that the distance to the camera is taken from, in the object's coordinates.
 
     Raises `ValueError` for a value that is outside its range or not finite.
@@ -96,14 +94,12 @@ class LodSettings:
     vanish: float = NEVER
     whole: float = 0.0
     fading: float = NEVER
-    grazing: float = 0.0
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("start", "end", "appear", "vanish", "whole", "fading"):
             _require(name, getattr(self, name), lambda value: value >= 0.0, "at least 0")
         _require("prune_start", self.prune_start, lambda value: value > 0.0, "greater than 0")
-        _require("grazing", self.grazing, lambda value: 0.0 <= value < 1.0, "at least 0 and less than 1")
         _require("prune_half", self.prune_half, lambda value: 0.0 < value <= 0.5, "greater than 0 and at most 0.5")
         for name, values in (("growth", self.growth), ("contrast", self.contrast), ("centre", self.centre)):
             for value in values:
@@ -130,7 +126,6 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
         "Vanish": settings.vanish,
         "Whole": settings.whole,
         "Fading": settings.fading,
-        "Grazing": settings.grazing,
         "Centre": settings.centre,
     }
     return add_modifier(obj, GROUP_NAME, lod_group(), values)
@@ -172,8 +167,6 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Vanish", "Float", "Distance from which the level is no longer drawn", panel, **never)
     declare(tree, "Whole", "Float", "Distance up to which the level fades in", panel, default_value=0.0, **LENGTH)
     declare(tree, "Fading", "Float", "Distance from which the level fades out", panel, **never)
-    steep = "Cosine between normal and view from which a face fades out; 0: never"
-    declare(tree, "Grazing", "Float", steep, panel, default_value=0.0, **SHARE)
     declare(tree, "Centre", "Vector", "Point that the distance to the camera is taken from", panel, subtype="XYZ")
 
     panel = tree.interface.new_panel("By Hand")
@@ -184,11 +177,10 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-2800.0, 0.0))
-    camera = Camera(section)
-    distance = camera_distance(section, camera)
+    distance = camera_distance(section, Camera(section))
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
-    section = Section(tree, "Share not shown h'", (-1500.0, 1700.0))
-    fades, hidden = _hidden(section, camera, distance)
+    section = Section(tree, "Share not shown h", (-1500.0, 1700.0))
+    fades, hidden = _hidden(section, distance)
     transition = transition_share(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
     kept_share = _keep(Section(tree, "Share of leaves kept λ", (-1500.0, -900.0)), distance)
     pulled = mean_share(Section(tree, "Share of the mean in colours 1 − κ", (-1500.0, -1700.0)), kept_share)
@@ -212,7 +204,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pruned = section.switch("GEOMETRY", pulling, pruned, store, label="Tell materials where κ < 1")
     pruning = section.compare(kept_share, "LESS_THAN", 1.0, label="λ < 1")
     level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
-    store = section.result("GeometryNodeStoreNamedAttribute", level, None, HIDDEN_SHARE, hidden, label="h'", **stored)
+    store = section.result("GeometryNodeStoreNamedAttribute", level, None, HIDDEN_SHARE, hidden, label="h", **stored)
     level = section.switch("GEOMETRY", fades, level, store, label="Tell materials where anything fades")
 
     section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
@@ -226,32 +218,19 @@ def _drawn(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSo
     return section.logic(near, "OR", section.group_input("Manual"), label="Drawn")
 
 
-def _hidden(
-    section: Section, camera: Camera, distance: bpy.types.NodeSocket
-) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Whether anything fades, and the field h'. By hand nothing does, as everything is drawn there."""
+def _hidden(section: Section, distance: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Whether the level fades, and h. By hand nothing does, as everything is drawn there."""
 
     def share(first: bpy.types.NodeSocket, second: bpy.types.NodeSocket, over: bpy.types.NodeSocket) -> Any:
         span = section.math("MAXIMUM", over, TINY, label="A step at least")
         return section.math("DIVIDE", section.math("SUBTRACT", first, second), span, clamp=True)
 
-    whole, fading, width = (section.group_input(name) for name in ("Whole", "Fading", "Grazing"))
+    whole, fading = (section.group_input(name) for name in ("Whole", "Fading"))
     coming = share(whole, distance, section.math("SUBTRACT", whole, section.group_input("Appear")))
     going = share(distance, fading, section.math("SUBTRACT", section.group_input("Vanish"), fading))
-    by_distance = section.math("MAXIMUM", coming, going, label="h")
-    either = section.compare(section.math("ADD", by_distance, width), "GREATER_THAN", 0.0, label="h or grazing")
-    by_camera = section.switch("BOOLEAN", section.group_input("Manual"), either, False, label="By camera")
-    return by_camera, section.math("MAXIMUM", by_distance, _grazing(section, camera, width), label="h'")
-
-
-def _grazing(section: Section, camera: Camera, width: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """1 − smoothstep(0, width, |n·v|); 0 where `width` is."""
-    to_camera = section.vector("SUBTRACT", camera.location, section.result("GeometryNodeInputPosition"))
-    view = section.vector("NORMALIZE", to_camera, label="v")
-    steep = section.math("ABSOLUTE", section.vector("DOT_PRODUCT", section.result("GeometryNodeInputNormal"), view))
-    ends = (0.0, section.math("MAXIMUM", width, TINY), 1.0, 0.0)
-    faded = section.result("ShaderNodeMapRange", steep, *ends, label="Faded", interpolation_type="SMOOTHSTEP")
-    return section.math("MULTIPLY", faded, section.compare(width, "GREATER_THAN", 0.0), label="At grazing angles")
+    hidden = section.math("MAXIMUM", coming, going, label="h")
+    by_distance = section.compare(hidden, "GREATER_THAN", 0.0, label="h > 0")
+    return section.switch("BOOLEAN", section.group_input("Manual"), by_distance, False, label="By camera"), hidden
 
 
 def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

@@ -73,7 +73,7 @@ class Camera:
         # Only the Object Info of no object has the scale 0.
         size = section.vector("LENGTH", info.outputs["Scale"])
         self.location = info.outputs["Location"]
-        self._exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
+        self.exists = section.compare(size, "GREATER_THAN", 0.0, label="Is there a camera?")
 
     def distance(
         self, section: Section, place: bpy.types.NodeSocket, centre: bpy.types.NodeSocket, label: str
@@ -85,7 +85,7 @@ class Camera:
         distance = section.vector("DISTANCE", place, centre)
         number = section.compare(distance, "GREATER_EQUAL", 0.0, label="Is it a number?")
         near = section.math("MINIMUM", distance, NEVER * 0.99, label="Never is farther")
-        known = section.logic(self._exists, "AND", number)
+        known = section.logic(self.exists, "AND", number)
         return section.switch("FLOAT", known, 0.0, near, label=label)
 
 

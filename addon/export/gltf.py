@@ -94,21 +94,36 @@ def is_blended(material: bpy.types.Material) -> bool:
     return surface.alpha_mode == "BLEND" or any(gap.startswith("its alpha ") for gap in surface.gaps)
 
 
+def cut_message(material: bpy.types.Material) -> str:
+    """What becomes of a blended leaf material in files where it is not kept."""
+    alphas = _alphas(material.node_tree)
+    if any(alpha.is_linked for alpha in alphas) or not alphas:
+        way = "cut it out at an alpha of 0.5"
+    elif _even_alphas(material.node_tree):
+        way = f"show its even alpha of {alphas[0].default_value:.3g} as opaque"
+    else:
+        way = f"keep its even alpha of {alphas[0].default_value:.3g}, and do not say in which order to draw its leaves"
+    return f"material {material.name!r} is blended: the glTF files {way}"
+
+
+def _alphas(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
+    return [node.inputs["Alpha"] for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+
+
 def _even_alphas(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     """The alphas of one number above ½."""
-    alphas = [node.inputs["Alpha"] for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
-    return [alpha for alpha in alphas if not alpha.is_linked and alpha.default_value > 0.5]
+    return [alpha for alpha in _alphas(tree) if not alpha.is_linked and alpha.default_value > 0.5]
 
 
 def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
     """Puts a threshold before the alpha of each Principled BSDF of a material's own tree; gives those nodes."""
     cuts = []
-    for node in [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED" and node.inputs["Alpha"].is_linked]:
+    for alpha in [alpha for alpha in _alphas(tree) if alpha.is_linked]:
         threshold = tree.nodes.new("ShaderNodeMath")
         threshold.operation = "GREATER_THAN"
         threshold.inputs[1].default_value = 0.5
-        tree.links.new(node.inputs["Alpha"].links[0].from_socket, threshold.inputs[0])
-        tree.links.new(threshold.outputs[0], node.inputs["Alpha"])
+        tree.links.new(alpha.links[0].from_socket, threshold.inputs[0])
+        tree.links.new(threshold.outputs[0], alpha)
         cuts.append((tree, threshold))
     return cuts
 

@@ -322,6 +322,7 @@ _RULES: dict[str, Callable[[_Scene], Effect]] = {
     "blend_order": _blend_order,
     "leaf_map": _always("leaf_map", "the leaves keep their textures until somebody wants another season"),
     "contrast": _contrast,
+    "grazing_fade": _always("grazing_fade", "what is seen on edge is a part of the crown, which is thinner without it"),
     "wind": _wind,
     "baked_light": _baked_light,
 }

@@ -15,7 +15,8 @@ _RAMP = 0.05
 
 @dataclass(frozen=True)
 class LevelInputs:
-    """The inputs of a level's node group (`build.lod_nodes.LodSettings`), and its table of areas (mesh extras).
+    """The inputs of a level's node groups (`build.lod_nodes.LodSettings`, the width of `build.grazing_nodes`), and its
+    table of areas (mesh extras).
 
     Distances are in the object's own units. `area_shares`, 65 numbers that rise from 0 to 1, may be empty: then pruned
     leaves do not grow.

@@ -85,7 +85,7 @@ const HAND_OVER = 0.998;
  * fadeBehindMorph: the same of a level that the one before has morphed to: light, and the edges of alpha, are left to fade.
  * hysteresis: where nothing fades, by which share a level is drawn longer when the camera comes back, so that it does not
  *   switch to and fro.
- * grazing: billboards fade out from this |cos| between normal and view on.
+ * grazing: billboards fade out from this |cos| between normal and view on; 0: they do not. null: as the file says.
  * wind: the strength of the wind, as of Blender's force fields; 0: nothing moves. null: as the file says. Files without wind
  *   have none.
  * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
@@ -97,7 +97,7 @@ export const SETTINGS = {
   fade: 0.25,
   fadeBehindMorph: 0.1,
   hysteresis: 0.02,
-  grazing: 0,
+  grazing: null,
   contrast: true,
   wind: null,
   byHand: null,
@@ -199,7 +199,7 @@ export class Tree extends THREE.Group {
     level.uniforms.lcTransitionAt.value.fromArray(transition);
     level.uniforms.lcKeepAt.value.fromArray(keep);
     level.uniforms.lcContrast.value.fromArray(this.settings.contrast ? level.pruning.contrast : [0, 0]);
-    level.uniforms.lcGrazing.value = level.number > 0 ? this.settings.grazing : 0;
+    level.uniforms.lcGrazing.value = level.number > 0 ? (this.settings.grazing ?? level.grazing) : 0;
     for (const { geometry, prefixes } of level.pruned) {
       const step = Math.min(Math.ceil(keepAt(...keep) * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
       geometry.setDrawRange(0, 3 * prefixes[step]);
@@ -242,7 +242,7 @@ function levelsOf({ scene, parser }) {
 }
 
 function newLevel(object, parser) {
-  const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
+  const { level, transition_start: start, transition_end: end, grazing = 0 } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
   const { wind = null } = object.userData.leafcloud;
@@ -266,7 +266,7 @@ function newLevel(object, parser) {
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned, blended };
+  return { number: level, object, morphs, ...reach, pruning, wind, grazing, uniforms, pruned, blended };
 }
 
 /** How a level was baked to be pruned, and what was measured of it; never, where its extras do not say. */

@@ -1,0 +1,74 @@
+"""The fade of billboards that are seen on edge: a node group behind all that moves them, and what their material shows.
+
+The group stores, at every point x with the normal n, the share that is not shown as `leaf_grazing_share`:
+
+    1 − smoothstep(0, width, |n·v|)                              v: from x to the camera, |v| = 1
+
+(Lacewell et al., "Stochastic Billboard Clouds for Interactive Foliage Rendering", 2006, name the idea; their
+|1 − n·v| ≪ 1 is a slip for |n·v| ≪ 1.) The material mixes so much
+transparency into what it shows, but to light: a billboard that is on edge to the camera is not so to a lamp, and its
+shadow stays. Known limit: other copies than this one, as in a forest, are not seen by the camera from where this one
+is, so they have no fade.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .fading import fade_by
+from .node_laws import SHARE, TINY, Camera, add_modifier, declare, group_of_layout
+from .sections import Section
+
+GROUP_NAME = "Leafcloud Grazing"
+_LAYOUT_KEY = "leafcloud_grazing_layout"
+_LAYOUT = 1
+
+GRAZING_SHARE = "leaf_grazing_share"
+"""The point attribute with the share of a billboard that is not shown; 0, as where it is missing: all is."""
+
+WIDTH = 0.2
+"""The |cos| between normal and view from which billboards fade; 12° from the plane."""
+
+
+def add_grazing_modifier(obj: bpy.types.Object) -> bpy.types.NodesModifier:
+    """Lets the billboards of `obj` fade; its material has to show it (`add_grazing_fade`)."""
+    return add_modifier(obj, GROUP_NAME, grazing_group(), {"Width": WIDTH})
+
+
+def grazing_group() -> bpy.types.NodeTree:
+    """The node group of this file: the one that is there, else a new one."""
+    return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _fill)
+
+
+def add_grazing_fade(tree: bpy.types.NodeTree) -> None:
+    """Lets what renderers show of a material with an output fade by `leaf_grazing_share`."""
+    share, path, shown = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Attribute", "LightPath", "Math"))
+    share.attribute_name, share.label = GRAZING_SHARE, "On edge: share not shown"
+    shown.operation = "MULTIPLY"
+    light = tree.nodes.new("ShaderNodeMath")
+    light.operation, light.inputs[0].default_value = "SUBTRACT", 1.0
+    x, y = tree.get_output_node("ALL").location
+    for node, column, row in ((share, 3, 0), (path, 3, 1), (light, 2, 1), (shown, 1, 0)):
+        node.location = (x - 200.0 * column, y + 1200.0 + 200.0 * row)
+    tree.links.new(path.outputs["Is Shadow Ray"], light.inputs[1])
+    tree.links.new(share.outputs["Fac"], shown.inputs[0])
+    tree.links.new(light.outputs[0], shown.inputs[1])
+    fade_by(tree, shown.outputs[0])
+
+
+def _fill(tree: bpy.types.NodeTree) -> None:
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    steep = "Cosine between normal and view from which a billboard fades out; 0: never"
+    declare(tree, "Width", "Float", steep, default_value=0.0, **SHARE)
+    section = Section(tree, "Share not shown 1 − smoothstep(0, width, |n·v|)", (0.0, 0.0))
+    camera, width = Camera(section), section.group_input("Width")
+    to_camera = section.vector("SUBTRACT", camera.location, section.result("GeometryNodeInputPosition"))
+    view = section.vector("NORMALIZE", to_camera, label="v")
+    steep = section.math("ABSOLUTE", section.vector("DOT_PRODUCT", section.result("GeometryNodeInputNormal"), view))
+    ends = (0.0, section.math("MAXIMUM", width, TINY), 1.0, 0.0)
+    hidden = section.result("ShaderNodeMapRange", steep, *ends, label="Not shown", interpolation_type="SMOOTHSTEP")
+    fades = section.logic(section.compare(width, "GREATER_THAN", 0.0), "AND", camera.exists, label="Fades?")
+    geometry, stored = section.group_input("Geometry"), {"data_type": "FLOAT", "domain": "POINT"}
+    told = section.result("GeometryNodeStoreNamedAttribute", geometry, None, GRAZING_SHARE, hidden, **stored)
+    section.node("NodeGroupOutput", section.switch("GEOMETRY", fades, geometry, told, label="Tell materials"))
