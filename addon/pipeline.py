@@ -95,8 +95,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         return facts
     scene = layer.id_data
     around = survey(layer, tree, shape.centre.tolist(), view_of(scene))
-    sees = settings.viewer == "camera" and settings.engine == "generic"
-    camera = around.camera if sees else None
+    camera = around.camera if settings.by_cameras else None
     return replace(
         facts, camera=camera, lights=around.lights, wind=wind_on(tree.sources, scene), renderer=scene.render.engine
     )
@@ -177,19 +176,19 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        **chain_options(prepared),
+        **chain_options(settings, prepared.facts, prepared.effects),
     )
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
     """Starts to measure what accuracy costs in time, around the settings. Leaves are not pruned for it."""
-    return leafcloud.start_cost_curve(prepared.foliage, wood=prepared.wood, quick=quick, **chain_options(prepared))
+    options = chain_options(prepared.settings, prepared.facts, prepared.effects)
+    return leafcloud.start_cost_curve(prepared.foliage, wood=prepared.wood, quick=quick, **options)
 
 
-def chain_options(prepared: Prepared) -> dict[str, Any]:
+def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> dict[str, Any]:
     """What the wheel is asked for a chain and for a cost curve alike."""
-    settings = prepared.settings
-    clouds, cross = prepared.levels
+    clouds, cross = plan_levels(settings, facts, effects)
     return {
         "levels": clouds,
         "cross": cross,
@@ -197,16 +196,16 @@ def chain_options(prepared: Prepared) -> dict[str, Any]:
         "texture_height": settings.texture_height,
         "samples": settings.samples,
         "close_cracks": settings.close_cracks,
-        "blended": bool(is_on(prepared.effects, "blend_order")),
-        "back_sides": is_on(prepared.effects, "back_sides"),
-        "normals": settings.bend_normals if is_on(prepared.effects, "normals") else None,
-        "gloss": bool(is_on(prepared.effects, "gloss")),
-        "translucency": bool(is_on(prepared.effects, "translucency")),
-        "occlusion": bool(is_on(prepared.effects, "occlusion")),
-        "visibility": bool(is_on(prepared.effects, "self_shadowing")),
-        "leaf_map": bool(is_on(prepared.effects, "leaf_map")),
-        "tight_pages": sees_pages(settings, prepared.facts),
-        "order_by_visibility": bool(is_on(prepared.effects, "pruning")),
+        "blended": bool(is_on(effects, "blend_order")),
+        "back_sides": is_on(effects, "back_sides"),
+        "normals": settings.bend_normals if is_on(effects, "normals") else None,
+        "gloss": bool(is_on(effects, "gloss")),
+        "translucency": bool(is_on(effects, "translucency")),
+        "occlusion": bool(is_on(effects, "occlusion")),
+        "visibility": bool(is_on(effects, "self_shadowing")),
+        "leaf_map": bool(is_on(effects, "leaf_map")),
+        "tight_pages": sees_pages(settings, facts),
+        "order_by_visibility": bool(is_on(effects, "pruning")),
         **fit_options(settings),
     }
 

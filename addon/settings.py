@@ -308,6 +308,11 @@ class BakeSettings:
         self._check_effects()
         self._check_wishes()
 
+    @property
+    def by_cameras(self) -> bool:
+        """Whether the scene's cameras are all who looks, if there are any."""
+        return self.viewer == "camera" and self.engine == "generic"
+
     def _check_fit(self) -> None:
         needs_count = self.method != "kmeans" or self.max_billboards is not None
         self._require("max_billboards", needs_count, "given: the method kmeans has it as its input")

@@ -15,12 +15,14 @@ import bpy
 import numpy as np
 import pytest
 from command_line import bake, refusal, run
+from lod_scenes import add_camera
 
 import addon
 import leafcloud
 from addon.settings import BakeSettings, SettingsError
 from addon.ui import curve as panel
 from addon.ui import measured
+from addon.ui.properties import bake_settings
 
 SMALL = {"levels": 1, "cross": False, "texture_size": 256}
 
@@ -291,6 +293,25 @@ def test_the_panel_expects_only_what_the_curve_knows() -> None:
     assert panel.expected(settings).endswith(panel.describe(last.offers[-1]))
     settings.image_error, settings.seconds = 0.0, 1000.0
     assert panel.expected(settings).endswith(panel.describe(last.offers[-1]))
+
+
+@pytest.mark.usefixtures("_selected")
+def test_the_panel_expects_what_the_plan_leaves(tmp_path: Path) -> None:
+    """A camera among the leaves: of the levels only the first is made."""
+    add_camera((0.0, 0.0, 0.1))
+    settings = bpy.context.scene.leafcloud
+    settings.levels, settings.directory = 2, str(tmp_path)
+    bpy.ops.leafcloud.curve()
+    last = measured.last()
+    assert last is not None
+    near = measured.expected(last, bake_settings(settings))
+    settings.viewer = "anywhere"
+    assert measured.expected(last, bake_settings(settings))["seconds"] > near["seconds"]
+    settings.viewer = "camera"
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert len(report["levels"]) == 2
+    assert report["predicted"]["seconds"]["predicted"] == near["seconds"]
 
 
 @pytest.mark.usefixtures("_selected")

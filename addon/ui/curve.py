@@ -38,12 +38,11 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
         sources = tuple(context.selected_objects)
         self._name = (context.active_object or sources[0]).name
         tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
-        prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
-        self._tree = measured.shape_of(prepared.foliage)
-        return start_curve(prepared, quick=True)
+        self._prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
+        return start_curve(self._prepared, quick=True)
 
     def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:
-        measured.keep(curve, self._name, self._tree)
+        measured.keep(curve, self._name, self._prepared)
         self.report({"INFO"}, f"Measured {len(curve.rows)} settings of {self._name}")
         return {"FINISHED"}
 
@@ -174,8 +173,7 @@ def expected(properties: bpy.types.PropertyGroup) -> str:
     except SettingsError as error:
         return str(error)
     if measured.can_predict(settings):
-        names = ("epsilon", "candidates", "levels", "cross", "texture_size", "samples", "effort")
-        predicted = last.curve.predict(**{name: getattr(settings, name) for name in names})
+        predicted = measured.expected(last, settings)
         return f"{last.title}: expected {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
     offer = _wished(last.offers, settings)
     return "" if offer is None else f"{last.title}: expected about {describe(offer)}"

@@ -12,6 +12,8 @@ import leafcloud
 
 from ..baked import Prepared
 from ..pipeline import chain_options
+from ..plan.effects import plan_effects
+from ..plan.facts import Facts
 from ..settings import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)
@@ -43,6 +45,8 @@ class Measured:
     title: str
     """What the tree was called."""
     tree: Shape
+    facts: Facts
+    """Of the scene that the tree was measured in."""
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
     """Of the chart; 0 where Blender has no previews to show."""
@@ -56,7 +60,7 @@ def last() -> Measured | None:
     return _last[-1] if _last else None
 
 
-def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
+def keep(curve: leafcloud.Curve, title: str, prepared: Prepared) -> None:
     """Keeps the curve of a tree and its chart in place of the one before."""
     width, height = CHART_SIZE
     picture = curve.picture("offers", title=title, width=width, height=height, text=_TEXT)
@@ -67,7 +71,8 @@ def keep(curve: leafcloud.Curve, title: str, tree: Shape) -> None:
     preview.image_size = (width, height)
     # Blender's rows go up.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
-    _last.append(Measured(curve, curve.offers, curve.presets, shown, title, tree, previews, preview.icon_id))
+    tree, facts = shape_of(prepared.foliage), prepared.facts
+    _last.append(Measured(curve, curve.offers, curve.presets, shown, title, tree, facts, previews, preview.icon_id))
 
 
 def _some(curve: leafcloud.Curve) -> list[leafcloud.Offer]:
@@ -94,12 +99,21 @@ def can_predict(settings: BakeSettings) -> bool:
     return settings.chain == "billboards" and free and not wished
 
 
+def expected(measured: Measured, settings: BakeSettings) -> leafcloud.Prediction:
+    """Of a bake with these settings of the tree in the scene that was measured, planned anew."""
+    facts = replace(measured.facts, engine=settings.engine)
+    if not settings.by_cameras:
+        facts = replace(facts, camera=None)
+    return measured.curve.predict(**chain_options(settings, facts, plan_effects(settings, facts)))
+
+
 def predicted(prepared: Prepared) -> Prepared:
     """With what the curve says of it, where that of the same tree was measured."""
     measured = last()
     if measured is None or measured.tree != shape_of(prepared.foliage) or not can_predict(prepared.settings):
         return prepared
-    return replace(prepared, predicted=measured.curve.predict(**chain_options(prepared)))
+    options = chain_options(prepared.settings, prepared.facts, prepared.effects)
+    return replace(prepared, predicted=measured.curve.predict(**options))
 
 
 _told: list[str] = []
