@@ -60,6 +60,7 @@ from .plan.sight import level_at, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
+from .scene.seams import seam_share
 from .scene.see_through import see_through
 from .scene.shading import gloss_of
 from .scene.surface import read_surface
@@ -83,6 +84,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         vertices=len(leaves.positions),
         triangles=shape.triangle_count,
         wood=0 if tree.wood is None else len(tree.wood.triangles),
+        wood_seams=0.0 if tree.wood is None else seam_share(tree.wood),
         radius=shape.radius,
         area=shape.area,
         glossy=gloss_of(leaves.materials).varies,

@@ -20,10 +20,12 @@ from addon.build.wood import simplified, whole
 from addon.export import preview
 from addon.pipeline import level_woods
 from addon.placement import Placement
+from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
 from addon.plan.reach import WOOD_PIXELS, Reach, wood_errors
 from addon.scene.extract import Geometry
+from addon.scene.seams import seam_share
 from addon.settings import BakeSettings
 
 QUICK = ("--candidates", 50, "--texture-size", 128)
@@ -143,6 +145,24 @@ def test_wood_calls_for_trunk_levels() -> None:
     assert effect.reason == "the camera may be anywhere in unity, so it may see 1200 triangles of wood from far away"
     assert is_on(plan_effects(BakeSettings(), Facts(engine="unity", leaves=5)), "trunk_levels") is False
     assert is_on(plan_effects(BakeSettings(effects="pruning"), facts), "trunk_levels") is False
+
+
+def test_seams_are_corners_that_differ_in_texture_only() -> None:
+    """Two triangles with a side in common, whose texture is cut along it; so that wood keeps more of its triangles."""
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
+    triangles = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+    joined = positions[triangles][..., :2]
+    cut = joined + np.array([0.0, 2.0], np.float32)[:, None, None]
+
+    def share(uvs: NDArray[np.float32] | None) -> float:
+        normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (2, 3, 1))
+        return seam_share(Geometry(positions, triangles, uvs, normals, None, np.zeros(2, np.int32), []))
+
+    assert (share(None), share(joined), share(cut)) == (0.0, 0.0, pytest.approx(1 / 3))
+    few, many = (Facts(engine="unity", leaves=5, wood=1200, wood_seams=each) for each in (0.1, 0.3))
+    sizes = [with_costs(BakeSettings(), facts, plan_effects(BakeSettings(), facts)) for facts in (few, many)]
+    left = [effect.bytes for effects in sizes for effect in effects if effect.name == "trunk_levels"]
+    assert left[1] > 2 * left[0]
 
 
 def test_wood_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:

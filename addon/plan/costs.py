@@ -3,8 +3,8 @@
 Each is in proportion to an amount that is known before the bake: vertices, texels, triangles; and what looks through
 the crown takes longer the more leaves stand behind one another. The constants are fitted to measured trees; `make plan`
 measures them anew, and compares estimates with what was measured. Seconds are those of the machine that they were
-measured on. Known limit: how much wood can be left out shows when it is tried, and in how many pieces billboards are
-cut when they are, so bytes of trunk_levels and of blend_order are up to two times off.
+measured on. Known limit: how much wood can be left out, and in how many pieces billboards are cut that are blended,
+shows when it is tried; here it is told by what goes with it, seams of the wood's texture and the size of leaves.
 """
 
 from __future__ import annotations
@@ -31,12 +31,16 @@ class Amounts:
     """Of the leaves."""
     wood: int
     """Triangles beside all clouds, before they are simplified."""
+    wood_left: int
+    """Of them, about, when they are: seams hold triangles in place."""
     texels: int
     """Of the pages of all levels that are made."""
     far_texels: int
     """Of those behind level 1."""
     depth: float
     """Leaves that a line of sight meets."""
+    leaf_size: float
+    """Of a leaf, over R."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,9 @@ def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> 
     """What the bake will have of each."""
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds + cross)]
-    return Amounts(facts.vertices, facts.triangles, facts.wood * clouds, sum(pages), sum(pages[1:]), facts.depth)
+    wood, left = facts.wood * clouds, min(max(4.0 * facts.wood_seams**1.5, 0.1), 1.0)
+    texels, leaf_size = (sum(pages), sum(pages[1:])), facts.leaf_size / facts.radius
+    return Amounts(facts.vertices, facts.triangles, wood, round(left * wood), *texels, facts.depth, leaf_size)
 
 
 def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -83,6 +89,8 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
         if effect.name in _SHARING and not paid:
             paid = True
             rates.append(_GLOSS)
+        if effect.name == "trunk_levels":
+            rates.append(_WOOD_LEFT)
         if effect.name == "pruning":
             rates += [_ORDER] if settings.chain == "billboards" else [_ORDER, _GROWTH]
         seconds, nbytes = sum(each.time(known) for each in rates), sum(each.size(known) for each in rates)
@@ -108,6 +116,10 @@ def _wood(known: Amounts) -> int:
     return known.wood
 
 
+def _wood_left(known: Amounts) -> int:
+    return known.wood_left
+
+
 def _texels(known: Amounts) -> int:
     return known.texels
 
@@ -121,32 +133,33 @@ def _far_texels(known: Amounts) -> int:
 
 
 def _pieces(known: Amounts) -> int:
-    """Of billboards that are blended: deep crowns have more of them, but files hardly more than the leaves have."""
-    return min(10_000 + round(900 * known.depth), 2_000 + 2 * known.triangles)
+    """Of billboards that are blended: large leaves take more of them, but files hardly more than the leaves have."""
+    return 2_000 + min(round(84_000 * known.leaf_size), 2 * known.triangles)
 
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
 _GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
-_ORDER = Rate(_triangles, fixed=0.08, per_layer=0.035, seconds=2.8e-6)
+_WOOD_LEFT = Rate(_wood_left, 87.0)
+_ORDER = Rate(_triangles, fixed=0.065, per_layer=0.028, seconds=2.25e-6)
 """Looking how much of each leaf is seen."""
-_GROWTH = Rate(_triangles, fixed=0.14, per_layer=0.028, seconds=1.8e-6)
+_GROWTH = Rate(_triangles, fixed=0.11, per_layer=0.0225, seconds=1.45e-6)
 """Looking at pruned leaves."""
 
 RATES: dict[str, Rate] = {
     "transitions": Rate(_vertices, 41.0, seconds=1.0e-7),
     "pruning": Rate(_vertices, 16.5, seconds=1.0e-8),
     "back_sides": Rate(_texels, 1.64),
-    "trunk_levels": Rate(_wood, 31.0, fixed=0.045, seconds=3.2e-5),
-    "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.35, seconds=7.0e-7),
+    "trunk_levels": Rate(_wood, fixed=0.04, seconds=2.8e-5),
+    "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.3, seconds=6.1e-7),
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),
     "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
-    "blend_order": Rate(_pieces, 125.0, seconds=6.0e-6),
+    "blend_order": Rate(_pieces, 125.0, fixed=0.02, seconds=7.5e-6),
     "occlusion": Rate(_triangles, fixed=0.03, per_layer=0.065, seconds=1.5e-6),
     "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
-    "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.4e-7),
+    "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.15e-7),
     "leaf_map": Rate(_texels, 2 * BYTES_PER_TEXEL, seconds=1.63e-7, seconds_per_layer=6.4e-9),
     "contrast": Rate(_triangles, fixed=0.04, seconds=6.0e-6, seconds_per_layer=1.4e-6),
-    "wind": Rate(_vertices, 20.0, fixed=0.21, seconds=8.0e-7),
-    "baked_light": Rate(_triangles, 72.0, fixed=0.1, seconds=1.9e-4, seconds_per_layer=1.75e-4),
+    "wind": Rate(_vertices, 20.0, fixed=0.21),
+    "baked_light": Rate(_triangles, 72.0, fixed=0.085, seconds=1.65e-4, seconds_per_layer=1.5e-4),
 }

@@ -50,6 +50,8 @@ class Facts:
     """Both of the leaves."""
     wood: int = 0
     """Triangles of trunk and branches."""
+    wood_seams: float = 0.0
+    """The share of its vertices that are there only because its texture has a seam."""
     radius: float = 1.0
     """R, world units."""
     area: float = 0.0
