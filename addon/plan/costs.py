@@ -154,7 +154,7 @@ RATES: dict[str, Rate] = {
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),
     "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
-    "blend_order": Rate(_pieces, 125.0, fixed=0.02, seconds=7.5e-6),
+    "blend_order": Rate(_pieces, 125.0, fixed=0.035, seconds=2.8e-6),
     "occlusion": Rate(_triangles, fixed=0.03, per_layer=0.065, seconds=1.5e-6),
     "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
     "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.15e-7),
