@@ -1,7 +1,7 @@
 """What accuracy costs in time, tree by tree: `make curves` makes docs/accuracy.md.
 
 usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
-       python tools/curves.py --verify [TREE.glb]      judge and Cycles on ten settings (an hour)
+       python tools/curves.py --verify [TREE.glb]      judge and Cycles on ten settings (minutes; of cards an hour)
 
 A curve of a tree takes minutes to an hour; it goes into docs/bench/curves.json, its charts and pictures into
 docs/curves, as soon as they are there, and docs/accuracy.md shows what those hold. What the curve promises is measured
