@@ -210,11 +210,13 @@ impl Task<'_> {
     /// The slabs where they serve their pieces best; where they are, of a published method.
     fn refined(&self, pieces: &Pieces, slabs: Vec<Slab>, progress: Progress) -> Result<Vec<Slab>> {
         let FitSettings { method, effort, facing, .. } = *self.settings;
-        if method != Method::Stochastic || effort == Effort::Literal {
-            return Ok(slabs);
-        }
-        let favour = self.favour(pieces);
-        refine::refined(pieces, slabs, &Choice::new(facing as f32, 0.0), &self.search(pieces, &favour), progress)
+        let rounds = match (method, effort) {
+            (Method::Density | Method::KMeans, _) | (_, Effort::Literal) => return Ok(slabs),
+            (_, Effort::Default) => 3,
+            (_, Effort::Final | Effort::Best) => 10,
+        };
+        let (choice, favour) = (Choice::new(facing as f32, 0.0), self.favour(pieces));
+        refine::refined(pieces, slabs, rounds, &choice, &self.search(pieces, &favour), progress)
     }
 
     /// What a plane's score is multiplied by, by its normal.

@@ -17,8 +17,7 @@ use crate::error::Result;
 use crate::geometry::Plane;
 use crate::progress::Progress;
 
-/// Rounds over all slabs, at most; they end when one gains less than this share of the cost.
-const ROUNDS: usize = 8;
+/// Rounds end when one gains less than this share of the cost.
 const WORTH: f64 = 2e-3;
 
 /// The shares of the way that are tried.
@@ -30,10 +29,11 @@ const COSINES: f64 = 0.6;
 /// Of more pieces than this, slabs stay where they are: the lists of what holds each would be long.
 const MOST_PIECES: usize = 40_000;
 
-/// The slabs, each moved to where it serves its pieces better.
+/// The slabs, each moved to where it serves its pieces better, in so many rounds over all slabs at most.
 pub fn refined(
     pieces: &Pieces,
     slabs: Vec<Slab>,
+    rounds: usize,
     choice: &Choice,
     search: &Search,
     progress: Progress,
@@ -43,8 +43,8 @@ pub fn refined(
     }
     let mut state = State::new(pieces, slabs, choice);
     let mut before = state.cost();
-    for round in 0..ROUNDS {
-        progress.tell("fit", round as f64 / ROUNDS as f64)?;
+    for round in 0..rounds {
+        progress.tell("fit", round as f64 / rounds as f64)?;
         for number in 0..state.slabs.len() {
             state.improve(number, search);
         }
@@ -235,7 +235,7 @@ mod tests {
         let (choice, favour) = (Choice::new(1.0, 0.0), |_: Vec3| 1.0);
         let slabs = greedy::cover(&pieces, GreedyPlan { octets: 8 }, &search(&favour), Progress::silent()).unwrap();
         let before = cost(&pieces, &slabs, &choice);
-        let moved = refined(&pieces, slabs, &choice, &search(&favour), Progress::silent()).unwrap();
+        let moved = refined(&pieces, slabs, 8, &choice, &search(&favour), Progress::silent()).unwrap();
         let after = cost(&pieces, &moved, &choice);
         assert!(before.is_finite() && after < 0.97 * before, "{before} to {after}");
     }
@@ -256,7 +256,7 @@ mod tests {
         let plane = Plane { normal: aslant, distance: own.plane.distance + 0.02 };
         let (choice, favour) = (Choice::new(1.0, 0.0), |_: Vec3| 1.0);
         let slabs = vec![Slab { plane, ..own }];
-        let moved = refined(&pieces, slabs, &choice, &search(&favour), Progress::silent()).unwrap();
+        let moved = refined(&pieces, slabs, 8, &choice, &search(&favour), Progress::silent()).unwrap();
         assert!(moved[0].plane.normal.dot(own.plane.normal).abs() > 1.0 - 1e-12);
         assert!((moved[0].plane.distance.abs() - own.plane.distance.abs()).abs() < 1e-6);
     }
