@@ -110,7 +110,7 @@ fn fitted(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
 }
 
 /// The eigenvector of the least eigenvalue of a symmetric matrix that is not negative, by inverse iteration from `start`.
-fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
+pub fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
     let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
     let shifted = matrix + DMat3::from_diagonal(DVec3::splat(1e-9 * trace.max(f64::MIN_POSITIVE)));
     let inverse = shifted.inverse();

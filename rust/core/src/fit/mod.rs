@@ -17,6 +17,7 @@ mod lanes;
 mod literal;
 mod pieces;
 mod random;
+mod refine;
 mod seeds;
 mod settings;
 mod stochastic;
@@ -178,8 +179,21 @@ impl Task<'_> {
     /// A cloud within `bound`.
     fn covered(&self, bound: f64, progress: Progress, better: Option<&(dyn Fn(Cloud) + Sync)>) -> Result<Cloud> {
         let pieces = self.pieces(bound);
-        let favour = |normal: Vec3| self.settings.preference.factor(pieces.axes.to_local(normal.as_dvec3())) as f32;
-        let search = self.search(&pieces, &favour);
+        let slabs = self.cover(&pieces, bound, progress.part(0.0, 0.9), better)?;
+        let slabs = self.refined(&pieces, slabs, progress.part(0.9, 1.0))?;
+        Ok(self.cloud(&pieces, &slabs, bound))
+    }
+
+    /// Slabs that hold all pieces within `bound`.
+    fn cover(
+        &self,
+        pieces: &Pieces,
+        bound: f64,
+        progress: Progress,
+        better: Option<&(dyn Fn(Cloud) + Sync)>,
+    ) -> Result<Vec<Slab>> {
+        let favour = self.favour(pieces);
+        let search = self.search(pieces, &favour);
         let FitSettings { method, candidates, effort, penalty, .. } = *self.settings;
         let fitter: &dyn Fitter = match method {
             Method::Density => &Density { directions: candidates, penalty },
@@ -187,11 +201,27 @@ impl Task<'_> {
         };
         let answer = |slabs: &[Slab]| {
             if let Some(better) = better {
-                better(self.cloud(&pieces, slabs, bound));
+                better(self.cloud(pieces, slabs, bound));
             }
         };
-        let slabs = fitter.cover(&pieces, &search, progress, &answer)?;
-        Ok(self.cloud(&pieces, &slabs, bound))
+        fitter.cover(pieces, &search, progress, &answer)
+    }
+
+    /// The slabs where they serve their pieces best; where they are, of a published method.
+    fn refined(&self, pieces: &Pieces, slabs: Vec<Slab>, progress: Progress) -> Result<Vec<Slab>> {
+        let FitSettings { method, effort, facing, .. } = *self.settings;
+        let rounds = match (method, effort) {
+            (Method::Density | Method::KMeans, _) | (_, Effort::Literal) => return Ok(slabs),
+            (_, Effort::Default) => 3,
+            (_, Effort::Final | Effort::Best) => 10,
+        };
+        let (choice, favour) = (Choice::new(facing as f32, 0.0), self.favour(pieces));
+        refine::refined(pieces, slabs, rounds, &choice, &self.search(pieces, &favour), progress)
+    }
+
+    /// What a plane's score is multiplied by, by its normal.
+    fn favour<'s>(&'s self, pieces: &'s Pieces) -> impl Fn(Vec3) -> f32 + Sync + 's {
+        |normal: Vec3| self.settings.preference.factor(pieces.axes.to_local(normal.as_dvec3())) as f32
     }
 
     /// A cloud of `count` planes, whatever the bound; leaves that `bound` holds are kept whole as in [`Self::covered`].
@@ -220,18 +250,25 @@ impl Task<'_> {
         };
         let found = budget::smallest(1.0, power, bound / radius, least, |epsilon, attempt| {
             let part = |i: usize| i as f64 / budget::TRIES as f64;
-            let cloud = self.covered(epsilon * radius, progress.part(part(attempt), part(attempt + 1)), None)?;
+            let bound = epsilon * radius;
+            let pieces = self.pieces(bound);
+            let slabs = self.cover(&pieces, bound, progress.part(part(attempt), part(attempt + 1)), None)?;
+            let cloud = self.cloud(&pieces, &slabs, bound);
             let need = need(&cloud);
             if let Some(better) = better.filter(|_| need <= 1.0 && epsilon < finest) {
                 finest = epsilon;
                 better(cloud.clone());
             }
-            Ok((cloud, need))
+            Ok(((bound, slabs, cloud), need))
         })?;
-        found.ok_or_else(|| match (max_billboards, max_texels) {
+        let (bound, slabs, cloud) = found.ok_or_else(|| match (max_billboards, max_texels) {
             (Some(most), _) => budget::out_of_reach("max_billboards", most),
             (None, most) => budget::out_of_reach("max_texels", most.unwrap_or_default()),
-        })
+        })?;
+        // Moved, slabs may need a few texels more.
+        let pieces = self.pieces(bound);
+        let refined = self.cloud(&pieces, &self.refined(&pieces, slabs, progress.part(1.0, 1.0))?, bound);
+        Ok(if need(&refined) <= 1.0 { refined } else { cloud })
     }
 
     /// Texels that the cloud's outlines take where one has the side of ε / [`TEXELS_PER_EPSILON`].
