@@ -64,7 +64,8 @@ grey. Beside it what one might use instead, made from the same leaves.
   one of {LEVELS["a quarter"]}².
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
-- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees.
+- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees, and later than Cycles
+  where the JSON beside this page names another commit.
 """
 
 
@@ -234,7 +235,7 @@ def coverage_table(rows: list[dict[str, Any]]) -> str:
 
 
 def agreement_table(rows: list[dict[str, Any]]) -> str:
-    """Of the judge with Cycles, over what both looked at."""
+    """Of the judge with Cycles, over what both looked at when they looked together."""
     names = [*ALTERNATIVES, *LEVELS]
 
     def errors(who: str, row: dict[str, Any], size: str) -> NDArray[np.float64]:
@@ -255,8 +256,10 @@ def agreement_table(rows: list[dict[str, Any]]) -> str:
 def tables(rows: list[dict[str, Any]]) -> str:
     seen = [row for row in rows if "cycles" in row]
     parts = [error_table(rows, "judge", size) for size in SIZES]
+    together = [row for row in seen if row["cycles"]["commit"] == row["judge"]["commit"]]
     if seen:
-        parts = [*(error_table(seen, "cycles", size) for size in SIZES), agreement_table(seen), *parts]
+        agreement = [agreement_table(together)] if together else []
+        parts = [*(error_table(seen, "cycles", size) for size in SIZES), *agreement, *parts]
     return "\n\n".join([coverage_table(rows), *parts])
 
 
