@@ -64,7 +64,7 @@ grey. Beside it what one might use instead, made from the same leaves.
   one of {LEVELS["a quarter"]}².
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
-- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees, and later than Cycles
+- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees, later than Cycles
   where the JSON beside this page names another commit.
 """
 
