@@ -5,10 +5,9 @@ The group stores, at every point x with the normal n, the share that is not show
     1 − smoothstep(0, width, |n·v|)                              v: from x to the camera, |v| = 1
 
 (Lacewell et al., "Stochastic Billboard Clouds for Interactive Foliage Rendering", 2006, name the idea; their
-|1 − n·v| ≪ 1 is a slip for |n·v| ≪ 1.) The material mixes so much
-transparency into what it shows, but to light: a billboard that is on edge to the camera is not so to a lamp, and its
-shadow stays. Known limit: other copies than this one, as in a forest, are not seen by the camera from where this one
-is, so they have no fade.
+|1 − n·v| ≪ 1 is a slip for |n·v| ≪ 1.) The material mixes so much transparency into what it shows, but to light: a
+billboard that is on edge to the camera is not so to a lamp, and its shadow stays. Known limit: other copies than this
+one, as in a forest, are not seen by the camera from where this one is, so they have no fade.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ use super::pieces::{Pieces, Slab};
 use super::random::Stream;
 use super::sweep::Search;
 use crate::error::Result;
-use crate::geometry::Plane;
+use crate::geometry::{Plane, least_direction};
 use crate::progress::Progress;
 
 /// Lloyd's rounds.
@@ -107,15 +107,6 @@ fn fitted(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
         m + DMat3::from_cols(d * d.x, d * d.y, d * d.z) * w
     });
     Plane::through(mean, least_direction(spread, plane.normal))
-}
-
-/// The eigenvector of the least eigenvalue of a symmetric matrix that is not negative, by inverse iteration from `start`.
-pub fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
-    let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
-    let shifted = matrix + DMat3::from_diagonal(DVec3::splat(1e-9 * trace.max(f64::MIN_POSITIVE)));
-    let inverse = shifted.inverse();
-    let turned = (0..32).try_fold(start, |direction, _| (inverse * direction).try_normalize());
-    turned.filter(|direction| direction.is_finite()).unwrap_or(start)
 }
 
 /// The plane moved to the middle between its farthest points.

@@ -10,11 +10,10 @@
 use glam::{DMat3, DVec3};
 
 use super::assign::Choice;
-use super::kmeans::least_direction;
 use super::pieces::{Pieces, Slab};
 use super::sweep::Search;
 use crate::error::Result;
-use crate::geometry::Plane;
+use crate::geometry::{Plane, least_direction};
 use crate::progress::Progress;
 
 /// Rounds end when one gains less than this share of the cost.

@@ -6,4 +6,4 @@ pub mod plane;
 
 pub use frame::Frame;
 pub use outline::{Outline, convex_hull, convex_outline, minimum_rectangle};
-pub use plane::Plane;
+pub use plane::{Plane, least_direction};

@@ -1,6 +1,6 @@
 //! Planes as unit normal and signed distance: a point `p` lies at `n·p − d`.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::Frame;
 
@@ -59,6 +59,16 @@ impl Plane {
 #[must_use]
 pub fn axes(normal: DVec3) -> (DVec3, DVec3) {
     normal.any_orthonormal_pair()
+}
+
+/// The eigenvector of the least eigenvalue of a symmetric matrix that is not negative, by inverse iteration from `start`.
+#[must_use]
+pub fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
+    let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+    let shifted = matrix + DMat3::from_diagonal(DVec3::splat(1e-9 * trace.max(f64::MIN_POSITIVE)));
+    let inverse = shifted.inverse();
+    let turned = (0..32).try_fold(start, |direction, _| (inverse * direction).try_normalize());
+    turned.filter(|direction| direction.is_finite()).unwrap_or(start)
 }
 
 #[cfg(test)]
