@@ -58,19 +58,19 @@ enum Alpha<'a> {
 impl<'a> Surface<'a> {
     /// For single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
-        Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2]) }
+        Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1.0) }
     }
 
     /// For points on a grid, whose barycentric weights change by `steps` along its two axes: alpha is asked for at each point, what else is seen
-    /// once for what a pixel shows of the triangle.
-    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2]) -> Self {
+    /// once for what a pixel shows of the triangle. Textures are filtered over a share of the steps, `filter`.
+    pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2], filter: f32) -> Self {
         let attributes = foliage.attributes();
         let material = foliage.material(triangle);
         let uvs = attributes.uvs.get(triangle).copied().unwrap_or_default();
         let colors = attributes.colors.get(triangle).copied();
         let back_colors = attributes.back_colors.get(triangle).copied();
         let [across, down] = steps.map(|w| uvs[0] * w.x + uvs[1] * w.y + uvs[2] * w.z);
-        let spread = across.perp_dot(down).abs();
+        let spread = across.perp_dot(down).abs() * filter * filter;
         // Corners of different alpha move the edge of a mask: no pyramid knows it.
         let even = colors.is_none_or(|colors| colors.iter().all(|c| c.w == 1.0));
         let alpha = match (&material.image, material.alpha_mode) {
@@ -370,7 +370,7 @@ mod tests {
                 Vec3::new(-b - c, b, c)
             };
             let steps = [step(&mut random), step(&mut random)];
-            let surface = Surface::spread(&foliage, 0, steps);
+            let surface = Surface::spread(&foliage, 0, steps, 1.0);
             let middle = Vec3::new(0.4, 0.3, 0.3);
             let at = |x: usize, y: usize| middle + steps[0] * (x as f32 - 3.5) + steps[1] * (y as f32 - 3.5);
             let any = (0..64).any(|i| surface.passes(at(i % 8, i / 8), 1.0 / 512.0));

@@ -40,9 +40,9 @@ pub fn views_of_places(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
 }
 
-/// By what it is judged how much there is of them: closer looks, from more sides.
+/// By what it is judged how much there is of them, and of which colour: closer looks, from more sides.
 pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
-    Ok(Views { count, size: 64, samples: Samples::new(4)?, up, turn: 0.0 })
+    Ok(Views { count, size: 64, samples: Samples::new(4)?.unfiltered(), up, turn: 0.0 })
 }
 
 /// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.

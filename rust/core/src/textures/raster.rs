@@ -211,6 +211,8 @@ struct Tile<'a> {
     samples: usize,
     /// Parts of a pixel along either side that are looked at by themselves.
     looks: usize,
+    /// Of the distance between samples, over which textures are filtered.
+    filter: f32,
     /// Samples in a row.
     side: usize,
     depths: Vec<f32>,
@@ -249,11 +251,12 @@ struct Fragment<'a> {
 }
 
 impl<'a> Tile<'a> {
-    fn new(Samples { side: samples, looks }: Samples) -> Self {
+    fn new(Samples { side: samples, looks, filter }: Samples) -> Self {
         let side = TILE * samples;
         Self {
             samples,
             looks,
+            filter,
             side,
             depths: vec![f32::NEG_INFINITY; side * side],
             seen: vec![NOTHING; side * side],
@@ -302,7 +305,7 @@ impl<'a> Tile<'a> {
         let scale = self.samples as f32;
         let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
         let Some(edges) = Edges::new(corners) else { return };
-        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps());
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps(), self.filter);
         if !edges.front && !surface.double_sided() {
             return;
         }
