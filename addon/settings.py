@@ -120,6 +120,15 @@ class BakeSettings:
             unset="as many as the error bound asks for",
         ),
     ] = None
+    slack: Annotated[
+        float,
+        Setting(
+            "where max_billboards decides: how much farther than the smallest error bound leaves may move where that "
+            "brings them nearer on average, as a share of it",
+            "SHARE",
+            Limits(0, 1),
+        ),
+    ] = 0.25
     max_texels: Annotated[
         int | None,
         Setting(
@@ -373,6 +382,7 @@ class FitOptions(TypedDict):
     method: Method
     effort: Effort
     max_billboards: int | None
+    slack: float
     max_texels: int | None
     max_size: float | None
     compact: float | None

@@ -209,6 +209,38 @@ fn the_smallest_epsilon_for_so_many_billboards() {
 }
 
 #[test]
+fn slack_brings_leaves_nearer_in_the_mean() {
+    let foliage = shrub();
+    let of = |slack| {
+        let settings = FitSettings { max_billboards: Some(40), slack, ..FitSettings::default() };
+        let cloud = fitted(&foliage, &settings);
+        assert_held(&foliage, &cloud);
+        assert!(cloud.planes.len() <= 40);
+        cloud
+    };
+    let (tight, loose) = (of(0.0), of(0.25));
+    assert!((loose.bound / tight.bound - 1.25).abs() < 1e-12);
+    // What refits make least, over the area, in the bound of the tight one.
+    let cost = |cloud: &Cloud| {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (t, &parent) in cloud.parents.iter().enumerate() {
+            let plane = cloud.planes[parent as usize];
+            let area = foliage.area_vector(t);
+            let squares: f64 = foliage.corners(t).map(|p| plane.height(p).powi(2)).iter().sum();
+            let away = squares / 3.0 * (foliage.frame().radius / tight.bound).powi(2);
+            sum += area.length() * away + (area.length() - area.dot(plane.normal).abs());
+            total += area.length();
+        }
+        sum / total
+    };
+    let (far, near) = (cost(&tight), cost(&loose));
+    assert!(near < 0.97 * far, "{far} to {near}");
+    let texels = FitSettings { max_texels: Some(100_000), slack: 0.25, ..FitSettings::default() };
+    let without = FitSettings { slack: 0.0, ..texels.clone() };
+    assert_eq!(fitted(&foliage, &texels).bound, fitted(&foliage, &without).bound, "a budget of texels has its own ε");
+}
+
+#[test]
 fn fewer_texels_make_a_coarser_cloud() {
     let foliage = shrub();
     let bound = |most| fitted(&foliage, &FitSettings { max_texels: Some(most), ..FitSettings::default() }).bound;

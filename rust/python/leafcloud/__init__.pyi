@@ -440,6 +440,7 @@ class FitOptions(TypedDict, total=False):
     facing: float  # 1.0
     gather: float  # 0.0
     max_billboards: int | None  # None
+    slack: float  # 0.0
     max_texels: int | None  # None
     max_size: float | None  # None
     compact: float | None  # None
@@ -500,7 +501,8 @@ def fit(
     distance (in R) from the middle of what a plane has: billboards become smaller, less of what is drawn is empty.
 
     Budgets: ``max_billboards`` asks for the smallest ε found that needs no more, ``epsilon`` is then not used;
-    ``max_texels`` the same for texels of the side ε/8, not below ``epsilon``; time: :func:`start_fit`, whose job holds
+    with ``slack`` in [0, 1] leaves may move as large a share of that ε farther where refits bring them nearer in the
+    mean for it (not with ``max_texels`` or ``image_epsilon``); ``max_texels`` asks the same for texels of the side ε/8, not below ``epsilon``; time: :func:`start_fit`, whose job holds
     a complete answer early and may be cancelled. ``Cloud.epsilon`` says what came out.
 
     Shape: ``max_size`` (share of R, at least ε) is how far a billboard's leaves may lie from where it was found (a leaf

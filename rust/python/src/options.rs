@@ -108,6 +108,7 @@ impl<'py> Options<'py> {
             facing: self.number("facing", default.facing)?,
             gather: self.number("gather", default.gather)?,
             max_billboards: self.some("max_billboards", count)?,
+            slack: self.number("slack", default.slack)?,
             max_texels: self.some("max_texels", count)?,
             max_size: self.some("max_size", "a number or None")?,
             compact: self.some("compact", "a number or None")?,

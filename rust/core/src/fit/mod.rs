@@ -68,6 +68,9 @@ const SLOPE: f32 = 1.0;
 /// Rounds in which pieces gather about the middles of planes.
 const GATHERING_ROUNDS: usize = 2;
 
+/// Of more pieces than this, slabs stay where they are.
+const MOST_REFITTED: usize = 40_000;
+
 /// How the need of billboards and of texels falls with ε: as these powers, about.
 const BILLBOARDS_POWER: f64 = 1.6;
 const TEXELS_POWER: f64 = 3.0;
@@ -209,14 +212,18 @@ impl Task<'_> {
 
     /// The slabs where they serve their pieces best; where they are, of a published method.
     fn refined(&self, pieces: &Pieces, slabs: Vec<Slab>, progress: Progress) -> Result<Vec<Slab>> {
-        let FitSettings { method, effort, facing, .. } = *self.settings;
-        let rounds = match (method, effort) {
-            (Method::Density | Method::KMeans, _) | (_, Effort::Literal) => return Ok(slabs),
+        let (choice, favour) = (Choice::new(self.settings.facing as f32, 0.0), self.favour(pieces));
+        refine::refined(pieces, slabs, self.refits(pieces), &choice, &self.search(pieces, &favour), progress)
+    }
+
+    /// Rounds of refits; none of a published method, nor of so many pieces that the lists of what holds each would be long.
+    fn refits(&self, pieces: &Pieces) -> usize {
+        match (self.settings.method, self.settings.effort) {
+            _ if pieces.len() > MOST_REFITTED => 0,
+            (Method::Density | Method::KMeans, _) | (_, Effort::Literal) => 0,
             (_, Effort::Default) => 3,
             (_, Effort::Final | Effort::Best) => 10,
-        };
-        let (choice, favour) = (Choice::new(facing as f32, 0.0), self.favour(pieces));
-        refine::refined(pieces, slabs, rounds, &choice, &self.search(pieces, &favour), progress)
+        }
     }
 
     /// What a plane's score is multiplied by, by its normal.
@@ -265,10 +272,18 @@ impl Task<'_> {
             (Some(most), _) => budget::out_of_reach("max_billboards", most),
             (None, most) => budget::out_of_reach("max_texels", most.unwrap_or_default()),
         })?;
-        // Moved, slabs may need a few texels more.
         let pieces = self.pieces(bound);
-        let refined = self.cloud(&pieces, &self.refined(&pieces, slabs, progress.part(1.0, 1.0))?, bound);
+        let room = if self.refits(&pieces) > 0 { (bound * (1.0 + self.slack())).min(radius.max(bound)) } else { bound };
+        let pieces = pieces.held_to((room / bound) as f32);
+        // Moved, slabs may need a few texels more.
+        let refined = self.cloud(&pieces, &self.refined(&pieces, slabs, progress.part(1.0, 1.0))?, room);
         Ok(if need(&refined) <= 1.0 { refined } else { cloud })
+    }
+
+    /// The slack, where no other bound forbids it.
+    fn slack(&self) -> f64 {
+        let FitSettings { slack, max_texels, image, .. } = self.settings;
+        if max_texels.is_none() && image.is_none() { *slack } else { 0.0 }
     }
 
     /// Texels that the cloud's outlines take where one has the side of ε / [`TEXELS_PER_EPSILON`].

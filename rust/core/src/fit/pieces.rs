@@ -150,8 +150,9 @@ impl<'a> Pieces<'a> {
     }
 
     /// The same pieces held to `share` of their bounds.
-    pub fn tightened(mut self, share: f32) -> Self {
+    pub fn held_to(mut self, share: f32) -> Self {
         self.bounds.iter_mut().for_each(|bound| *bound *= share);
+        self.blocks = blocks(&self.points, &self.bounds);
         self
     }
 

@@ -25,9 +25,6 @@ const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
 /// 1 − |cos| is about this much of 1 − cos² where leaves lie almost in their plane; less where they do not.
 const COSINES: f64 = 0.6;
 
-/// Of more pieces than this, slabs stay where they are: the lists of what holds each would be long.
-const MOST_PIECES: usize = 40_000;
-
 /// The slabs, each moved to where it serves its pieces better, in so many rounds over all slabs at most.
 pub fn refined(
     pieces: &Pieces,
@@ -37,7 +34,7 @@ pub fn refined(
     search: &Search,
     progress: Progress,
 ) -> Result<Vec<Slab>> {
-    if pieces.len() > MOST_PIECES {
+    if rounds == 0 {
         return Ok(slabs);
     }
     let mut state = State::new(pieces, slabs, choice);

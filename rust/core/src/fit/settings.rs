@@ -128,6 +128,9 @@ pub struct FitSettings {
     pub gather: f64,
     /// At most so many billboards: ε is then the smallest found that needs no more, and `epsilon` is not used.
     pub max_billboards: Option<usize>,
+    /// How much farther than that ε leaves may move where refits bring them nearer in the mean for it, as a share of it, in [0, 1]. For a budget
+    /// of billboards alone: not with `max_texels` or `image`.
+    pub slack: f64,
     /// At most so many texels, where a texel has the side of ε / [`TEXELS_PER_EPSILON`]: ε is then the smallest found that needs no more, but
     /// not below `epsilon`.
     pub max_texels: Option<usize>,
@@ -164,6 +167,7 @@ impl Default for FitSettings {
             facing: 1.0,
             gather: 0.0,
             max_billboards: None,
+            slack: 0.0,
             max_texels: None,
             max_size: None,
             compact: None,
@@ -197,6 +201,7 @@ impl FitSettings {
         within("facing", self.facing, 0.0, LARGEST_WEIGHT)?;
         within("gather", self.gather, 0.0, LARGEST_WEIGHT)?;
         within("max_corners", self.max_corners as f64, 3.0, 16.0)?;
+        within("slack", self.slack, 0.0, 1.0)?;
         within("penalty", self.penalty, 0.0, 100.0)?;
         if let Some(count) = self.max_billboards {
             within("max_billboards", count as f64, 1.0, 1e7)?;

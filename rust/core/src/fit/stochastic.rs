@@ -109,7 +109,7 @@ impl Stochastic {
             core.extend(missed.iter().step_by(missed.len().div_ceil(JOINING).max(1)));
             core.sort_unstable();
             core.dedup();
-            let tight = pieces.select(&core).tightened(TIGHTER);
+            let tight = pieces.select(&core).held_to(TIGHTER);
             let open = assign::unserved(&tight, &slabs, search);
             slabs.extend(greedy::cover(&tight.select(&open), plan, search, progress.part(0.0, 0.3))?);
             slabs = self.descended(&tight, slabs, search, STEPS_SHARE, progress.part(0.3, 1.0), &|_| {})?;
