@@ -10,7 +10,7 @@ const REACH: usize = 4;
 /// What one picture is beside another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// Sum of alpha over that of the base; 1 when the base is empty.
+    /// Sum of alpha over that of the base, the mean over the views; 1 when the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha > ½.
     pub overlap: f64,
@@ -33,11 +33,18 @@ impl Judgement {
     }
 }
 
-/// Sum of alpha over that of the bases, all pictures together; 1 when the bases are empty.
+/// A view in which less is seen of the base than this share of what is seen where most is says nothing: flat things on edge.
+const LEAST_SEEN: f64 = 0.05;
+
+/// Sum of alpha over that of the base, the mean over the pictures: what stands denser from above and thinner from the side is right where
+/// both balance, however much more is seen from above. 1 when all bases are empty.
 pub fn coverage<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
-    let alpha = |image: &Image| image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>();
-    let (base, other) = pairs.fold((0, 0), |(base, other), (a, b)| (base + alpha(a), other + alpha(b)));
-    if base == 0 { 1.0 } else { other as f64 / base as f64 }
+    let alpha = |image: &Image| image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>() as f64;
+    let sums: Vec<(f64, f64)> = pairs.map(|(base, other)| (alpha(base), alpha(other))).collect();
+    let most = sums.iter().map(|(base, _)| *base).fold(0.0, f64::max);
+    let told = sums.iter().filter(|(base, _)| *base > 0.0 && *base >= LEAST_SEEN * most);
+    let ratios: Vec<f64> = told.map(|(base, other)| other / base).collect();
+    if ratios.is_empty() { 1.0 } else { ratios.iter().sum::<f64>() / ratios.len() as f64 }
 }
 
 /// Intersection over union of alpha > ½, all pictures together; 1 when all are empty.

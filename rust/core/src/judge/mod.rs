@@ -106,7 +106,7 @@ impl Judge {
         Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
     }
 
-    /// What is reported of `level`: coverage over all views, overlap and error as means over them.
+    /// What is reported of `level`, as means over the views.
     ///
     /// # Errors
     /// A picture without pixels.
@@ -114,6 +114,7 @@ impl Judge {
         let pictures = self.look_at(level)?;
         let judged: Vec<Judgement> =
             self.pictures.par_iter().zip(&pictures).map(|(base, other)| compare(base, other)).collect();
+        // A view in which next to nothing is seen has no say.
         let coverage = measure::coverage(self.pictures.iter().zip(&pictures));
         Ok(Judgement { coverage, ..Judgement::mean(&judged) })
     }
@@ -126,7 +127,7 @@ impl Judge {
 /// Two exact figures of one thing beside another.
 #[derive(Clone, Copy, Debug)]
 pub struct Glance {
-    /// Sum of alpha over that of the base; 1 when the base is empty.
+    /// Sum of alpha over that of the base, the mean over the views; 1 when the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha.
     pub overlap: f64,
