@@ -114,7 +114,7 @@ class BakeSettings:
     max_billboards: Annotated[
         int | None,
         Setting(
-            "at most so many on level 1, at the smallest error bound found that does",
+            "at most so many on level 1, at the smallest error bound found that does, and slack beyond it",
             "COUNT",
             Limits(1),
             unset="as many as the error bound asks for",

@@ -192,7 +192,8 @@ def measure(tree: Path, *, cycles: bool) -> dict[str, Any]:
             if cycles:
                 [pictures[name]] = look(folder, FINE, leaves, str(file))
         report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
-    commit = run("git", "-C", ROOT, "describe", "--always", "--dirty").strip()
+    changed = run("git", "-C", ROOT, "status", "--porcelain", "--", ".", ":!docs").strip()
+    commit = run("git", "-C", ROOT, "describe", "--always").strip() + ("-dirty" if changed else "")
     row: dict[str, Any] = {
         "tree": tree.stem,
         "literal": billboards,
