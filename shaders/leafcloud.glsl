@@ -1,4 +1,4 @@
-// The laws of Leafcloud's levels: transition, pruning, wind, contrast and fades, for any engine.
+// The laws of Leafcloud's levels: transition, pruning, wind, contrast, fades and self-shadowing, for any engine.
 //
 // Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
 // 3.30 and later, Blender's among them. The same laws move leaves in Blender (addon/build/lod_nodes.py, wind_nodes.py) and
@@ -181,6 +181,34 @@ vec3 lc_toward_mean(vec3 color, vec3 mean, float contrast) {
 // 0 ≤ width < 1; 0: no fade.
 float lc_grazing(float cos_view, float width) {
     return width > 0.0 ? smoothstep(0.0, width, abs(cos_view)) : 1.0;
+}
+
+// The least half width of a shadow's edge, as a cosine: some of the directions that a crown is looked at from.
+const float LC_EDGE = 0.1;
+
+// As lc_sun_share, where no more than half of the sky is open; `along` is b·cos.
+float lc_gap_share(float open, float toward, float along) {
+    if (toward <= open) {
+        return open + along;
+    }
+    float cosine = along / toward;
+    float reach = 3.0 - toward / max(open, LC_TINY);
+    if (reach >= 4.0 * open) {
+        return 4.0 * open / (reach * reach) * max(cosine - 1.0 + reach, 0.0);
+    }
+    float edge = max(2.0 * sqrt(max(3.0 * open * (1.0 - open) - toward, 0.0)), LC_EDGE);
+    return clamp(0.5 + 0.5 * (cosine - 1.0 + 2.0 * open) / edge, 0.0, 1.0);
+}
+
+// V(l): the share of the light from the direction `light` (of length 1, toward it) that reaches a place, of which textures
+// keep two moments: `open` m, the mean of V over all directions, and `toward` b, three times the mean of V·l. Of all ramps
+// clamp(c + k·cos), cos the angle's to b, the one that has both: m + b·l where that is a share everywhere. (That, cut to
+// [0, 1], is too bright in what is deep, and never dark behind a roof.) b's length is at most 3m(1 − m), that of a cone.
+float lc_sun_share(float open, vec3 toward, vec3 light) {
+    bool most = open > 0.5; // Then what is closed is a gap.
+    float along = dot(toward, light);
+    float gap = lc_gap_share(most ? 1.0 - open : open, length(toward), most ? -along : along);
+    return most ? 1.0 - gap : gap;
 }
 
 // Whether a pixel of what is shown to the `share` is one of those that are: a fade without blending. `pixel`:

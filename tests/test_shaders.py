@@ -149,6 +149,24 @@ def shown_table() -> Table:
     return Table("vec4(lc_shown(x0.z, x0.xy))", arguments, np.zeros(len(arguments)), 1.0)
 
 
+HEIGHTS = (np.arange(2000) + 0.5) / 1000 - 1.0
+"""Cosines that are even over the sphere."""
+OUTLOOKS = [
+    (open_, open_ * (1.0 - open_) * 3.0 * narrow)
+    for open_ in (0.05, 0.2, 0.5, 0.7, 0.98)
+    for narrow in (0.0, 0.1, 0.5, 0.9, 0.98)
+]
+"""The mean and the first moment, from a sky that is as open everywhere to nearly a cone."""
+
+
+def sun_table() -> Table:
+    """Of suns all around; what is expected of them stands in its test."""
+    rows = [(*outlook, height) for outlook in OUTLOOKS for height in HEIGHTS]
+    arguments = np.float32(rows).astype(float)
+    light = "vec3(sqrt(1.0 - x0.z * x0.z), 0.0, x0.z)"
+    return Table(f"vec4(lc_sun_share(x0.x, vec3(0.0, 0.0, x0.y), {light}))", arguments, np.zeros(len(rows)), 1.0)
+
+
 def uneven_shares() -> Floats:
     """Of 500 leaves of several sizes, as f32: what a file holds."""
     rng = np.random.default_rng(1)
@@ -174,6 +192,7 @@ def tables() -> dict[str, tuple[Table, Floats]]:
         "mean": mean_table(),
         "grazing": grazing_table(),
         "shown": shown_table(),
+        "sun": sun_table(),
     }
     questions = [{"expression": table.expression, "rows": table.rows} for table in asked.values()]
     answers = ask(PAGE, {"tables": questions, "shares": shares.tolist()}, patience=PATIENCE)["tables"]
@@ -214,3 +233,14 @@ def test_a_fade_shows_its_share_of_the_pixels(tables: dict[str, tuple[Table, Flo
         shown = found[table.arguments[:, 2] == share, 0].mean()
         # Of an even sequence of n numbers; the pattern is one to a few in n along each row.
         assert shown == pytest.approx(share, abs=0.01 if 0.0 < share < 1.0 else 0.0)
+
+
+def test_a_sun_share_has_the_moments_that_textures_keep(tables: dict[str, tuple[Table, Floats]]) -> None:
+    """Over all directions its mean is the share of the sky that is open, three times its mean with them their sum."""
+    _, found = tables["sun"]
+    for (open_, toward), shares in zip(OUTLOOKS, found[:, 0].reshape(len(OUTLOOKS), -1), strict=True):
+        assert shares.min() >= -1e-6
+        assert shares.max() <= 1.0 + 1e-6
+        assert (np.diff(shares) >= -1e-6).all(), "more light from where more of the sky is open"
+        assert shares.mean() == pytest.approx(open_, abs=2e-4)
+        assert 3.0 * (shares * HEIGHTS).mean() == pytest.approx(toward, abs=1e-3)

@@ -91,19 +91,52 @@ def make_diffuse(material: bpy.types.Material, *, shadowed: bool) -> None:
 
 
 def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """Occlusion + (2 · visibility − 1) · sun, cut to [0, 1]; the attribute "sun" is in the billboards' axes."""
-    occlusion = next(node for node in tree.nodes if node.type == "SEPARATE_COLOR").outputs["Red"]
-    toward, sun, dot = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VectorMath", "Attribute", "VectorMath"))
-    toward.operation, dot.operation, sun.attribute_name = "MULTIPLY_ADD", "DOT_PRODUCT", "sun"
+    """lc_sun_share of shaders/leafcloud.glsl as nodes; the attribute "sun" is in the billboards' axes."""
+    opened = next(node for node in tree.nodes if node.type == "SEPARATE_COLOR").outputs["Red"]
+    toward, sun = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeAttribute")
+    length, dot = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
+    toward.operation, length.operation, dot.operation = "MULTIPLY_ADD", "LENGTH", "DOT_PRODUCT"
     toward.inputs[1].default_value, toward.inputs[2].default_value = (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)
-    share = tree.nodes.new("ShaderNodeMath")
-    share.operation, share.use_clamp = "ADD", True
+    sun.attribute_name = "sun"
     tree.links.new(tree.nodes["Visibility"].outputs["Color"], toward.inputs[0])
+    tree.links.new(toward.outputs[0], length.inputs[0])
     tree.links.new(toward.outputs[0], dot.inputs[0])
     tree.links.new(sun.outputs["Vector"], dot.inputs[1])
-    tree.links.new(dot.outputs["Value"], share.inputs[0])
-    tree.links.new(occlusion, share.inputs[1])
-    return share.outputs[0]
+
+    def math_node(operation: str, *values: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
+        node = tree.nodes.new("ShaderNodeMath")
+        node.operation = operation
+        for socket, value in zip(node.inputs, values, strict=False):
+            if isinstance(value, bpy.types.NodeSocket):
+                tree.links.new(value, socket)
+            else:
+                socket.default_value = value
+        return node.outputs[0]
+
+    def chosen(
+        condition: bpy.types.NodeSocket, yes: bpy.types.NodeSocket, no: bpy.types.NodeSocket
+    ) -> bpy.types.NodeSocket:
+        return math_node("MULTIPLY_ADD", condition, math_node("SUBTRACT", yes, no), no)
+
+    strength = length.outputs["Value"]
+    most = math_node("GREATER_THAN", opened, 0.5)
+    gap = math_node("MINIMUM", opened, math_node("SUBTRACT", 1.0, opened))
+    along = math_node("MULTIPLY", dot.outputs["Value"], math_node("MULTIPLY_ADD", most, -2.0, 1.0))
+    linear = math_node("ADD", gap, along)
+    below = math_node("SUBTRACT", math_node("DIVIDE", along, math_node("MAXIMUM", strength, 1e-6)), 1.0)
+    reach = math_node("SUBTRACT", 3.0, math_node("DIVIDE", strength, math_node("MAXIMUM", gap, 1e-6)))
+    four = math_node("MULTIPLY", gap, 4.0)
+    slope = math_node("DIVIDE", four, math_node("MULTIPLY", reach, reach))
+    rising = math_node("MULTIPLY", slope, math_node("MAXIMUM", math_node("ADD", below, reach), 0.0))
+    cone = math_node("MULTIPLY", math_node("MULTIPLY", gap, 3.0), math_node("SUBTRACT", 1.0, gap))
+    left = math_node("SQRT", math_node("MAXIMUM", math_node("SUBTRACT", cone, strength), 0.0))
+    edge = math_node("MAXIMUM", math_node("MULTIPLY", left, 2.0), 0.1)
+    above = math_node("DIVIDE", math_node("MULTIPLY_ADD", gap, 2.0, below), edge)
+    stepped = math_node("MINIMUM", math_node("MAXIMUM", math_node("MULTIPLY_ADD", above, 0.5, 0.5), 0.0), 1.0)
+    far = math_node("GREATER_THAN", strength, gap)
+    steep = math_node("LESS_THAN", reach, four)
+    share = chosen(far, chosen(steep, stepped, rising), linear)
+    return chosen(most, math_node("SUBTRACT", 1.0, share), share)
 
 
 def set_sun_attribute(mesh: bpy.types.Mesh, sun: Vector) -> None:

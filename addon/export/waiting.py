@@ -3,8 +3,8 @@
 Each key of `material.extras.leafcloud` is a texture as glTF describes it, linear codes, laid out like the colours.
 
 `visibilityTexture`: light from the direction l, in the axes of tangent, bitangent and normal (not turned on the back),
-reaches the share `occlusion + (2 · code − 1) · l` of a place, cut to [0, 1]; the occlusion is the red of
-`metallicRoughnessTexture`.
+reaches the share `lc_sun_share(occlusion, 2 · code − 1, l)` of a place (shaders/leafcloud.glsl); the occlusion is the
+red of `metallicRoughnessTexture`.
 
 `leafUvTexture` and `leafIdTexture`: which leaf a texel shows, and where in its texture (see `build.leaf_map`). The
 codes are labels, so their sampler takes the nearest, and there are no mips and no other formats than PNG.

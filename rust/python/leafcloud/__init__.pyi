@@ -200,8 +200,9 @@ class Level:
     @property
     def visibility(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) where the sky is seen, b = 2 · code / 255 − 1 in each billboard's axes (red to the right, green up,
-        blue toward the viewer): light from the direction l reaches the share occlusion + b · l of a place, cut to
-        [0, 1], where the occlusion is the red of ``gloss``. ``None`` when it was not asked for."""
+        blue toward the viewer): light from the direction l reaches the share ``lc_sun_share(occlusion, b, l)`` of a
+        place (shaders/leafcloud.glsl), where the occlusion is the red of ``gloss``. ``None`` when it was not asked
+        for."""
     @property
     def leaf_uv(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) where in its texture the leaf lies that most of a texel sees, so that a cloud can take another

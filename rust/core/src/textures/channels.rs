@@ -22,7 +22,7 @@ pub enum Channel<'a> {
     Gloss(Option<&'a Sky>),
     /// The linear colour of the light that shines through; as an image sRGB.
     Translucency,
-    /// Where the sky is seen, in the billboard's axes (red to the right, green up): the share toward l is occlusion + this · l. In [−1, 1].
+    /// Where the sky is seen, in the billboard's axes (red to the right, green up): to first order the share toward l is occlusion + this · l. In [−1, 1].
     Visibility(&'a Sky),
     /// Where in its texture a leaf is seen, of 12 bits; see `labels`.
     LeafUv,

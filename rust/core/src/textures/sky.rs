@@ -3,10 +3,11 @@
 //! The crown is looked at from many directions, as a sun does that casts shadows (Williams, "Casting curved shadows on curved surfaces",
 //! 1978): each time the depth of what is nearest. A place sees a direction when nothing nearer lies there. What it sees of all directions is
 //! kept to first order, V(l) ≈ m + b · l, by least squares: the mean m is ambient occlusion, the vector b points to where the light comes
-//! from. O(directions · (triangles + places)).
+//! from. Whoever lights it takes the ramp that has both (`lc_sun_share` in `shaders/leafcloud.glsl`): of a single gap a cone with an edge.
+//! O(directions · (triangles + places)).
 //!
-//! Known limits: to first order a shadow has no edge, light through a single gap is spread over half of the sky; what lies nearer than R/48
-//! casts none, so that leaves do not shade themselves.
+//! Known limits: several gaps are taken for one between them; what lies nearer than R/48 casts no shadow, so that leaves do not shade
+//! themselves.
 
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -33,7 +34,7 @@ const BIAS: f32 = 1.0 / 48.0;
 pub struct Outlook {
     /// The share of all directions that is seen, in [0, 1].
     pub share: f32,
-    /// Toward l the share `share + toward · l` is seen, cut to [0, 1]; in the caller's axes.
+    /// To first order the share `share + toward · l` is seen toward l; in the caller's axes.
     pub toward: Vec3,
 }
 
