@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,27 @@ def grazing(cosine: Floats, width: float) -> Floats:
     """The share of a face that is shown; `width` above 0."""
     t = np.clip(np.abs(cosine) / width, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
+
+
+def bisected(rises: Callable[[float], float], low: float, high: float) -> float:
+    """Where the function, which rises, passes 0."""
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if rises(middle) < 0.0 else (low, middle)
+    return low
+
+
+def sun_share(opened: float, toward: float, cosine: float) -> float:
+    """Of the ramps clamp(c + k · cos) the one whose mean over the sphere is `opened`, and three times whose mean with
+    the cosine is `toward`, found by search; `toward` above 0 and below that of a cone, 3 · opened · (1 − opened)."""
+    heights = (np.arange(2000) + 0.5) / 1000 - 1.0
+
+    def ramp_of(slope: float) -> Callable[[Any], Any]:
+        mean = bisected(lambda c: np.clip(c + slope * heights, 0.0, 1.0).mean() - opened, -slope, 1.0 + slope)
+        return lambda cosine: np.clip(mean + slope * cosine, 0.0, 1.0)
+
+    slope = bisected(lambda slope: 3.0 * (ramp_of(slope)(heights) * heights).mean() - toward, 0.0, 20.0)
+    return float(ramp_of(slope)(cosine))
 
 
 FORCE_HALF = 4.0

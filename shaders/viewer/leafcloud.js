@@ -10,6 +10,8 @@
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { BlendOrder } from "./blending.js";
+import { after, before, replaced } from "./patching.js";
+import { addTangents, shadeItself, visibilityOf } from "./self_shadowing.js";
 
 /** ../leafcloud.glsl, and after it what a vertex shader declares and where it puts a point. */
 export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
@@ -106,14 +108,15 @@ export const SETTINGS = {
 export class Tree extends THREE.Group {
   /** The tree in the file at `url`, at rest. */
   static async load(url) {
-    return new Tree(await new GLTFLoader().loadAsync(url));
+    const gltf = await new GLTFLoader().loadAsync(url);
+    return new Tree(gltf, await visibilityOf(gltf));
   }
 
-  constructor(gltf) {
+  constructor(gltf, visibility) {
     super();
     this.add(gltf.scene);
     this.settings = { ...SETTINGS };
-    this.levels = levelsOf(gltf);
+    this.levels = levelsOf(gltf, visibility);
     this.level = 0;
     this.distance = 0;
     const { center, radius } = boundsOf(this.levels[0], this);
@@ -229,11 +232,11 @@ async function text(url) {
   return response.text();
 }
 
-function levelsOf({ scene, parser }) {
+function levelsOf({ scene, parser }, visibility) {
   const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
   if (found.length === 0) throw new Error("No levels: this file is not one that Leafcloud wrote.");
   const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
-  const levels = found.sort(byNumber).map((object) => newLevel(object, parser));
+  const levels = found.sort(byNumber).map((object) => newLevel(object, parser, visibility));
   levels.forEach((level, i) => {
     const switchDistance = levels[i + 1]?.object.userData.leafcloud.switch_distance ?? Infinity;
     level.handOver = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
@@ -241,7 +244,7 @@ function levelsOf({ scene, parser }) {
   return levels;
 }
 
-function newLevel(object, parser) {
+function newLevel(object, parser, visibility) {
   const { level, transition_start: start, transition_end: end, grazing = 0 } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
@@ -261,7 +264,9 @@ function newLevel(object, parser) {
       // What is blended has another order; there, pruned leaves are drawn without a size.
       if (table?.shares && !mesh.material.transparent) pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
     }
-    mesh.material = patched(mesh.material, uniforms, leaves);
+    const shading = visibility.get(mesh.material);
+    if (shading) addTangents(mesh.geometry);
+    mesh.material = patched(mesh.material, uniforms, leaves, shading);
     // Mip levels would make the leaves' own textures thinner, and the first cloud, which keeps its coverage, a step.
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
@@ -371,17 +376,18 @@ function boundsOf({ object }, root) {
   return box.getBoundingSphere(new THREE.Sphere());
 }
 
-/** A material of the level's own that includes the laws. */
-function patched(original, uniforms, leaves) {
+/** A material of the level's own that includes the laws; with `shading` it shades itself. */
+function patched(original, uniforms, leaves, shading) {
   const material = original.clone();
   material.forceSinglePass = true; // Else of what is blended all backs are drawn before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   const wind = "lcWind" in uniforms;
-  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind}`;
+  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)}`;
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = vertexShader(shader.vertexShader, leaves, wind);
     shader.fragmentShader = fragmentShader(shader.fragmentShader, leaves);
+    if (shading) shadeItself(shader, shading);
   };
   return material;
 }
@@ -405,18 +411,4 @@ function fragmentShader(source, leaves) {
   const faded = after("#include <clipping_planes_fragment>", FADE, source);
   const shaded = leaves ? after("#include <color_fragment>", CONTRAST, faded) : faded;
   return before("void main()", LAWS + FRAGMENT_DECLARATIONS, shaded);
-}
-
-function before(place, what, source) {
-  return replaced(source, place, `${what}\n${place}`);
-}
-
-function after(place, what, source) {
-  return replaced(source, place, `${place}\n${what}`);
-}
-
-/** Fails where three.js has changed its shaders, instead of drawing something else. */
-function replaced(source, place, what) {
-  if (!source.includes(place)) throw new Error(`three.js's shader has no ${place}`);
-  return source.replace(place, () => what);
 }

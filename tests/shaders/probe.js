@@ -6,7 +6,8 @@
 // {tree, settings, eyes, seconds}: the file as the viewer shows it from each of the `eyes`, after so many `seconds` of wind:
 // {level, share, triangles, pixels, meshes: [{material, count, places}], wood: [{…}]}; `count` indices are drawn, `places`
 // are the points where the viewer's own vertex shader puts them. `pixels` are 64 × 64 times four floats, lit so that they
-// are all but the materials' linear colours.
+// are all but the materials' linear colours; with `suns`, by one light from the direction that stands
+// there for each of the eyes.
 //
 // {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`;
 // the answer has the points for each of the views.
@@ -150,12 +151,19 @@ function pictured(renderer, scene, camera) {
   return pixels;
 }
 
-async function seen({ tree: url, settings, eyes, seconds = 0 }) {
+function lightOf(sun) {
+  if (!sun) return new THREE.AmbientLight(0xffffff, Math.PI);
+  const light = new THREE.DirectionalLight(0xffffff, Math.PI);
+  light.position.fromArray(sun);
+  return light;
+}
+
+async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
   const tree = await Tree.load(url);
   Object.assign(tree.settings, settings);
   const renderer = newRenderer();
-  const scene = new THREE.Scene().add(tree, new THREE.AmbientLight(0xffffff, Math.PI));
-  return eyes.map((eye) => {
+  return eyes.map((eye, number) => {
+    const scene = new THREE.Scene().add(tree, lightOf(suns[number]));
     const camera = new THREE.PerspectiveCamera(50, 1, tree.radius / 100, 1000 * tree.radius);
     camera.position.fromArray(eye);
     camera.lookAt(tree.centre);
