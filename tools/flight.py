@@ -5,14 +5,17 @@ usage: python tools/flight.py [--frames N] [TREE.glb …]      (default: pine an
 Cycles, 256², 8 samples of one seed, a sun and a sky; from 1 to 60 radii, every frame as much farther as the one before.
 Three times: as baked; with the same levels switched plainly, without a transition; with the leaves alone, as a control.
 What pops is a change from frame to frame that is greater than those around it: the greatest FLIP between neighbouring
-frames near a switch, over the median of the frames around that. Prints a table in Markdown; for the default trees it
-also writes docs/bench/flight.md, and a strip of frames and the curve of each tree as docs/flight_TREE.png.
+frames near a switch, over the median of the frames around that. Prints a table in Markdown. A whole flight also goes
+into docs/bench/flight.json, with the commit that flew, as soon as it is over; docs/bench/flight.md shows what that
+holds, and docs/flight_TREE.png a strip of frames and the curve.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -53,6 +56,9 @@ STRIP = 8
 
 Frames = list[NDArray[np.float32]]
 """Pictures (SIZE, SIZE, 3) as they are seen, sRGB in [0, 1]."""
+
+MEASURED = ROOT / "docs" / "bench" / "flight.json"
+HEAD = ["| | switch | at | transitions | plain | leaves |", "|---|---|---|---|---|---|"]
 
 INTRODUCTION = f"""# A flight past the levels
 
@@ -236,6 +242,22 @@ def picture(flights: dict[str, Flight], found: Sequence[int], path: Path) -> Non
     pyplot.close(figure)
 
 
+def lines_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(row)} |" for row in rows]
+
+
+def keep(tree: Path, rows: list[list[str]]) -> None:
+    """Adds a whole flight to those that were measured."""
+    command = ["git", "-C", str(ROOT), "describe", "--always"]
+    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
+    measured[tree.stem] = {"commit": commit, "rows": rows}
+    MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
+    lines = [line for name in sorted(measured) for line in lines_of(measured[name]["rows"])]
+    pictures = [f"![{name}](../flight_{name}.png)" for name in sorted(measured)]
+    MEASURED.with_suffix(".md").write_text("\n".join([INTRODUCTION, *HEAD, *lines, "", *pictures, ""]))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="A camera flies away from a tree, past all its levels.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: pine and oak of ../shared/foliage)")
@@ -243,16 +265,15 @@ def main() -> None:
     parser.add_argument("--switches", action="store_true", help="render only the frames around the switches")
     arguments = parser.parse_args()
     trees = arguments.trees or [FOLIAGE / f"{name}.glb" for name in TREES]
-    lines = ["| | switch | at | transitions | plain | leaves |", "|---|---|---|---|---|---|"]
+    lines = []
     for tree in trees:
         rows, flights, found = measure(tree.resolve(), arguments.frames, whole=not arguments.switches)
-        lines += [f"| {' | '.join(row)} |" for row in rows]
-        print("\n".join(lines[-len(rows) :]), file=sys.stderr, flush=True)
-        if not arguments.switches:
+        lines += lines_of(rows)
+        print("\n".join(lines_of(rows)), file=sys.stderr, flush=True)
+        if not arguments.switches and arguments.frames == FRAMES:
             picture(flights, found, ROOT / "docs" / f"flight_{tree.stem}.png")
-    print("\n".join(lines))
-    if not arguments.trees and not arguments.switches:
-        (ROOT / "docs" / "bench" / "flight.md").write_text(f"{INTRODUCTION}\n" + "\n".join(lines) + "\n")
+            keep(tree, rows)
+    print("\n".join([*HEAD, *lines]))
 
 
 if __name__ == "__main__":
