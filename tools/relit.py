@@ -6,12 +6,14 @@ The leaves are white paper in Cycles: diffuse, with the shadows that they cast u
 any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
 textures say reaches a place; beside it with shadows that Cycles traces between the billboards. 6 suns, 4 views each.
 The luminance error is the mean difference over what either covers, over the mean luminance of the leaves. Prints a
-table in Markdown; for all trees it also writes docs/bench/relit.md.
+table in Markdown. A tree goes into docs/bench/relit.json, with the commit that was measured, as soon as it is there (a
+minute or two for opaque leaves, longer for cards), and docs/bench/relit.md shows what that holds.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import subprocess
 import sys
@@ -33,6 +35,7 @@ SUNS = [
     for azimuth, height in zip(range(0, 360, 60), [20, 45, 70] * 2, strict=True)
 ]
 WAYS = ("normals", "self-shadowed", "traced")
+MEASURED = ROOT / "docs" / "bench" / "relit.json"
 
 Pictures = NDArray[np.float32]
 
@@ -207,6 +210,30 @@ def measure(tree: Path) -> list[float]:
         return [error(base, other, times) for times in (1, 4) for other in pictures]
 
 
+def table(measured: dict[str, list[float]]) -> str:
+    names = [f"{way} {size}²" for size in (SIZE, SIZE // 4) for way in WAYS]
+    lines = [f"| tree | {' | '.join(names)} | self-shadowed / normals |", "|" + "---|" * (len(names) + 2)]
+    ratios = []
+    for tree, errors in sorted(measured.items()):
+        ratios.append([errors[1] / errors[0], errors[4] / errors[3]])
+        values = " | ".join(f"{value:.3f}" for value in errors)
+        lines.append(f"| {tree} | {values} | {ratios[-1][0]:.2f}, {ratios[-1][1]:.2f} |")
+    mean = np.mean(ratios, axis=0)
+    lines.append(f"| mean | {' | '.join([''] * len(names))} | **{mean[0]:.2f}, {mean[1]:.2f}** |")
+    return "\n".join(lines)
+
+
+def keep(tree: str, errors: list[float]) -> None:
+    """Adds a tree to those that were measured."""
+    command = ["git", "-C", str(ROOT), "describe", "--always"]
+    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
+    measured[tree] = {"commit": commit, "errors": errors}
+    MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
+    shown = table({name: each["errors"] for name, each in measured.items()})
+    MEASURED.with_suffix(".md").write_text(f"{INTRODUCTION}\n{shown}\n")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Level 1 under a sun that moves, beside the leaves.")
     parser.add_argument(
@@ -214,20 +241,11 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     trees = arguments.trees or [t for t in sorted(FOLIAGE.glob("*.glb")) if t.stat().st_size < LARGEST_FILE]
-    names = [f"{way} {size}²" for size in (SIZE, SIZE // 4) for way in WAYS]
-    lines = [f"| tree | {' | '.join(names)} | self-shadowed / normals |", "|" + "---|" * (len(names) + 2)]
-    ratios = []
+    measured = {}
     for tree in trees:
-        errors = measure(tree.resolve())
-        ratios.append([errors[1] / errors[0], errors[4] / errors[3]])
-        values = " | ".join(f"{value:.3f}" for value in errors)
-        lines.append(f"| {tree.stem} | {values} | {ratios[-1][0]:.2f}, {ratios[-1][1]:.2f} |")
-        print(lines[-1], file=sys.stderr, flush=True)
-    mean = np.mean(ratios, axis=0)
-    lines.append(f"| mean | {' | '.join([''] * len(names))} | **{mean[0]:.2f}, {mean[1]:.2f}** |")
-    print("\n".join(lines))
-    if not arguments.trees:
-        (ROOT / "docs" / "bench" / "relit.md").write_text(f"{INTRODUCTION}\n" + "\n".join(lines) + "\n")
+        measured[tree.stem] = measure(tree.resolve())
+        keep(tree.stem, measured[tree.stem])
+    print(table(measured))
 
 
 if __name__ == "__main__":
