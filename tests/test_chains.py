@@ -144,6 +144,16 @@ def test_painted_leaves_are_never_pruned(painted_as: str) -> None:
     assert len(evaluate(leaves).polygons) == 4, "two leaves of two triangles each"
 
 
+@pytest.mark.parametrize("kind", ["INT", "INT8", "BOOLEAN"])
+def test_leaves_may_be_painted_in_whole_numbers(kind: str) -> None:
+    obj = crown(20)
+    painted = obj.data.attributes.new(PROTECT, kind, "POINT")
+    painted.data[8].value = 1
+    protected = read([obj], ["leaves"]).leaves.protected
+    assert protected is not None
+    assert np.flatnonzero(protected).tolist() == [4, 5], "both triangles of the third leaf"
+
+
 def test_unpainted_trees_have_no_protected_leaves() -> None:
     assert read([crown(20)], ["leaves"]).leaves.protected is None
 

@@ -14,6 +14,7 @@ from scenes import add_mesh, bake, read
 import addon
 import leafcloud
 from addon.baked import Baked
+from addon.build.baked_trees import baked_tree
 from addon.build.scene_nodes import SceneSettings
 from addon.settings import BakeSettings
 from addon.versions import get_modifier_input
@@ -166,7 +167,7 @@ def test_leaves_without_ranks_are_refused_and_nothing_is_left() -> None:
     leaves = baked.levels[0].object
     leaves.data.attributes.remove(leaves.data.attributes["leaf_rank"])
     before = counts()
-    with pytest.raises(RuntimeError, match="bake it with the effect pruning"):
+    with pytest.raises(RuntimeError, match="has no leaf_rank: bake it with the viewer anywhere"):
         bpy.ops.leafcloud.scene()
     assert counts() == before
     assert leaves.visible_get()
@@ -205,6 +206,38 @@ def test_a_forest_has_pruned_variants_where_the_tree_was_baked_to_be_pruned() ->
     expected = sorted([*(half for half in halves if half < baked.switch_distances[1]), *baked.switch_distances[1:]])
     assert len(expected) > len(baked.switch_distances[1:])
     assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_a_forest_stands_as_its_tree_does_under_a_parent() -> None:
+    """Turned and scaled, from distances in proportion."""
+    baked = baked_crown()
+    plain = baked_tree(baked.collection)
+    parent = bpy.data.objects.new("parent", None)
+    bpy.context.scene.collection.objects.link(parent)
+    parent.scale, parent.rotation_euler = (4.0, 4.0, 4.0), (0.5 * math.pi, 0.0, 0.0)
+    for obj in baked.collection.objects:
+        if obj.parent is None:
+            obj.parent = parent
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = grid(1, 1.0)
+    assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+    [first, *_] = bpy.data.objects["Points"].modifiers
+    variants = get_modifier_input(first, "Variants")
+    for obj in variants.all_objects:
+        assert np.allclose(obj.matrix_basis.to_3x3(), parent.matrix_world.to_3x3(), atol=1e-5)
+    assert baked_tree(baked.collection).switch_distances == pytest.approx([4.0 * d for d in plain.switch_distances])
+
+
+def test_a_mirrored_tree_is_planted_as_it_stands() -> None:
+    baked = baked_crown()
+    distances = baked_tree(baked.collection).switch_distances
+    for obj in baked.collection.objects:
+        if obj.parent is None:
+            obj.scale.x *= -1.0
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = grid(1, 1.0)
+    assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+    assert baked_tree(baked.collection).switch_distances == pytest.approx(distances)
 
 
 def test_the_settings_of_a_forest_reach_the_node_group() -> None:

@@ -22,6 +22,9 @@ from .levels import EXTRAS, BuiltLevel
 from .lod_nodes import GROUP_NAME
 from .node_laws import NEVER
 
+_ANYWHERE = "with the viewer anywhere, for what is seen by a camera that stands still need not follow it"
+"""How a bake gets the effects that a forest and a scene live by."""
+
 
 @dataclass(frozen=True)
 class LeafPruning:
@@ -85,7 +88,8 @@ def baked_tree(collection: bpy.types.Collection) -> BakedTree:
         )
     wood = woods()
     objects = [collection.all_objects[name] for _, name in found]
-    scale = float(np.mean(objects[0].matrix_world.to_scale()))
+    # Of what is mirrored all factors are negative; its distances are not.
+    scale = float(np.mean(np.abs(objects[0].matrix_world.to_scale())))
     return BakedTree(
         levels=tuple(_built(number, obj, wood.get(obj)) for number, obj in enumerate(objects)),
         switch_distances=(0.0, *(scale * lod_input(obj, "Appear") for obj in objects[1:])),
@@ -101,7 +105,7 @@ def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPru
     """
     mesh = leaves.data
     if "leaf_rank" not in mesh.attributes:
-        raise ValueError(f"mesh {mesh.name!r} has no leaf_rank: bake it with the effect pruning")
+        raise ValueError(f"mesh {mesh.name!r} has no leaf_rank: bake it {_ANYWHERE}, or with the effect pruning")
     if "prune_start" not in leaves[EXTRAS]:
         size = _leaf_size(mesh)
         start = leafcloud.switch_distance(size, pixels, view.resolution, view.field_of_view) if size else NEVER
@@ -120,8 +124,8 @@ def lod_input(level: bpy.types.Object, name: str) -> Any:
     """
     modifier = level.modifiers.get(GROUP_NAME)
     if modifier is None or getattr(modifier, "node_group", None) is None:
-        effects = "bake the tree with the effects transitions or pruning, and leave its modifiers on"
-        raise ValueError(f"object {level.name!r} has no modifier {GROUP_NAME!r}: {effects}")
+        remedy = f"bake the tree {_ANYWHERE}, or with the effects transitions or pruning, and leave its modifiers on"
+        raise ValueError(f"object {level.name!r} has no modifier {GROUP_NAME!r}: {remedy}")
     try:
         return get_modifier_input(modifier, name)
     except KeyError as error:

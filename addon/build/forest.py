@@ -78,7 +78,7 @@ def build_forest(
         raise ValueError(f"the forest would have {len(distances) + 1} variants, it may have {MOST_VARIANTS}")
     with removed_on_failure():
         variants = bpy.data.collections.new(name)
-        turn = levels[0].object.matrix_basis.to_3x3()
+        turn = _turn(levels[0].object)
         meshes = [leaves, *(pruned_mesh(leaves, keep, name, growth, sways=wind is not None) for keep, _ in pruned)]
         for mesh in meshes:
             _add_variant(variants, levels[0], mesh, turn)
@@ -88,6 +88,11 @@ def build_forest(
             for obj in variants.all_objects:
                 add_wind_modifier(obj, replace(wind, start=NEVER, end=NEVER))
     return Forest(variants, distances, tuple(turn @ Vector(centre)))
+
+
+def _turn(obj: bpy.types.Object) -> Matrix:
+    """How it is turned and scaled, by its parents, too."""
+    return (obj.matrix_basis if obj.parent is None else obj.matrix_world).to_3x3()
 
 
 def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.types.Mesh, turn: Matrix) -> None:

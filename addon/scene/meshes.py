@@ -20,6 +20,8 @@ _NONE = np.empty(0, np.float32)
 
 PROTECT = "Leafcloud Protect"
 """The vertex group, or point attribute, in which an artist paints the leaves that are never pruned."""
+_NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
+"""The types of that attribute."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class Copies:
     def protected(self) -> NDArray[np.bool_] | None:
         """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
         attribute = self.mesh.attributes.get(PROTECT)
-        if attribute is not None and attribute.domain == "POINT" and attribute.data_type in ("FLOAT", "BOOLEAN"):
+        if attribute is not None and attribute.domain == "POINT" and attribute.data_type in _NUMBERS:
             painted = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5
         elif self.protect_group >= 0:
             painted = np.array([self._is_painted(vertex) for vertex in self.mesh.vertices], bool)
