@@ -65,7 +65,7 @@ impl Samples {
     }
 
     /// Textures are looked at in points, as a renderer does that takes many samples: for means over whole pictures, which need no filter and
-    /// would keep its bias. (Filters do not know which part of a texel is drawn beside which: pines come out 3 % too dark.)
+    /// would keep its bias. (Filters do not know which part of a texel is drawn beside which: pines come out some per cent too dark.)
     #[must_use]
     pub fn unfiltered(self) -> Self {
         Self { filter: 0.0, ..self }
