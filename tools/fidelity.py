@@ -26,6 +26,7 @@ from typing import Any
 
 import flip_evaluator
 import numpy as np
+from commits import measured_commit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from scipy.stats import spearmanr
@@ -192,8 +193,7 @@ def measure(tree: Path, *, cycles: bool) -> dict[str, Any]:
             if cycles:
                 [pictures[name]] = look(folder, FINE, leaves, str(file))
         report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
-    changed = run("git", "-C", ROOT, "status", "--porcelain", "--", ".", ":!docs").strip()
-    commit = run("git", "-C", ROOT, "describe", "--always").strip() + ("-dirty" if changed else "")
+    commit = measured_commit()
     row: dict[str, Any] = {
         "tree": tree.stem,
         "literal": billboards,

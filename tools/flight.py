@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +27,7 @@ import flip_evaluator
 import matplotlib
 import matplotlib.pyplot as pyplot
 import numpy as np
+from commits import measured_commit
 from mathutils import Vector
 from numpy.typing import NDArray
 
@@ -248,10 +248,8 @@ def lines_of(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def keep(tree: Path, rows: list[list[str]]) -> None:
     """Adds a whole flight to those that were measured."""
-    command = ["git", "-C", str(ROOT), "describe", "--always"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
-    measured[tree.stem] = {"commit": commit, "rows": rows}
+    measured[tree.stem] = {"commit": measured_commit(), "rows": rows}
     MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
     lines = [line for name in sorted(measured) for line in lines_of(measured[name]["rows"])]
     pictures = [f"![{name}](../flight_{name}.png)" for name in sorted(measured)]

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from commits import measured_commit
 from flat_views import bounding_sphere, directions, picture, set_up_camera
 from mathutils import Vector
 from numpy.typing import NDArray
@@ -225,10 +226,8 @@ def table(measured: dict[str, list[float]]) -> str:
 
 def keep(tree: str, errors: list[float]) -> None:
     """Adds a tree to those that were measured."""
-    command = ["git", "-C", str(ROOT), "describe", "--always"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
-    measured[tree] = {"commit": commit, "errors": errors}
+    measured[tree] = {"commit": measured_commit(), "errors": errors}
     MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
     shown = table({name: each["errors"] for name, each in measured.items()})
     MEASURED.with_suffix(".md").write_text(f"{INTRODUCTION}\n{shown}\n")
