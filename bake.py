@@ -11,6 +11,7 @@ the camera and the lights are kept beside the levels; the file that it came from
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import sys
@@ -27,6 +28,7 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from addon.plan.effects import Effect
     from addon.scene.extract import Tree
+    from addon.scene.trees import Groups
     from addon.settings import BakeSettings
 
 ROOT = Path(__file__).resolve().parent
@@ -42,7 +44,7 @@ class Refusal(Exception):
 def main(arguments: Sequence[str]) -> int:
     """Runs one bake; gives the exit status."""
     from addon.flags import UsageError, parse, settings_of
-    from addon.settings import WISHES, flag
+    from addon.settings import WISHES, asked_effects, flag
 
     try:
         options = parse(arguments)
@@ -58,6 +60,8 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError(f"--cost-curve measures all that {wished[0]} could choose: give one of them")
         if options.cost_curve and settings.chain == "pruning":
             raise UsageError("--cost-curve is of clouds, and --chain pruning has none: leave it out")
+        if len(options.input or ()) > 1 and (settings.unlit or asked_effects(settings.effects).state("baked_light")):
+            raise UsageError("light is baked where trees stand, and files are no scene: open one that has all trees")
     except UsageError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
         return 2
@@ -103,32 +107,57 @@ def _find_modules() -> None:
         raise Refusal("the module leafcloud is not there: run `make setup`, or enable the Leafcloud extension")
 
 
-def _tree(options: argparse.Namespace) -> tuple[Tree, str]:
-    """The tree to bake, and the name that everything gets."""
+def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
+    """The trees to bake by their names, and the name that all files get."""
     import bpy
 
-    from addon.pipeline import file_name
+    from addon.pipeline import file_name, layer_of
     from addon.scene.extract import extract
-    from addon.scene.load import load
+    from addon.scene.trees import extract_trees, grouped, rendered
 
+    files: Groups = {}
     if options.input is not None:
-        load(options.input)
-        name = options.input.stem
+        files = _load(options.input)
+        name = file_name("_".join(files))
     elif not bpy.app.binary_path:
         raise Refusal("no scene is open in the bpy module: name a file with --input FILE")
     else:
         active = bpy.context.view_layer.objects.active
-        name = Path(bpy.data.filepath).stem or ("tree" if active is None else active.name)
-    return extract(bpy.context.evaluated_depsgraph_get(), None, leaf_names=options.leaves), file_name(name)
+        name = file_name(Path(bpy.data.filepath).stem or ("tree" if active is None else active.name))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    if options.trees == "one" and len(files) < 2:
+        return {name: extract(depsgraph, None, leaf_names=options.leaves)}, name
+    shown = rendered(layer_of(bpy.context.scene))
+    if options.trees == "one":
+        groups: Groups = {stem: [obj for obj in objects if obj in shown] for stem, objects in files.items()}
+    else:
+        groups = grouped(shown, options.trees)
+    return extract_trees(depsgraph, groups, leaf_names=options.leaves), name
+
+
+def _load(files: Sequence[Path]) -> Groups:
+    """Opens the files in one scene; the objects of each, by its name."""
+    import bpy
+
+    from addon.scene.load import load, load_beside
+
+    first, *others = files
+    load(first)
+    groups = {first.stem: list(bpy.data.objects)}
+    for path in others:
+        names = itertools.chain([path.stem], (f"{path.stem}_{number}" for number in itertools.count(2)))
+        groups[next(name for name in names if name not in groups)] = load_beside(path)
+    return groups
 
 
 def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
     import bpy
 
-    from addon.pipeline import layer_of, plan
+    from addon.grove import plan_grove
+    from addon.pipeline import layer_of
 
-    tree, _ = _tree(options)
-    effects = plan(tree, settings, layer_of(bpy.context.scene))
+    trees, _ = _trees(options)
+    effects = plan_grove(trees, settings, layer_of(bpy.context.scene))
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
     return plan_table(effects)
@@ -153,24 +182,28 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     import bpy
 
     from addon.export.blend import clear_scene, make_self_contained
+    from addon.export.files import write
     from addon.export.staging import Staging
-    from addon.pipeline import bake_prepared, layer_of, prepare, write
+    from addon.grove import bake_grove, prepare_grove
+    from addon.pipeline import layer_of
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
         pass  # Whether the folder can be written to is told before the work, not after it.
     stages("read", 0.0)
-    tree, name = _tree(options)
+    trees, name = _trees(options)
     scene = bpy.context.scene
     stages("prepare", 0.0)
-    prepared = prepare(tree, settings, layer_of(scene))
+    prepared = prepare_grove(trees, settings, layer_of(scene))
     clear_scene(scene)
-    baked = bake_prepared(prepared, scene, name, stages)
+    grove = bake_grove(prepared, scene, name, stages)
     make_self_contained()
     with _refusing(options.out):
-        report = write(baked, options.out, stages, blend=True)
+        report = write(grove, options.out, stages, blend=True)
     console.warn(report["warnings"])
-    return f"{name}: {len(report['levels'])} levels, {len(report['files'])} files in {options.out}"
+    levels = max(len(tree.levels) for tree in grove.trees)
+    of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
+    return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}"
 
 
 def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
@@ -183,7 +216,10 @@ def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console:
     with _refusing(options.out), Staging(options.out):
         pass
     stages("read", 0.0)
-    tree, name = _tree(options)
+    trees, name = _trees(options)
+    if len(trees) > 1:
+        raise Refusal(f"--cost-curve is of one tree, and here are {len(trees)}: name the file or the leaves of one")
+    [tree] = trees.values()
     stages("prepare", 0.0)
     curve = wait(start_curve(prepare(tree, settings), quick=options.cost_curve == "quick"), stages)
     with _refusing(options.out):

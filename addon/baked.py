@@ -65,3 +65,18 @@ class Baked:
     thinning: Thinning
     effects: tuple[Effect, ...]
     costs: Costs
+
+
+@dataclass(frozen=True)
+class Grove:
+    """The trees of one bake, one or several that share their pages; `collection` is the one's own, or has theirs."""
+
+    name: str
+    """What the files are named after."""
+    collection: bpy.types.Collection
+    trees: tuple[Baked, ...]
+
+    @staticmethod
+    def of(tree: Baked) -> Grove:
+        """A tree that stands alone."""
+        return Grove(tree.collection.name, tree.collection, (tree,))

@@ -31,7 +31,12 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         allow_abbrev=False,
     )
     parser.add_argument(
-        "--input", type=Path, metavar="FILE", help="a .glb, .gltf, .obj or .blend file (default: the open scene)"
+        "--input",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="a .glb, .gltf, .obj or .blend file (default: the open scene); several are a tree each, unless --trees "
+        "says otherwise, and of these only the first may be a .blend",
     )
     parser.add_argument(
         "--leaves",

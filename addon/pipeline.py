@@ -10,11 +10,8 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -25,20 +22,11 @@ import leafcloud
 
 from .baked import Baked, Prepared
 from .build.contrast import mean_color
-from .build.levels import BuiltLevel, Costs, Plan, build_levels
+from .build.levels import Costs, Plan, build_levels
 from .build.rollback import removed_on_failure
-from .build.shadow_proxy import add_shadow_proxy, left_out, shadow_proxy_of
+from .build.shadow_proxy import add_shadow_proxy
 from .build.wind_nodes import WindSettings
 from .export import gltf, ktx2
-from .export.blend import save_blend
-from .export.blend_order import BlendOrders
-from .export.engine_pages import engine_pages
-from .export.plain_materials import materials_of_meshes, plain_colors
-from .export.preview import preview_image
-from .export.report import report
-from .export.staging import Staging
-from .export.unlit import mean_light
-from .job import Progress, wait
 from .lighting import light_of
 from .part import described_part
 from .placement import Placement
@@ -349,90 +337,6 @@ def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
     if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
         return Thinning(start_for(keep, hand_over, half), half)
     return Thinning(math.inf if keep is None or prepared.settings.chain != "pruning" else start, half)
-
-
-def bake_prepared(prepared: Prepared, scene: bpy.types.Scene, name: str, progress: Progress) -> Baked:
-    """What follows on `prepare`, and needs nothing of the tree's own scene but the camera."""
-    chain = wait(start(prepared), progress)
-    progress("build", 0.0)
-    baked = finish(prepared, chain, name, view_of(scene))
-    scene.collection.children.link(baked.collection)
-    return baked
-
-
-def write(baked: Baked, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
-    """Writes all files of the bake into `directory`, whole or not at all, and gives the report.
-
-    `blend` saves the open file, as it is, as NAME.blend beside the others. The levels have to be in a scene.
-    Raises `OSError` for a folder that cannot be written to, `ExportError` when Blender could not write a file.
-    """
-    name = baked.collection.name
-    with Staging(directory) as staging:
-        seconds = []
-        engine = baked.prepared.settings.engine
-        clouds = _levels_by_material(baked)
-        taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
-        textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
-        additions: list[BlendOrders | ktx2.Ktx2Textures] = [textures]
-        if is_on(baked.effects, "blend_order"):
-            additions.insert(0, BlendOrders(clouds, baked.prepared.facts.triangles, baked.costs))
-        with ExitStack() as changes:
-            changes.enter_context(gltf.engine_attributes(baked.levels, engine))
-            kept = blended_leaves(baked.prepared.settings, baked.prepared.facts)
-            changes.enter_context(gltf.masked_leaves(baked.levels, kept))
-            if is_on(baked.effects, "baked_light"):
-                changes.enter_context(mean_light(baked.levels))
-            if is_on(baked.effects, "contrast"):
-                changes.enter_context(plain_colors(baked.levels))
-            if is_on(baked.effects, "transitions"):
-                changes.enter_context(materials_of_meshes(baked.levels))
-            changes.enter_context(engine_pages(clouds))
-            for level in baked.levels:
-                progress(f"write {level.object.name}.glb", 0.0)
-                begin = time.perf_counter()
-                file = staging.path(f"{level.object.name}.glb")
-                gltf.export_level(level, file)
-                for addition in additions:
-                    addition.add_to(file)
-                seconds.append(time.perf_counter() - begin)
-            if (shadow := shadow_proxy_of(baked.collection)) is not None:
-                changes.enter_context(left_out(baked.collection, shadow))
-                gltf.export_objects([shadow], staging.path(f"{shadow.name}.glb"))
-            progress(f"write {name}.glb", 0.0)
-            file = staging.path(f"{name}.glb")
-            gltf.export_collection(baked.collection, file)
-            for addition in additions:
-                addition.add_to(file)
-        if blend:
-            progress(f"write {name}.blend", 0.0)
-            save_blend(staging.path(f"{name}.blend"))
-        progress("write preview.png", 0.0)
-        picture = preview_image(
-            baked.prepared.foliage, level_woods(baked), baked.chain.levels, baked.switch_distances, baked.view
-        )
-        leafcloud.write_png(str(staging.path("preview.png")), picture)
-        content = report(baked, seconds, sorted([*staging.files, "report.json"]))
-        staging.write_json("report.json", content)
-        staging.commit()
-    return content
-
-
-def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
-    """What each level has beside it of the wood, the leaves first; None where that is nothing."""
-    came, part = baked.prepared.wood, baked.prepared.wood_part
-
-    def wood(level: BuiltLevel) -> leafcloud.Foliage | None:
-        if part is None or level.wood is None:
-            return None
-        return came if level.wood_corners is None else part.of(level.wood_corners).foliage()
-
-    return [wood(level) for level in baked.levels]
-
-
-def _levels_by_material(baked: Baked) -> dict[str, leafcloud.Level]:
-    """The clouds and the cross by the names of their only materials."""
-    built = [level.object.data.materials[0].name for level in baked.levels[1:]]
-    return dict(zip(built, baked.chain.levels, strict=True))
 
 
 def file_name(name: str) -> str:

@@ -46,6 +46,8 @@ MOVING_LIGHT = tuple(name for name in EFFECTS if name not in ("baked_light", "bl
 still decides whether leaves are seen through."""
 CHANNELS = ("normals", "gloss", "translucency")
 """The effects that are channels of the textures and are read from the leaves' own materials."""
+PAGE_EFFECTS = ("normals", "gloss", "translucency", "occlusion", "self_shadowing", "leaf_map")
+"""The effects that are textures of the clouds: levels that share a page have all of them or none."""
 EFFECT_CHOICES = ("auto", "all", "none")
 """What a list of effects may begin with in place of names."""
 
@@ -283,6 +285,18 @@ class BakeSettings:
             Limits(0, 0.5, above=True),
         ),
     ] = 0.5
+    trees: Annotated[
+        str,
+        Setting(
+            "what is a tree of its own; the levels of several share their pages",
+            "NAME",
+            choices={
+                "one": "all that is baked, together",
+                "parents": "each topmost parent with what hangs on it",
+                "collections": "each collection",
+            },
+        ),
+    ] = "one"
     engine: Annotated[str, Setting("which engine the glTF is for", "NAME", choices=dict.fromkeys(ENGINES, ""))] = (
         "generic"
     )

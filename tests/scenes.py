@@ -9,7 +9,8 @@ import numpy as np
 from mathutils import Matrix
 
 from addon.baked import Baked
-from addon.pipeline import bake_prepared, layer_of, prepare
+from addon.grove import bake_grove
+from addon.pipeline import layer_of, prepare
 from addon.scene.extract import Geometry, Tree, extract, world_positions
 from addon.settings import BakeSettings
 
@@ -79,4 +80,5 @@ def winding_normals(geometry: Geometry, matrix: np.ndarray) -> np.ndarray:
 def bake(tree: Tree, settings: BakeSettings) -> Baked:
     """The whole bake, without writing a file; the levels are in the scene afterwards."""
     scene = bpy.context.scene
-    return bake_prepared(prepare(tree, settings, layer_of(scene)), scene, "tree", lambda stage, fraction: True)
+    prepared = {"tree": prepare(tree, settings, layer_of(scene))}
+    return bake_grove(prepared, scene, "tree", lambda stage, fraction: None).trees[0]

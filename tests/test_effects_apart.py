@@ -21,8 +21,9 @@ from dumps import dump
 from plan_scenes import add_crown, add_light, principled
 from scenes import add_mesh, bake, read
 
+from addon.baked import Grove
+from addon.export.files import write
 from addon.export.glb_file import read_glb
-from addon.pipeline import write
 from addon.settings import EFFECTS, BakeSettings
 
 
@@ -178,7 +179,8 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bake_tree = read(tree(alpha), ["leaves"])
     settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
-    report = write(bake(bake_tree, BakeSettings(**settings)), out, lambda stage, fraction: None, blend=False)
+    grove = Grove.of(bake(bake_tree, BakeSettings(**settings)))
+    report = write(grove, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
     documents = [json.dumps(read_glb(path)[0]) for path in paths]
     return Written({path.name: path.read_bytes() for path in paths}, documents, dump(), report)

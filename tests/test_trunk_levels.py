@@ -18,7 +18,7 @@ import leafcloud
 from addon.baked import Baked
 from addon.build.wood import simplified, whole
 from addon.export import preview
-from addon.pipeline import level_woods
+from addon.export.files import level_woods
 from addon.placement import Placement
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects

@@ -21,11 +21,13 @@ from scenes import add_field, read
 from scenes import bake as bake_scene
 
 from addon import pipeline
+from addon.baked import Grove
 from addon.build import levels as built_levels
 from addon.build import wind_nodes
 from addon.build.forest import build_forest
+from addon.export.files import write
 from addon.export.gltf import y_up
-from addon.pipeline import wind_settings, write
+from addon.pipeline import wind_settings
 from addon.scene.load import load
 from addon.settings import BakeSettings
 from addon.versions import get_modifier_input
@@ -241,7 +243,7 @@ def bake_still(out: Path, shrub: Path) -> dict[str, bytes]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     load(shrub)
     baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=2))
-    write(baked, out, lambda stage, fraction: None, blend=False)
+    write(Grove.of(baked), out, lambda stage, fraction: None, blend=False)
     return {path.name: path.read_bytes() for path in out.glob("*.glb")}
 
 

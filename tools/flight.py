@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 from addon.baked import Baked
 from addon.build.lod_nodes import GROUP_NAME
 from addon.export.blend import clear_scene
-from addon.pipeline import bake_prepared, prepare
+from addon.grove import bake_grove
+from addon.pipeline import prepare
 from addon.scene.extract import extract
 from addon.scene.load import load
 from addon.settings import BakeSettings
@@ -88,7 +89,7 @@ def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
     read = extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem)
     prepared = prepare(read, BakeSettings())
     clear_scene(scene)
-    baked = bake_prepared(prepared, scene, tree.stem, lambda stage, fraction: None)
+    baked = bake_grove({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.3, 0.0)
     scene.collection.objects.link(sun)

@@ -6,7 +6,7 @@ Plain means lose what is thin. With a lower cutoff, and alpha to suit it, crowns
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 
 import bpy
@@ -22,26 +22,42 @@ def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
 
     What is blended keeps its own: plain means suit it.
     """
+    materials: dict[bpy.types.Image, list[str]] = {}
+    for name, level in levels.items():
+        if level.alpha_cutoff > 0.0:
+            materials.setdefault(bpy.data.materials[name].node_tree.nodes[PAGE_NODE].image, []).append(name)
     with ExitStack() as stack:
-        for name, level in levels.items():
-            if level.alpha_cutoff == 0.0:
-                continue
-            stack.enter_context(_engine_page(bpy.data.materials[name].node_tree, level))
+        for page, names in materials.items():
+            trees = [bpy.data.materials[name].node_tree for name in names]
+            stack.enter_context(_engine_page(page, trees, levels[names[0]]))
         yield
 
 
 @contextmanager
-def _engine_page(tree: bpy.types.NodeTree, level: leafcloud.Level) -> Iterator[None]:
+def _engine_page(page: bpy.types.Image, trees: Sequence[bpy.types.NodeTree], level: leafcloud.Level) -> Iterator[None]:
+    """Of materials that show the same `page`, by which they have one cutoff."""
     pixels, cutoff = level.for_engines()
-    texture, threshold = tree.nodes[PAGE_NODE], tree.nodes[CUTOFF_NODE].inputs[1]
-    page, own_cutoff = texture.image, threshold.default_value
-    name = page.name
+    textures = [tree.nodes[PAGE_NODE] for tree in trees]
+    thresholds = [tree.nodes[CUTOFF_NODE].inputs[1] for tree in trees]
+    name, own_cutoff = page.name, thresholds[0].default_value
     page.name = "Leafcloud page in Blender"  # The file has the other by its name.
+    shown = None
     try:
-        texture.image, threshold.default_value = atlas_image(name, pixels), cutoff
+        shown = atlas_image(name, pixels)
+        _show(textures, thresholds, shown, cutoff)
         yield
     finally:
-        if texture.image != page:
-            bpy.data.images.remove(texture.image)
-        texture.image, threshold.default_value = page, own_cutoff
+        _show(textures, thresholds, page, own_cutoff)
+        if shown is not None:
+            bpy.data.images.remove(shown)
         page.name = name
+
+
+def _show(
+    textures: Sequence[bpy.types.Node],
+    thresholds: Sequence[bpy.types.NodeSocket],
+    page: bpy.types.Image,
+    cutoff: float,
+) -> None:
+    for texture, threshold in zip(textures, thresholds, strict=True):
+        texture.image, threshold.default_value = page, cutoff

@@ -69,7 +69,13 @@ def without_unused_views(document: dict[str, Any], binary: bytes) -> bytes:
 def append_texture(
     document: dict[str, Any], binary: bytes, material: dict[str, Any], name: str, png: bytes
 ) -> tuple[int, bytes]:
-    """The number of a new texture, looked up as the base colour of `material` is, and the chunk with its image."""
+    """The number of a texture that is looked up as the base colour of `material` is, and the chunk with its image.
+
+    What was appended by that name before is taken again: trees may share their images, whose names Blender keeps apart.
+    """
+    known = next((n for n, image in enumerate(document["images"]) if image.get("name") == name), None)
+    if known is not None:
+        return next(n for n, texture in enumerate(document["textures"]) if texture.get("source") == known), binary
     view, binary = append_view(document, binary, png)
     document["images"].append({"bufferView": view, "mimeType": "image/png", "name": name})
     colors = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]

@@ -129,11 +129,11 @@ def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.typ
 
 
 def export_collection(collection: bpy.types.Collection, path: Path) -> None:
-    """Writes all objects of `collection`, which is in the current scene, as a GLB file.
+    """Writes all objects of `collection` and of those in it as a GLB file; it is in the current scene.
 
     Raises `ExportError` when the file could not be written whole.
     """
-    lit = any(FRONT in obj.data.color_attributes for obj in collection.objects)
+    lit = any(FRONT in obj.data.color_attributes for obj in collection.all_objects)
     try:
         bpy.ops.export_scene.gltf(
             filepath=str(path), collection=collection.name, **_OPTIONS, **(COLOR_OPTIONS if lit else {})
@@ -154,19 +154,19 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
 
 def _node_names(collection: bpy.types.Collection) -> set[str]:
     """Of all materials' nodes: what the exporter does not know is added after it, where there is any."""
-    materials = {material for obj in collection.objects for material in obj.data.materials if material is not None}
+    materials = {material for obj in collection.all_objects for material in obj.data.materials if material is not None}
     return {node.name for material in materials if material.node_tree for node in material.node_tree.nodes}
 
 
 def export_level(level: BuiltLevel, path: Path) -> None:
     """Writes one level with its wood as a GLB file. Raises `ExportError` when the file could not be written whole."""
-    export_objects([obj for obj in (level.object, level.wood) if obj is not None], path)
+    export_objects([obj for obj in (level.object, level.wood) if obj is not None], path, level.object.name)
 
 
-def export_objects(objects: Sequence[bpy.types.Object], path: Path) -> None:
-    """Writes these alone as a GLB file, whose scene has the first one's name. Raises `ExportError` when the file could
-    not be written whole."""
-    collection = bpy.data.collections.new(objects[0].name)
+def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: str) -> None:
+    """Writes these alone as a GLB file, whose scene has that name. Raises `ExportError` when the file could not be
+    written whole."""
+    collection = bpy.data.collections.new(scene_name)
     bpy.context.scene.collection.children.link(collection)
     try:
         for obj in objects:

@@ -59,17 +59,19 @@ class Ktx2Textures:
             return
         document, binary = read_glb(path)
         named = [material for material in document.get("materials", []) if material["name"] in self.levels]
-        done: set[int] = set()
+        done: dict[int, int] = {}
+        """The KTX2 image in place of each PNG, which several textures may show."""
         for material in named:
             for channel, find in _TEXTURES.items():
                 number = find(material)
-                if number is None or number in done:
+                if number is None:
                     continue
-                done.add(number)
-                view, binary = append_view(document, binary, self.get(material["name"], channel))
-                document["images"].append({"bufferView": view, "mimeType": "image/ktx2"})
-                source = {"source": len(document["images"]) - 1}
-                document["textures"][number].setdefault("extensions", {})[EXTENSION] = source
+                texture = document["textures"][number]
+                if texture["source"] not in done:
+                    view, binary = append_view(document, binary, self.get(material["name"], channel))
+                    document["images"].append({"bufferView": view, "mimeType": "image/ktx2"})
+                    done[texture["source"]] = len(document["images"]) - 1
+                texture.setdefault("extensions", {})[EXTENSION] = {"source": done[texture["source"]]}
         if done:
             used = document.setdefault("extensionsUsed", [])
             document["extensionsUsed"] = sorted({*used, EXTENSION})

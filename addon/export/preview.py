@@ -52,6 +52,18 @@ def preview_image(
     return compose(rows, cell)
 
 
+def stacked(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Those of several trees below one another, on the ground where one is narrower."""
+    width = max(picture.shape[1] for picture in pictures)
+    sheet = np.empty((sum(picture.shape[0] for picture in pictures), width, 4), np.uint8)
+    sheet[:] = (*GROUND, 255)
+    top = 0
+    for picture in pictures:
+        sheet[top : top + picture.shape[0], : picture.shape[1]] = picture
+        top += picture.shape[0]
+    return sheet
+
+
 def seen_size(radius: float, distance: float, view: View, largest: int) -> int:
     """Pixels that the sphere's diameter covers from `distance`; at least the smallest cell, at most `largest`."""
     reach = 2.0 * distance * math.tan(view.field_of_view / 2.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -47,6 +47,18 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
         "files": list(files),
         "warnings": list(prepared.warnings),
     }
+
+
+def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """The content of report.json of several trees: that of each under its name, and what all have in common once."""
+    common = ("leafcloud", "blender", "files")
+    first = next(iter(reports.values()))
+    trees = [
+        {"name": name, **{key: value for key, value in content.items() if key not in common}}
+        for name, content in reports.items()
+    ]
+    warnings = [f"{tree['name']}: {warning}" for tree in trees for warning in tree["warnings"]]
+    return {**{key: first[key] for key in common[:2]}, "trees": trees, "files": first["files"], "warnings": warnings}
 
 
 def _predicted(baked: Baked) -> dict[str, Any] | None:

@@ -21,7 +21,7 @@ def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
     """Adds what the materials in `collection` let through to the GLB file that it was written to."""
     trees = {
         material.name: material.node_tree
-        for obj in collection.objects
+        for obj in collection.all_objects
         for material in obj.data.materials
         if material is not None and material.node_tree is not None and TRANSLUCENCY_NODE in material.node_tree.nodes
     }

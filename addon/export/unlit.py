@@ -52,7 +52,7 @@ def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 def add_unlit(path: Path, collection: bpy.types.Collection) -> None:
     """Makes the leaves' own materials unlit in the GLB file that `collection` was written to."""
-    meshes = [obj.data for obj in collection.objects if _is_lit(obj.data)]
+    meshes = [obj.data for obj in collection.all_objects if _is_lit(obj.data)]
     names = {material.name for mesh in meshes for material in mesh.materials}
     if not names:
         return

@@ -31,7 +31,7 @@ def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
     """Adds the textures that wait in the materials of `collection` to the GLB file that it was written to."""
     waiting = {
         material.name: images
-        for obj in collection.objects
+        for obj in collection.all_objects
         for material in obj.data.materials
         if material is not None and (images := _images(material))
     }

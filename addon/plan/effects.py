@@ -66,6 +66,21 @@ def sees_pages(settings: BakeSettings, facts: Facts) -> bool:
     return seen is None or seen.last > 0
 
 
+def joint_effects(plans: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
+    """The plans of several trees as one: what is on for any, with the first reason for it; the sum of the costs."""
+
+    def joint(effects: tuple[Effect, ...]) -> Effect:
+        shown = next((effect for effect in effects if effect.on), None) or next(
+            (effect for effect in effects if effect.on is None), effects[0]
+        )
+        paid = [effect for effect in effects if effect.on is not False]
+        return replace(
+            shown, seconds=sum(effect.seconds for effect in paid), bytes=sum(effect.bytes for effect in paid)
+        )
+
+    return plans[0] if len(plans) == 1 else tuple(map(joint, zip(*plans, strict=True)))
+
+
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
     """The effects after the bake, where `two_sided` holds the numbers of the levels that kept both sides."""
     return tuple(_settled(effect, two_sided) if effect.on is None else effect for effect in effects)

@@ -77,6 +77,11 @@ def says_leaf(name: str) -> bool:
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
 
 
+def names_of(part: Part) -> set[str]:
+    """What the part may be called by: its object, its material, what places copies of it."""
+    return {part.object_name, part.material_name, part.instancer_name} - {""}
+
+
 def component_sizes(triangles: NDArray[np.integer[Any]], points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
     """The number of triangles of each connected component, in the order of their first points.
 
@@ -93,9 +98,9 @@ def component_sizes(triangles: NDArray[np.integer[Any]], points: NDArray[np.floa
 
 def _choose_named(parts: Sequence[Part], names: Sequence[str]) -> Choice:
     for name in names:
-        if not any(name in _names(part) for part in parts):
+        if not any(name in names_of(part) for part in parts):
             raise LeavesError(f"no object or material is named {name!r}; {_inventory(parts)}")
-    indices = tuple(i for i, part in enumerate(parts) if any(name in _names(part) for name in names))
+    indices = tuple(i for i, part in enumerate(parts) if any(name in names_of(part) for name in names))
     return Choice(indices, f"{_listed(parts, indices)}: named by the user ({_quoted(names)}).")
 
 
@@ -131,10 +136,6 @@ def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
     median = float(np.median(np.concatenate([sizes[i] for i in indices])))
     why = f"{count} small components (the median has {median:g} triangles), and no name says leaf"
     return Choice(indices, f"{_listed(parts, indices)}: {why}.")
-
-
-def _names(part: Part) -> set[str]:
-    return {part.object_name, part.material_name, part.instancer_name} - {""}
 
 
 def _inventory(parts: Sequence[Part]) -> str:

@@ -19,13 +19,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes
+from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
 from . import SceneError
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
 from .surface import ACTIVE, Surface, Texture, read_surface, transform_matrix
 
-__all__ = ["Geometry", "SceneError", "Tree", "extract", "texture_uvs", "world_positions"]
+__all__ = ["Geometry", "SceneError", "Tree", "extract", "part_names", "texture_uvs", "world_positions"]
 
 _Material: TypeAlias = bpy.types.Material | None
 
@@ -119,6 +119,12 @@ def extract(
         warnings=list(dict.fromkeys(reader.warnings)),
         sources=tuple(dict.fromkeys(copies.owner for copies in gathered)),
     )
+
+
+def part_names(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> set[str]:
+    """What parts of the objects may be named by as leaves; empty where nothing has faces."""
+    gathered, _ = gather(depsgraph, objects)
+    return set().union(*(names_of(_part(slot)) for slot in _slots(gathered)))
 
 
 def world_positions(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import base64
 import json
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import unquote
 
 import bpy
@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from . import SceneError
 from .realise import first_not_finite
+
+_Opener: TypeAlias = Callable[[Path], None]
 
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _FLOAT = 5126
@@ -36,14 +38,29 @@ def load(path: Path | str) -> None:
     Raises `SceneError` for a file that is not there, that is of another kind, that Blender cannot read, or whose
     vertices are not finite.
     """
-    path = Path(path)
-    openers = {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": _open_obj, ".blend": _open_blend}
+    path, opener = _opener(Path(path), {**_IMPORTERS, ".blend": _open_blend})
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    _open(path, opener)
+
+
+def load_beside(path: Path | str) -> list[bpy.types.Object]:
+    """Imports .glb, .gltf or .obj into the open scene; gives the objects that it has brought. Raises as `load`."""
+    path, opener = _opener(Path(path), _IMPORTERS)
+    before = set(bpy.data.objects)
+    _open(path, opener)
+    return [obj for obj in bpy.data.objects if obj not in before]
+
+
+def _opener(path: Path, openers: Mapping[str, _Opener]) -> tuple[Path, _Opener]:
     opener = openers.get(path.suffix.lower())
     if opener is None:
         raise SceneError(f"{path} is not a file that can be read; give one of {', '.join(openers)}")
     if not path.is_file():
         raise SceneError(f"{path} is not there, or is not a file; check the path")
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return path, opener
+
+
+def _open(path: Path, opener: _Opener) -> None:
     try:
         opener(path)
     except OSError as error:
@@ -60,6 +77,9 @@ def _open_gltf(path: Path) -> None:
 def _open_obj(path: Path) -> None:
     _check_obj(path)
     _run(path, bpy.ops.wm.obj_import)
+
+
+_IMPORTERS: Mapping[str, _Opener] = {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": _open_obj}
 
 
 def _open_blend(path: Path) -> None:

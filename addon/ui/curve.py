@@ -10,11 +10,11 @@ from bpy.props import IntProperty
 import leafcloud
 
 from ..pipeline import layer_of, prepare, start_curve
-from ..scene.extract import extract
+from ..scene import SceneError
 from ..settings import SMALLEST_TEXTURE, BakeSettings, SettingsError
 from . import measured
-from .job_operator import JobOperator
-from .properties import bake_settings, leaf_names
+from .job_operator import JobOperator, selected_trees
+from .properties import bake_settings
 
 _CHOSEN = ("epsilon", "texture_size", "samples", "effort")
 """The settings that an offer sets."""
@@ -34,11 +34,11 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def begin(self, context: bpy.types.Context) -> leafcloud.Job[leafcloud.Curve]:
-        settings = context.scene.leafcloud
-        sources = tuple(context.selected_objects)
-        self._name = (context.active_object or sources[0]).name
-        tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
-        self._prepared = prepare(tree, bake_settings(settings), layer_of(context.scene))
+        trees = selected_trees(context)
+        if len(trees) > 1:
+            raise SceneError(f"{len(trees)} trees are selected, and a curve is of one: select the objects of one tree")
+        [(self._name, tree)] = trees.items()
+        self._prepared = prepare(tree, bake_settings(context.scene.leafcloud), layer_of(context.scene))
         return start_curve(self._prepared, quick=True)
 
     def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:

@@ -9,16 +9,19 @@ import bpy
 
 import leafcloud
 
-from ..job import POLL_SECONDS, wait
+from ..job import POLL_SECONDS, Job, wait
 from ..scene import SceneError
+from ..scene.extract import Tree, extract
+from ..scene.trees import extract_trees, grouped
 from ..settings import SettingsError
+from .properties import leaf_names
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
 _NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
 """What gets through meanwhile: nothing that could edit or undo what is being worked on."""
 
-running: list[leafcloud.Job[Any]] = []
+running: list[Job[Any]] = []
 
 
 def cancel_running() -> None:
@@ -46,6 +49,16 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
     return True
 
 
+def selected_trees(context: bpy.types.Context) -> dict[str, Tree]:
+    """What is selected, as the settings part it into trees, by their names. Raises one of `REFUSALS`."""
+    settings, sources = context.scene.leafcloud, tuple(context.selected_objects)
+    depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
+    if settings.trees == "one":
+        name = (context.active_object or sources[0]).name
+        return {name: extract(depsgraph, sources, leaf_names=names)}
+    return extract_trees(depsgraph, grouped(sources, settings.trees), leaf_names=names)
+
+
 def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
     """Tells why nothing was done; the scene is as it was."""
     operator.report({"ERROR"}, " ".join(str(error).split()))
@@ -68,7 +81,7 @@ class JobOperator:
     """
 
     if TYPE_CHECKING:
-        begin: Callable[[bpy.types.Context], leafcloud.Job[Any]]
+        begin: Callable[[bpy.types.Context], Job[Any]]
         end: Callable[[bpy.types.Context, Any], set[str]]
         report: Callable[[set[str], str], None]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -10,11 +10,13 @@ import bpy
 import leafcloud
 
 from ..build.rollback import removed_on_failure
-from ..pipeline import file_name, finish, layer_of, plan, prepare, start, view_of, write
-from ..scene.extract import extract
-from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
+from ..export.files import write
+from ..grove import ChainsJob, finish_grove, free_name, plan_grove, prepare_grove, start_grove
+from ..pipeline import file_name, layer_of
+from ..plan.effects import joint_effects
+from .job_operator import REFUSALS, JobOperator, can_begin, refuse, selected_trees, show
 from .measured import predicted, tell
-from .properties import bake_settings, leaf_names, show_plan
+from .properties import bake_settings, show_plan
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
@@ -28,11 +30,9 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
         return can_begin(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.leafcloud
         try:
-            sources = tuple(context.selected_objects)
-            tree = extract(context.evaluated_depsgraph_get(), sources, leaf_names=leaf_names(settings))
-            effects = plan(tree, bake_settings(settings), layer_of(context.scene))
+            settings = bake_settings(context.scene.leafcloud)
+            effects = plan_grove(selected_trees(context), settings, layer_of(context.scene))
         except REFUSALS as error:
             return refuse(self, error)
         show_plan(context.window_manager.leafcloud, effects)
@@ -46,40 +46,35 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
     bl_label = "Bake Levels"
     bl_options = {"REGISTER", "UNDO"}
 
-    def begin(self, context: bpy.types.Context) -> leafcloud.Job[leafcloud.Chain]:
-        settings = context.scene.leafcloud
-        self._sources = tuple(context.selected_objects)
-        tree = extract(context.evaluated_depsgraph_get(), self._sources, leaf_names=leaf_names(settings))
-        self._prepared = predicted(prepare(tree, bake_settings(settings), layer_of(context.scene)))
-        return start(self._prepared)
+    def begin(self, context: bpy.types.Context) -> ChainsJob:
+        trees = selected_trees(context)
+        self._sources = tuple(obj for tree in trees.values() for obj in tree.sources)
+        prepared = prepare_grove(trees, bake_settings(context.scene.leafcloud), layer_of(context.scene))
+        self._prepared = {name: predicted(each) for name, each in prepared.items()}
+        return start_grove(self._prepared)
 
-    def end(self, context: bpy.types.Context, chain: leafcloud.Chain) -> set[str]:
+    def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> set[str]:
         """Puts the levels into the scene in the sources' place, and writes them if a folder is given."""
         scene = context.scene
-        name = _free_name(file_name((context.active_object or self._sources[0]).name))
+        name = free_name(file_name(_grove_name(list(self._prepared))))
         with removed_on_failure():
-            baked = finish(self._prepared, chain, name, view_of(scene))
-            scene.collection.children.link(baked.collection)
+            grove = finish_grove(self._prepared, chains, name, scene)
             if scene.leafcloud.directory:
                 directory = Path(bpy.path.abspath(scene.leafcloud.directory))
-                write(baked, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
-        show_plan(context.window_manager.leafcloud, baked.effects)
-        tell(self._prepared, chain)
+                write(grove, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
+        show_plan(context.window_manager.leafcloud, joint_effects([tree.effects for tree in grove.trees]))
+        for prepared, chain in zip(self._prepared.values(), chains, strict=True):
+            tell(prepared, chain)
         for obj in self._sources:
             obj.hide_set(True)
             obj.hide_render = True
-        for warning in self._prepared.warnings:
+        for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
             self.report({"WARNING"}, warning)
-        self.report({"INFO"}, f"Baked {len(baked.levels)} levels into collection {name}, and hid their sources")
+        levels = ", ".join(f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in grove.trees)
+        self.report({"INFO"}, f"Baked {levels}, and hid their sources")
         return {"FINISHED"}
 
 
-def _free_name(wanted: str) -> str:
-    """`wanted`, with a number if the levels could not have their names under it."""
-    taken = [item.name for item in (*bpy.data.collections, *bpy.data.objects)]
-
-    def is_free(name: str) -> bool:
-        return name not in bpy.data.collections and not any(other.startswith(f"{name}_LOD") for other in taken)
-
-    numbered = (f"{wanted}_{number}" for number in itertools.count(2))
-    return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
+def _grove_name(trees: Sequence[str]) -> str:
+    """What the files of the trees are named after: the tree, or of several the .blend file."""
+    return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "grove"

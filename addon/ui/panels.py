@@ -26,7 +26,8 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(settings, "leaves")
+        for name in ("leaves", "trees"):
+            layout.prop(settings, name)
         column = layout.column(align=True)
         for name in ("epsilon", "levels", "cross"):
             column.prop(settings, name)

@@ -61,6 +61,7 @@ _SHOWN = {
     "candidates": _Shown("Candidates", slider=2000),
     "bend_normals": _Shown("Bend Normals"),
     "seed": _Shown("Seed"),
+    "trees": _Shown("Trees"),
     "engine": _Shown("Engine"),
     "viewer": _Shown("Viewer"),
     "unlit": _Shown("Unlit"),

@@ -1,0 +1,143 @@
+"""All files of a bake, of one tree or of several that share their pages: whole or not at all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..baked import Baked, Grove
+from ..build.levels import BuiltLevel
+from ..build.shadow_proxy import left_out, shadow_proxy_of
+from ..job import Progress
+from ..plan.effects import blended_leaves, is_on
+from . import gltf, ktx2
+from .blend import save_blend
+from .blend_order import BlendOrders
+from .engine_pages import engine_pages
+from .plain_materials import materials_of_meshes, plain_colors
+from .preview import preview_image, stacked
+from .report import joint_report, report
+from .staging import Staging
+from .unlit import mean_light
+
+_Addition = BlendOrders | ktx2.Ktx2Textures
+
+
+def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
+    """Writes all files of the bake into `directory`, whole or not at all, and gives the report.
+
+    A file has what it is named after of all trees: NAME_LOD1.glb has the first cloud of each, and pages that they share
+    once. `blend` saves the open file, as it is, as NAME.blend beside the others. The levels have to be in a scene.
+    Raises `OSError` for a folder that cannot be written to, `ExportError` when Blender could not write a file.
+    """
+    name, trees = grove.name, grove.trees
+    with Staging(directory) as staging:
+        seconds: list[float] = []
+        with ExitStack() as changes:
+            additions = _additions(trees)
+            for tree in trees:
+                changes.enter_context(_as_in_files(tree))
+            changes.enter_context(engine_pages(_levels_by_material(trees)))
+            for number in range(max(len(tree.levels) for tree in trees)):
+                stem = f"{name}_LOD{number}"
+                progress(f"write {stem}.glb", 0.0)
+                begin = time.perf_counter()
+                file = staging.path(f"{stem}.glb")
+                gltf.export_objects(_objects(trees, number), file, stem)
+                _add(additions, file)
+                seconds.append(time.perf_counter() - begin)
+            shadows = [(tree, shadow) for tree in trees if (shadow := shadow_proxy_of(tree.collection)) is not None]
+            for tree, shadow in shadows:
+                changes.enter_context(left_out(tree.collection, shadow))
+            if shadows:
+                stem = f"{name}_shadow"
+                gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
+            progress(f"write {name}.glb", 0.0)
+            file = staging.path(f"{name}.glb")
+            gltf.export_collection(grove.collection, file)
+            _add(additions, file)
+        if blend:
+            progress(f"write {name}.blend", 0.0)
+            save_blend(staging.path(f"{name}.blend"))
+        progress("write preview.png", 0.0)
+        leafcloud.write_png(str(staging.path("preview.png")), stacked([_preview(tree) for tree in trees]))
+        files = sorted([*staging.files, "report.json"])
+        reports = {tree.collection.name: report(tree, seconds[: len(tree.levels)], files) for tree in trees}
+        content = joint_report(reports) if len(trees) > 1 else reports[name]
+        staging.write_json("report.json", content)
+        staging.commit()
+    return content
+
+
+def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
+    """What each level has beside it of the wood, the leaves first; None where that is nothing."""
+    came, part = baked.prepared.wood, baked.prepared.wood_part
+
+    def wood(level: BuiltLevel) -> leafcloud.Foliage | None:
+        if part is None or level.wood is None:
+            return None
+        return came if level.wood_corners is None else part.of(level.wood_corners).foliage()
+
+    return [wood(level) for level in baked.levels]
+
+
+def _additions(trees: Sequence[Baked]) -> list[_Addition]:
+    """What is added to files behind Blender's exporter. Trees have their settings in common, and what is blended."""
+    first = trees[0]
+    clouds = _levels_by_material(trees)
+    taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
+    textures = ktx2.Ktx2Textures(taken if first.prepared.settings.engine in ktx2.ENGINES else {})
+    if not is_on(first.effects, "blend_order"):
+        return [textures]
+    triangles = sum(tree.prepared.facts.triangles for tree in trees)
+    return [BlendOrders(clouds, triangles, first.costs), textures]
+
+
+def _add(additions: Sequence[_Addition], file: Path) -> None:
+    for addition in additions:
+        addition.add_to(file)
+
+
+@contextmanager
+def _as_in_files(tree: Baked) -> Iterator[None]:
+    """Makes the tree what files are to have of it, for the time of the export."""
+    settings, facts = tree.prepared.settings, tree.prepared.facts
+    with ExitStack() as changes:
+        changes.enter_context(gltf.engine_attributes(tree.levels, settings.engine))
+        changes.enter_context(gltf.masked_leaves(tree.levels, blended_leaves(settings, facts)))
+        for effect, change in (
+            ("baked_light", mean_light),
+            ("contrast", plain_colors),
+            ("transitions", materials_of_meshes),
+        ):
+            if is_on(tree.effects, effect):
+                changes.enter_context(change(tree.levels))
+        yield
+
+
+def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
+    """The level of this number of each tree that has one, with its wood."""
+    levels = [tree.levels[number] for tree in trees if number < len(tree.levels)]
+    return [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
+
+
+def _preview(tree: Baked) -> NDArray[np.uint8]:
+    return preview_image(tree.prepared.foliage, level_woods(tree), tree.chain.levels, tree.switch_distances, tree.view)
+
+
+def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:
+    """The clouds and the crosses by the names of their only materials."""
+    return {
+        built.object.data.materials[0].name: level
+        for tree in trees
+        for built, level in zip(tree.levels[1:], tree.chain.levels, strict=True)
+    }

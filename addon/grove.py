@@ -1,0 +1,190 @@
+"""A bake of several trees: each goes the pipeline's way by itself, and levels of one number share an atlas page.
+
+A single tree is a grove of one, and keeps its own pages.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+
+import bpy
+
+import leafcloud
+
+from .baked import Grove, Prepared
+from .build.rollback import removed_on_failure
+from .job import Progress, wait
+from .pipeline import file_name, finish, plan, prepare, start, view_of
+from .plan.effects import Effect, is_on, joint_effects
+from .scene import SceneError
+from .scene.extract import Tree
+from .settings import PAGE_EFFECTS, BakeSettings
+
+
+def plan_grove(
+    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None
+) -> tuple[Effect, ...]:
+    """The effects that a bake would carry on any of the trees, and what they would cost on all."""
+    return joint_effects([plan(tree, settings, layer) for tree in trees.values()])
+
+
+def prepare_grove(
+    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None
+) -> dict[str, Prepared]:
+    """As `pipeline.prepare` for each tree. What one needs a texture for, all get: pages have the same channels.
+
+    Raises `SceneError` where some trees are blended and the others cut out.
+    """
+    prepared = {name: prepare(tree, settings, layer) for name, tree in trees.items()}
+    _check_alpha(prepared)
+    wanted = {effect.name for each in prepared.values() for effect in each.effects if effect.on} & set(PAGE_EFFECTS)
+
+    def with_channels(each: Prepared) -> Prepared:
+        lacking = [name for name in PAGE_EFFECTS if name in wanted and not is_on(each.effects, name)]
+        if not lacking:
+            return each
+        asked = ",".join([settings.effects, *(f"+{name}" for name in lacking)])
+        again = prepare(each.tree, replace(settings, effects=asked), layer)
+        reason = "another tree has it, and they share their pages"
+        said = (replace(effect, reason=reason) if effect.name in lacking else effect for effect in again.effects)
+        return replace(again, effects=tuple(said))
+
+    return {name: with_channels(each) for name, each in prepared.items()}
+
+
+def start_grove(prepared: Mapping[str, Prepared]) -> ChainsJob:
+    """Starts the core: the trees one after the other, for each takes all processors."""
+    return ChainsJob(prepared)
+
+
+def finish_grove(
+    prepared: Mapping[str, Prepared], chains: Collection[leafcloud.Chain], name: str, scene: bpy.types.Scene
+) -> Grove:
+    """Builds the levels in the scene, one collection a tree; those of several trees lie in one called `name`."""
+    view = view_of(scene)
+    with removed_on_failure():
+        if len(prepared) == 1:
+            [each], [chain] = prepared.values(), chains
+            tree = finish(each, chain, name, view)
+            scene.collection.children.link(tree.collection)
+            return Grove.of(tree)
+        collection = bpy.data.collections.new(name)
+        scene.collection.children.link(collection)
+        trees = []
+        with _shared_images(name):
+            for (own, each), chain in zip(prepared.items(), chains, strict=True):
+                trees.append(finish(each, chain, free_name(file_name(own)), view))
+                collection.children.link(trees[-1].collection)
+    return Grove(name, collection, tuple(trees))
+
+
+def bake_grove(prepared: Mapping[str, Prepared], scene: bpy.types.Scene, name: str, progress: Progress) -> Grove:
+    """What follows on `prepare_grove`, and needs nothing of the trees' own scene but the camera."""
+    chains = wait(start_grove(prepared), progress)
+    progress("build", 0.0)
+    return finish_grove(prepared, chains, name, scene)
+
+
+def free_name(wanted: str) -> str:
+    """`wanted`, with a number if the levels could not have their names under it."""
+    taken = [item.name for item in (*bpy.data.collections, *bpy.data.objects)]
+
+    def is_free(name: str) -> bool:
+        return name not in bpy.data.collections and not any(other.startswith(f"{name}_LOD") for other in taken)
+
+    numbered = (f"{wanted}_{number}" for number in itertools.count(2))
+    return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
+
+
+class ChainsJob:
+    """The chains of trees, in their order, on shared pages if there are several; to be waited for as `leafcloud.Job`.
+
+    Works on a thread of its own, which never touches Blender.
+    """
+
+    def __init__(self, prepared: Mapping[str, Prepared]) -> None:
+        self._prepared = prepared
+        self._finished = 0
+        self._cancelled = False
+        self._job: leafcloud.Job[leafcloud.Chain] | None = None
+        with _one_thread() as thread:
+            self._result: Future[list[leafcloud.Chain]] = thread.submit(self._work)
+
+    @property
+    def stage(self) -> str:
+        """What is done, and of several trees for which; empty before anything is."""
+        job, names = self._job, list(self._prepared)
+        if job is None or len(names) == 1:
+            return "" if job is None else job.stage
+        return "share pages" if self._finished == len(names) else f"{names[self._finished]}: {job.stage}"
+
+    @property
+    def fraction(self) -> float:
+        """In [0, 1]."""
+        job, count = self._job, len(self._prepared)
+        within = 0.0 if job is None or self._finished == count else job.fraction
+        return (self._finished + within) / count
+
+    @property
+    def done(self) -> bool:
+        return self._result.done()
+
+    def cancel(self) -> None:
+        self._cancelled = True
+        if self._job is not None:
+            self._job.cancel()
+
+    def result(self, timeout: float | None = None) -> list[leafcloud.Chain]:
+        """Waits for the end. Raises the work's error, `CancelledError` or, after `timeout` seconds, `TimeoutError`."""
+        return self._result.result(timeout)
+
+    def _work(self) -> list[leafcloud.Chain]:
+        chains = []
+        for each in self._prepared.values():
+            self._job = start(each)
+            if self._cancelled:  # Between two jobs: there was none to tell.
+                self._job.cancel()
+            chains.append(self._job.result())
+            self._finished += 1
+        return chains if len(chains) == 1 else leafcloud.share_pages(chains)
+
+
+@contextmanager
+def _one_thread() -> Iterator[ThreadPoolExecutor]:
+    """A thread that ends when it has done what it was given in the block; nobody waits for it here."""
+    pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="leafcloud")
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False)
+
+
+def _check_alpha(prepared: Mapping[str, Prepared]) -> None:
+    blended = [name for name, each in prepared.items() if is_on(each.effects, "blend_order")]
+    if blended and len(blended) < len(prepared):
+        raise SceneError(
+            f"the leaves of {', '.join(blended)} are seen through, those of the other trees are cut out, and no page "
+            "has both: bake them apart, or cut out all with --effects=-blend_order"
+        )
+
+
+@contextmanager
+def _shared_images(name: str) -> Iterator[None]:
+    """Leaves one of the images that the block makes wherever several are equal: trees bring a copy of a page each.
+
+    What is shared is named after `name` instead of the first tree.
+    """
+    before = set(bpy.data.images)
+    yield
+    kept: dict[tuple[str, bytes], bpy.types.Image] = {}
+    for image in sorted((image for image in bpy.data.images if image not in before), key=lambda image: image.name):
+        own = kept.setdefault((image.colorspace_settings.name, image.packed_file.data), image)
+        if own is not image:
+            image.user_remap(own)
+            bpy.data.images.remove(image)
+            own.name = f"{name}_LOD{own.name.rpartition('_LOD')[2]}"
+            own.filepath_raw = f"//{own.name}.png"

@@ -1,0 +1,276 @@
+"""Several trees in one bake: what is a tree, what they share, what the files have of them."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from command_line import bake as bake_files
+from command_line import refusal, run, saved
+from glb import read_glb
+from node_trees import new_material
+from numpy.typing import NDArray
+from scenes import add_mesh
+
+import leafcloud
+from addon.baked import Grove
+from addon.grove import bake_grove, plan_grove, prepare_grove, start_grove
+from addon.pipeline import layer_of
+from addon.plan.effects import is_on
+from addon.scene import SceneError
+from addon.scene.extract import Tree
+from addon.scene.trees import extract_trees, grouped, rendered
+from addon.settings import BakeSettings
+
+RED, BLUE = (0.8, 0.0, 0.0), (0.0, 0.0, 0.8)
+SMALL = {"texture_size": 128, "levels": 1, "samples": 2}
+
+
+def crown(
+    name: str, color: Sequence[float], parent: bpy.types.Object | None = None, roughness: float = 0.5
+) -> bpy.types.Object:
+    """Forty leaves, triangles of one colour, in a ball of radius 1 about the parent or the origin."""
+    random = np.random.default_rng(len(name))
+    places, along, across = random.uniform(-0.5, 0.5, (3, 40, 3))
+    corners = np.stack([places, places + 0.3 * along, places + 0.3 * across], axis=1).reshape(-1, 3)
+    faces = [tuple(face) for face in np.arange(120).reshape(-1, 3).tolist()]
+    leaf, shader, _ = new_material()
+    leaf.name = f"{name}_leaf"
+    shader.inputs["Base Color"].default_value = (*color, 1.0)
+    shader.inputs["Roughness"].default_value = roughness
+    obj = add_mesh(f"{name}_leaves", [tuple(corner) for corner in corners.tolist()], faces, materials=[leaf])
+    obj.parent = parent
+    return obj
+
+
+def collected(name: str, *objects: bpy.types.Object) -> None:
+    """Moves the objects into a collection of their own."""
+    collection = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(collection)
+    for obj in objects:
+        for other in obj.users_collection:
+            other.objects.unlink(obj)
+        collection.objects.link(obj)
+
+
+def red_and_blue() -> None:
+    collected("maple", crown("red", RED))
+    collected("spruce", crown("blue", BLUE))
+    bpy.context.view_layer.update()
+
+
+def read_trees(how: str = "collections", leaf_names: list[str] | None = None) -> dict[str, Tree]:
+    layer = bpy.context.view_layer
+    groups = grouped(rendered(layer), how)
+    return extract_trees(bpy.context.evaluated_depsgraph_get(), groups, leaf_names=leaf_names)
+
+
+def bake(trees: dict[str, Tree], name: str = "wood", **settings: Any) -> Grove:
+    scene = bpy.context.scene
+    prepared = prepare_grove(trees, BakeSettings(**{**SMALL, **settings}), layer_of(scene))
+    return bake_grove(prepared, scene, name, lambda stage, fraction: None)
+
+
+def page_of(obj: bpy.types.Object) -> bpy.types.Image:
+    return obj.data.materials[0].node_tree.nodes["Leafcloud Page"].image
+
+
+def colors_seen(obj: bpy.types.Object) -> NDArray[np.float32]:
+    """(n, 3) those of all opaque texels within the bounds of the object's faces on its page, sRGB."""
+    page = page_of(obj)
+    width, height = page.size
+    pixels = np.array(page.pixels[:], np.float32).reshape(height, width, 4)
+    uvs = np.empty(2 * len(obj.data.loops), np.float32)
+    obj.data.uv_layers[0].data.foreach_get("uv", uvs)
+    found = []
+    for polygon in obj.data.polygons:
+        own = uvs.reshape(-1, 2)[polygon.loop_start : polygon.loop_start + polygon.loop_total] * (width, height)
+        (left, bottom), (right, top) = np.rint(own.min(axis=0)).astype(int), np.rint(own.max(axis=0)).astype(int)
+        region = pixels[bottom:top, left:right].reshape(-1, 4)
+        found.append(region[region[:, 3] > 0.5, :3])
+    return np.concatenate(found)
+
+
+def json_of(glb: Path) -> dict[str, Any]:
+    content = glb.read_bytes()
+    return json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+
+
+# What is a tree.
+
+
+def test_topmost_parents_part_trees() -> None:
+    oak, elm = (
+        add_mesh(f"{name}_trunk", [(0.0, 0.0, -1.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0)], [(0, 1, 2)])
+        for name in ("oak", "elm")
+    )
+    branch = bpy.data.objects.new("branch", None)
+    bpy.context.scene.collection.objects.link(branch)
+    branch.parent = oak
+    crown("red", RED, branch)
+    crown("blue", BLUE, elm)
+    bpy.context.view_layer.update()
+    trees = read_trees("parents")
+    assert {name: len(tree.leaves.triangles) for name, tree in trees.items()} == {"elm_trunk": 40, "oak_trunk": 40}
+    assert all(tree.wood is not None and len(tree.wood.triangles) == 1 for tree in trees.values())
+
+
+def test_collections_part_trees_and_cameras_are_none() -> None:
+    red_and_blue()
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
+    assert list(read_trees()) == ["maple", "spruce"]
+
+
+def test_what_has_no_named_leaves_is_no_tree() -> None:
+    red_and_blue()
+    collected("ground", add_mesh("plain", [(9.0, 0.0, 0.0), (0.0, 9.0, 0.0), (0.0, 0.0, 0.0)], [(0, 1, 2)]))
+    bpy.context.view_layer.update()
+    assert list(read_trees(leaf_names=["red_leaves", "blue_leaf"])) == ["maple", "spruce"]
+    with pytest.raises(SceneError, match="tree 'ground'"):
+        read_trees()
+    with pytest.raises(SceneError, match="'petals'"):
+        read_trees(leaf_names=["red_leaves", "petals"])
+
+
+def test_without_a_tree_there_is_nothing_to_bake() -> None:
+    with pytest.raises(SceneError, match="no object with faces"):
+        read_trees()
+
+
+# What they share.
+
+
+def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
+    red_and_blue()
+    grove = bake(read_trees())
+    assert [tree.collection.name for tree in grove.trees] == ["maple", "spruce"] or all(
+        tree.collection.name.startswith(name) for tree, name in zip(grove.trees, ("maple", "spruce"), strict=True)
+    )
+    assert set(grove.collection.children) == {tree.collection for tree in grove.trees}
+    first, second = (tree.levels for tree in grove.trees)
+    for number in (1, 2):
+        page = page_of(first[number].object)
+        assert page == page_of(second[number].object)
+        assert page.name == f"wood_LOD{number}"
+    assert page_of(first[1].object) != page_of(first[2].object)
+    for levels, own, other in ((first, 0, 2), (second, 2, 0)):
+        for level in levels[1:]:
+            seen = colors_seen(level.object)
+            assert len(seen) > 50
+            assert seen[:, own].min() > 0.8
+            assert seen[:, other].max() < 0.1
+    assert not [image for image in bpy.data.images if image.name.startswith(("maple", "spruce"))]
+
+
+def test_a_tree_alone_keeps_its_name_and_pages() -> None:
+    red_and_blue()
+    trees = read_trees()
+    grove = bake({"maple_tree": trees["maple"]}, "maple_tree")
+    assert grove.name == grove.collection.name == "maple_tree"
+    assert [level.object.name for level in grove.trees[0].levels] == [f"maple_tree_LOD{i}" for i in range(3)]
+    assert page_of(grove.trees[0].levels[1].object).name == "maple_tree_LOD1"
+
+
+def test_what_one_tree_needs_a_texture_for_all_get() -> None:
+    shiny = crown("red", RED, roughness=0.2)
+    dull, shader, _ = new_material()
+    dull.name = "dull_leaf"
+    shader.inputs["Roughness"].default_value = 0.9
+    shiny.data.materials.append(dull)
+    for polygon in list(shiny.data.polygons)[::2]:
+        polygon.material_index = 1
+    collected("maple", shiny)
+    collected("spruce", crown("blue", BLUE, roughness=0.7))
+    bpy.context.view_layer.update()
+    trees = read_trees()
+    settings, layer = BakeSettings(**SMALL), bpy.context.view_layer
+    alone = {name: prepare_grove({name: tree}, settings, layer)[name].effects for name, tree in trees.items()}
+    assert [is_on(effects, "gloss") for effects in alone.values()] == [True, False]
+    prepared = prepare_grove(trees, settings, layer)
+    assert all(is_on(each.effects, "gloss") for each in prepared.values())
+    [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "gloss"]
+    assert "share their pages" in reason
+    assert is_on(plan_grove(trees, settings, layer), "gloss")
+    levels = [tree.chain.levels[0] for tree in bake(trees).trees]
+    assert np.array_equal(levels[0].gloss, levels[1].gloss)
+
+
+def test_what_is_seen_through_shares_no_page_with_what_is_cut_out() -> None:
+    glass = crown("red", RED)
+    shader = next(node for node in glass.data.materials[0].node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Alpha"].default_value = 0.3
+    collected("maple", glass)
+    collected("spruce", crown("blue", BLUE))
+    bpy.context.view_layer.update()
+    with pytest.raises(SceneError, match="leaves of maple are seen through"):
+        bake(read_trees())
+    bake(read_trees(), effects="-blend_order")
+
+
+def test_work_can_be_cancelled() -> None:
+    red_and_blue()
+    prepared = prepare_grove(read_trees(), BakeSettings(effort="best", seconds=None, levels=2), bpy.context.view_layer)
+    job = start_grove(prepared)
+    while not job.stage:
+        time.sleep(0.001)
+    assert not job.done
+    assert job.stage.startswith(("maple: ", "spruce: "))
+    assert 0.0 <= job.fraction <= 1.0
+    job.cancel()
+    with pytest.raises(leafcloud.CancelledError):
+        job.result()
+    assert job.done
+
+
+# What files have of them.
+
+
+def test_files_have_all_trees_and_each_page_once(
+    tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    red_and_blue()
+    scene, out = saved(tmp_path / "wood.blend"), tmp_path / "out"
+    report = bake_files(scene, out, "--trees", "collections", "--texture-size", 128, "--levels", 1)
+    assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
+    assert report["files"] == sorted(
+        ["preview.png", "report.json", "wood.blend", "wood.glb", *(f"wood_LOD{number}.glb" for number in range(3))]
+    )
+    assert {file.name for file in out.iterdir()} == set(report["files"])
+    nodes = read_glb(out / "wood.glb")
+    assert set(nodes) == {f"{tree}_LOD{number}" for tree in ("maple", "spruce") for number in range(3)}
+    assert set(read_glb(out / "wood_LOD1.glb")) == {"maple_LOD1", "spruce_LOD1"}
+    pages = [image["name"] for image in json_of(out / "wood.glb")["images"] if "normal" not in image["name"]]
+    assert pages == ["wood_LOD1", "wood_LOD2"]
+    assert len(json_of(out / "wood_LOD1.glb")["images"]) == 2
+    assert not gltf_issues(out / "wood.glb", *(out / f"wood_LOD{number}.glb" for number in range(3)))
+    assert [len(tree["levels"]) for tree in report["trees"]] == [3, 3]
+    for number in (1, 2):  # Each tells its own share of the page.
+        assert 0.5 < sum(tree["levels"][number]["atlas_occupancy"] for tree in report["trees"]) <= 1.0
+
+
+def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> None:
+    red_and_blue()
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "maple.glb"), use_visible=True)
+    out = tmp_path / "out"
+    inputs = ("--input", shrub, tmp_path / "maple.glb", "--texture-size", 128, "--levels", 1, "--engine", "three")
+    done = run(*inputs, "--out", out, "--effects", "normals")
+    assert done.returncode == 0, done.stderr
+    assert "of 2 trees" in done.stdout
+    content = json_of(out / "shrub_maple_LOD1.glb")
+    assert {node["name"] for node in content["nodes"]} >= {"maple_LOD1", "shrub_LOD1"}
+    kinds = [image["mimeType"] for image in content["images"]]
+    assert (kinds.count("image/png"), kinds.count("image/ktx2")) == (2, 2)
+
+
+def test_what_is_of_one_tree_is_refused_for_several(tmp_path: Path, shrub: Path) -> None:
+    red_and_blue()
+    scene, out = saved(tmp_path / "wood.blend"), tmp_path / "out"
+    assert "one tree" in refusal(out, "--input", scene, "--trees", "collections", "--cost-curve", "quick")
+    assert ".blend" in refusal(out, "--input", shrub, scene)
+    assert "open one that has all trees" in refusal(out, "--input", shrub, shrub, "--unlit")
