@@ -26,6 +26,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
+    import bpy
+
     from addon.plan.effects import Effect
     from addon.scene.extract import Tree
     from addon.scene.trees import Groups
@@ -115,7 +117,7 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
     from addon.scene.extract import extract
     from addon.scene.trees import extract_trees, grouped, rendered
 
-    files: Groups = {}
+    files: dict[str, set[bpy.types.Object]] = {}
     if options.input is not None:
         files = _load(options.input)
         name = file_name("_".join(files))
@@ -128,14 +130,13 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
     if options.trees == "one" and len(files) < 2:
         return {name: extract(depsgraph, None, leaf_names=options.leaves)}, name
     shown = rendered(layer_of(bpy.context.scene))
-    if options.trees == "one":
-        groups: Groups = {stem: [obj for obj in objects if obj in shown] for stem, objects in files.items()}
-    else:
+    groups: Groups = {stem: [obj for obj in shown if obj in objects] for stem, objects in files.items()}
+    if options.trees != "one":
         groups = grouped(shown, options.trees)
     return extract_trees(depsgraph, groups, leaf_names=options.leaves), name
 
 
-def _load(files: Sequence[Path]) -> Groups:
+def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
     """Opens the files in one scene; the objects of each, by its name."""
     import bpy
 
@@ -143,10 +144,10 @@ def _load(files: Sequence[Path]) -> Groups:
 
     first, *others = files
     load(first)
-    groups = {first.stem: list(bpy.data.objects)}
+    groups = {first.stem: set(bpy.data.objects)}
     for path in others:
         names = itertools.chain([path.stem], (f"{path.stem}_{number}" for number in itertools.count(2)))
-        groups[next(name for name in names if name not in groups)] = load_beside(path)
+        groups[next(name for name in names if name not in groups)] = set(load_beside(path))
     return groups
 
 

@@ -6,7 +6,7 @@ A single tree is a grove of one, and keeps its own pages.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,7 +15,7 @@ import bpy
 
 import leafcloud
 
-from .baked import Grove, Prepared
+from .baked import Baked, Grove, Prepared
 from .build.rollback import removed_on_failure
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
@@ -74,11 +74,12 @@ def finish_grove(
             return Grove.of(tree)
         collection = bpy.data.collections.new(name)
         scene.collection.children.link(collection)
-        trees = []
-        with _shared_images(name):
-            for (own, each), chain in zip(prepared.items(), chains, strict=True):
-                trees.append(finish(each, chain, free_name(file_name(own)), view))
-                collection.children.link(trees[-1].collection)
+        trees: list[Baked] = []
+        before = set(bpy.data.images)
+        for (own, each), chain in zip(prepared.items(), chains, strict=True):
+            trees.append(finish(each, chain, free_name(file_name(own)), view))
+            collection.children.link(trees[-1].collection)
+        _share_images((image for image in bpy.data.images if image not in before), trees, name)
     return Grove(name, collection, tuple(trees))
 
 
@@ -150,7 +151,10 @@ class ChainsJob:
                 self._job.cancel()
             chains.append(self._job.result())
             self._finished += 1
-        return chains if len(chains) == 1 else leafcloud.share_pages(chains)
+        shared = chains if len(chains) == 1 else leafcloud.share_pages(chains)
+        if self._cancelled:
+            raise leafcloud.CancelledError("cancelled")
+        return shared
 
 
 @contextmanager
@@ -172,19 +176,18 @@ def _check_alpha(prepared: Mapping[str, Prepared]) -> None:
         )
 
 
-@contextmanager
-def _shared_images(name: str) -> Iterator[None]:
-    """Leaves one of the images that the block makes wherever several are equal: trees bring a copy of a page each.
+def _share_images(made: Iterable[bpy.types.Image], trees: Sequence[Baked], name: str) -> None:
+    """Leaves one of the images wherever several are equal: each tree has brought a copy of every page.
 
-    What is shared is named after `name` instead of the first tree.
+    What is shared is named after `name` instead of the tree.
     """
-    before = set(bpy.data.images)
-    yield
     kept: dict[tuple[str, bytes], bpy.types.Image] = {}
-    for image in sorted((image for image in bpy.data.images if image not in before), key=lambda image: image.name):
+    for image in sorted(made, key=lambda image: image.name):
         own = kept.setdefault((image.colorspace_settings.name, image.packed_file.data), image)
-        if own is not image:
-            image.user_remap(own)
-            bpy.data.images.remove(image)
-            own.name = f"{name}_LOD{own.name.rpartition('_LOD')[2]}"
-            own.filepath_raw = f"//{own.name}.png"
+        if own is image:
+            continue
+        image.user_remap(own)
+        bpy.data.images.remove(image)
+        owner = next((tree.collection.name for tree in trees if own.name.startswith(tree.collection.name)), "")
+        own.name = name + own.name.removeprefix(owner) if owner else own.name
+        own.filepath_raw = f"//{own.name}.png"

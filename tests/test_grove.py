@@ -168,6 +168,13 @@ def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
     assert not [image for image in bpy.data.images if image.name.startswith(("maple", "spruce"))]
 
 
+def test_one_page_casts_the_shadows_of_all() -> None:
+    red_and_blue()
+    grove = bake(read_trees(), effects="+shadow_proxy", viewer="anywhere")
+    pages = {page_of(obj) for tree in grove.trees for obj in tree.collection.objects if obj.name.endswith("_shadow")}
+    assert [page.name for page in pages] == ["wood_shadow"]
+
+
 def test_a_tree_alone_keeps_its_name_and_pages() -> None:
     red_and_blue()
     trees = read_trees()

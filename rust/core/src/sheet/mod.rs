@@ -1,20 +1,21 @@
 //! Where each billboard's outline lies on the atlas page.
 //!
 //! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of ¼ %) at which all
-//! outlines fit with their gutters. Packing is the crate `crunch` (maximal rectangles, quadratic in the number of billboards), for more than
-//! [`MANY`] shelves.
+//! outlines fit with their gutters. They are packed as maximal rectangles leave room, quadratic in the number of billboards; more than
+//! [`MANY`] on shelves.
 
+mod rectangles;
 mod tightest;
 
 pub use tightest::tightest;
 
-use crunch::{Item, Rect, Rotation};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::fit::Stream;
 use crate::geometry::{Outline, Plane};
+
+use rectangles::Size;
 
 /// Billboards beyond which packing must not be quadratic.
 const MANY: usize = 2000;
@@ -26,15 +27,15 @@ struct Search {
     step: f64,
     /// So many are tried at once.
     together: i32,
-    /// How often each is tried at most.
-    attempts: usize,
+    /// In how many orders each is tried at most.
+    orders: usize,
 }
 
-const TIGHT: Search = Search { step: 0.9975, together: 16, attempts: 300 };
-const LOOSE: Search = Search { step: 0.99, together: 4, attempts: 1 };
+const TIGHT: Search = Search { step: 0.9975, together: 16, orders: 1000 };
+const LOOSE: Search = Search { step: 0.99, together: 4, orders: 1 };
 
 /// With what number of pairs of billboards a density is tried in all.
-const MOST_WORK: usize = 1_000_000;
+const MOST_WORK: usize = 5_000_000;
 
 /// Outlines that are all smaller than this are points, local units: no density brings them out.
 const SMALLEST: f64 = 1e-12;
@@ -176,7 +177,7 @@ impl Sheet {
             let lower = |steps: i32| density * libm::pow(search.step, f64::from(steps));
             let densities: Vec<f64> = (0..search.together).map(lower).collect();
             let fits =
-                |&density: &f64| place(outlines, density, settings, search.attempts).map(|packed| (density, packed));
+                |&density: &f64| place(outlines, density, settings, search.orders).map(|packed| (density, packed));
             if let Some((density, packed)) = densities.par_iter().find_map_first(fits) {
                 return Ok(Self::build(planes, outlines, &packed, density, settings));
             }
@@ -288,80 +289,64 @@ fn texels(length: f64, density: f64) -> usize {
     ((length * density - 1e-6).ceil() as usize).max(1)
 }
 
-fn place(outlines: &[Outline], density: f64, settings: SheetSettings, attempts: usize) -> Option<Vec<Placed>> {
+fn place(outlines: &[Outline], density: f64, settings: SheetSettings, most: usize) -> Option<Vec<Placed>> {
     let border = 2 * settings.gutter;
-    let dimensions = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
-    let area: usize = outlines.iter().map(dimensions).map(|(width, height)| width * height).sum();
-    if area * settings.sides() > settings.size.texels() {
+    let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
+    let planes = (0..outlines.len()).flat_map(|plane| sides.iter().map(move |&back| (plane, back)));
+    let size = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
+    let boxes: Vec<Size> = outlines.iter().flat_map(|outline| sides.iter().map(move |_| size(outline))).collect();
+    if boxes.iter().map(|(width, height)| width * height).sum::<usize>() > settings.size.texels() {
         return None;
     }
-    let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
-    let items = outlines.iter().enumerate().flat_map(|(plane, outline)| {
-        let (width, height) = dimensions(outline);
-        sides.iter().map(move |&back| ((plane, back), width, height))
-    });
-    let items: Vec<Boxed> = items.collect();
-    let mut packed =
-        if items.len() > MANY { on_shelves(items, settings.size)? } else { tightly(&items, settings.size, attempts)? };
-    packed.sort_by_key(|(data, _)| *data);
-    let placed = packed.iter().map(|&((plane, back), rect)| Placed {
+    let packed = if boxes.len() > MANY {
+        on_shelves(&boxes, settings.size)?
+    } else {
+        rectangles::pack(&boxes, settings.size, true, orders(boxes.len(), most))?
+    };
+    let placed = |(((plane, back), place), size): (((usize, bool), Region), &Size)| Placed {
         plane: plane as u32,
         back,
-        turned: (rect.w, rect.h) != dimensions(&outlines[plane]),
+        turned: (place.width, place.height) != *size,
         region: Region {
-            x: rect.x + settings.gutter,
-            y: rect.y + settings.gutter,
-            width: rect.w - border,
-            height: rect.h - border,
+            x: place.x + settings.gutter,
+            y: place.y + settings.gutter,
+            width: place.width - border,
+            height: place.height - border,
         },
-    });
-    Some(placed.collect())
+    };
+    Some(planes.zip(packed).zip(&boxes).map(placed).collect())
 }
 
-fn attempts(boxes: usize, most: usize) -> usize {
+fn orders(boxes: usize, most: usize) -> usize {
     (1 + MOST_WORK / (boxes * boxes).max(1)).min(most)
 }
 
-/// What packing so many billboards tightly takes, beside others: pairs of them, times how often a density is tried.
+/// What packing so many billboards tightly takes, beside others: pairs of them, times in how many orders a density is tried.
 #[must_use]
 pub fn tight_work(billboards: usize) -> usize {
     let boxes = billboards.min(MANY);
-    attempts(boxes, TIGHT.attempts) * boxes * boxes
-}
-
-/// Plane and side, width, height.
-type Boxed = ((usize, bool), usize, usize);
-
-/// As tight as it gets, in time quadratic in the number. First the packer turns what it likes; then, while that is quick, it is told at random what
-/// to turn, for its own choice is the best at every step and not in the end.
-fn tightly(items: &[Boxed], size: PageSize, most: usize) -> Option<Vec<((usize, bool), Rect)>> {
-    (0..attempts(items.len(), most)).find_map(|attempt| {
-        let mut stream = Stream::new(0, attempt, 0);
-        let item = |&(data, width, height): &Boxed| match (attempt, stream.below(4)) {
-            (0, _) | (_, 0 | 1) => Item::new(data, width, height, Rotation::Allowed),
-            (_, 2) => Item::new(data, width, height, Rotation::None),
-            _ => Item::new(data, height, width, Rotation::None),
-        };
-        let packed = crunch::pack(Rect::of_size(size.width, size.height), items.iter().map(item)).ok()?;
-        Some(packed.into_iter().map(|p| (p.data, p.rect)).collect())
-    })
+    orders(boxes, TIGHT.orders) * boxes * boxes
 }
 
 /// On shelves, the highest first: O(n log n), and where there are so many, nearly as tight. (`etagere`, which does this, counts in 16 bits.)
-fn on_shelves(mut items: Vec<Boxed>, size: PageSize) -> Option<Vec<((usize, bool), Rect)>> {
-    items.sort_by_key(|&(data, width, height)| (std::cmp::Reverse((height, width)), data));
+fn on_shelves(boxes: &[Size], page: PageSize) -> Option<Vec<Region>> {
+    let mut order: Vec<usize> = (0..boxes.len()).collect();
+    order.sort_by_key(|&index| (std::cmp::Reverse((boxes[index].1, boxes[index].0)), index));
     let (mut x, mut y, mut shelf) = (0, 0, 0);
-    let put = |(data, width, height): Boxed| {
-        if x + width > size.width {
+    let mut put = |index: usize| {
+        let (width, height) = boxes[index];
+        if x + width > page.width {
             (x, y, shelf) = (0, y + shelf, 0);
         }
         // The first of a shelf is its highest.
         shelf = shelf.max(height);
-        let place = Rect::new(x, y, width, height);
+        let place = Region { x, y, width, height };
         x += width;
-        (width <= size.width && y + height <= size.height).then_some((data, place))
+        (width <= page.width && y + height <= page.height).then_some((index, place))
     };
-    items.into_iter().map(put).collect()
+    let mut placed: Vec<(usize, Region)> = order.into_iter().map(&mut put).collect::<Option<_>>()?;
+    placed.sort_by_key(|&(index, _)| index);
+    Some(placed.into_iter().map(|(_, place)| place).collect())
 }
 
 /// The corners of a region of whole texels, centred on the outline, as seen from the front.
@@ -439,7 +424,7 @@ mod tests {
         let outlines: Vec<_> = (0..100u32).map(|i| rectangle(1.0 + f64::from(i % 7), 1.0 + f64::from(i % 5))).collect();
         let settings = SheetSettings { size: 2048.into(), gutter: 4, back_sides: false };
         let sheet = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap();
-        assert!(sheet.occupancy() > 0.8, "{}", sheet.occupancy());
+        assert!(sheet.occupancy() > 0.92, "{}", sheet.occupancy());
     }
 
     proptest! {

@@ -1,18 +1,20 @@
 //! The smallest page for rectangles of given sizes, which are not turned: what is on them is there already.
 
-use crunch::{Item, Rect, Rotation};
-
-use super::{MANY, PageSize, on_shelves};
+use super::rectangles::{Size, pack};
+use super::{MANY, PageSize, on_shelves, orders};
 
 /// Widths that are tried, as shares of a square page's side without waste; heights grow by this factor until all fit.
 const WIDTHS: std::ops::RangeInclusive<u32> = 5..=20;
 const GROWTH: f64 = 1.01;
 const LARGEST: usize = 16_384;
 
+/// In how many orders each page is tried at most.
+const ORDERS: usize = 20;
+
 /// Upper left corners of boxes (width, height) on a page whose sides are multiples of 4, as compressed textures want them. `None` when the
 /// largest page does not hold them. O(n²) for each page that is tried, some hundreds; beyond [`MANY`] boxes O(n log n), on shelves.
 #[must_use]
-pub fn tightest(boxes: &[(usize, usize)]) -> Option<(PageSize, Vec<(usize, usize)>)> {
+pub fn tightest(boxes: &[Size]) -> Option<(PageSize, Vec<(usize, usize)>)> {
     let area: usize = boxes.iter().map(|&(width, height)| width * height).sum();
     let widest = boxes.iter().map(|b| b.0).max()?;
     let highest = boxes.iter().map(|b| b.1).max()?;
@@ -34,17 +36,10 @@ fn in_fours(length: usize) -> usize {
     length.div_ceil(4).max(1) * 4
 }
 
-fn places(boxes: &[(usize, usize)], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
-    if boxes.len() > MANY {
-        let items = boxes.iter().enumerate().map(|(number, &(w, h))| ((number, false), w, h)).collect();
-        let mut packed = on_shelves(items, PageSize { width, height })?;
-        packed.sort_by_key(|(number, _)| *number);
-        return Some(packed.iter().map(|(_, rect)| (rect.x, rect.y)).collect());
-    }
-    let items = boxes.iter().enumerate().map(|(number, &(w, h))| Item::new(number, w, h, Rotation::None));
-    let mut packed = crunch::pack(Rect::of_size(width, height), items).ok()?;
-    packed.sort_by_key(|packed| packed.data);
-    Some(packed.iter().map(|packed| (packed.rect.x, packed.rect.y)).collect())
+fn places(boxes: &[Size], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
+    let page = PageSize { width, height };
+    let packed = if boxes.len() > MANY { on_shelves(boxes, page)? } else { pack(boxes, page, false, orders(boxes.len(), ORDERS))? };
+    Some(packed.iter().map(|region| (region.x, region.y)).collect())
 }
 
 #[cfg(test)]
