@@ -1,6 +1,6 @@
 """Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
 
-usage: python tools/fidelity.py [--judge] [TREE.glb …]   (default: those of ../shared/foliage up to 200,000 triangles)
+usage: python tools/fidelity.py [--judge] [--samples 8] [TREE.glb …]   (default: ../shared/foliage up to 200,000 triangles)
 
 The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
 billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
@@ -43,9 +43,10 @@ EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
 SIZES = ("256", "64")
-FINE, COARSE = 8, 4
-"""Samples along a pixel: where pictures are compared closely, and for alternatives that are far off."""
-ALTERNATIVES = {"literal": ("paper", FINE), "cross": ("cross", COARSE), "sloppy": ("sloppy", COARSE)}
+SAMPLES = 8
+"""Along a pixel; alternatives that are far off have half as many."""
+ALTERNATIVES = {"literal": "paper", "cross": "cross", "sloppy": "sloppy"}
+"""The files' stems."""
 LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}
 """The side of the page."""
 
@@ -55,8 +56,8 @@ Pictures = NDArray[np.float32]
 INTRODUCTION = f"""# Fidelity
 
 Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, seen from {VIEWS} directions by Cycles,
-flat-lit, orthographic, {FINE} × {FINE} samples a pixel. FLIP is the mean within four pixels of either silhouette, over
-grey. Beside it what one might use instead, made from the same leaves.
+flat-lit, orthographic, on a grid of samples in each pixel: so many along its side. FLIP is the mean within four pixels
+of either silhouette, over grey. Beside it what one might use instead, made from the same leaves.
 
 - *literal*: the published algorithm (ε = {EPSILON} R, N = {CANDIDATES}), rectangles, one front texture each,
   {TEXELS / 1e6:.1f} M texels.
@@ -108,15 +109,16 @@ def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
         return [pictures[model] for model in models]
 
 
-def reference(folder: Path) -> dict[str, Pictures]:
+def reference(folder: Path, samples: int) -> dict[str, Pictures]:
     """Pictures of the leaves and the alternatives; made once."""
     leaves = folder / "leaves.glb"
     seen_by = leaves.read_bytes() + (ROOT / "tools" / "flat_views.py").read_bytes()
-    file = folder / f"reference-{FINE}-{hashlib.sha256(seen_by).hexdigest()[:12]}.npz"
+    file = folder / f"reference-{samples}-{hashlib.sha256(seen_by).hexdigest()[:12]}.npz"
     if not file.is_file():
-        models = {"leaves": (leaves, FINE), "floor": (f"{leaves}:@half", FINE)}
-        models |= {name: (folder / f"{stem}.glb", grid) for name, (stem, grid) in ALTERNATIVES.items()}
-        pictures = {name: look(folder, grid, leaves, str(model))[0] for name, (model, grid) in models.items()}
+        models = {"leaves": leaves, "floor": f"{leaves}:@half"}
+        models |= {name: folder / f"{stem}.glb" for name, stem in ALTERNATIVES.items()}
+        grids = {name: samples // 2 if name in ("cross", "sloppy") else samples for name in models}
+        pictures = {name: look(folder, grids[name], leaves, str(model))[0] for name, model in models.items()}
         np.savez(file, **pictures)
     with np.load(file) as kept:
         return dict(kept)
@@ -176,22 +178,20 @@ def figures(base: Pictures, others: dict[str, Pictures]) -> dict[str, dict[str, 
     return {name: of(other) for name, other in others.items()}
 
 
-def measure(tree: Path, *, cycles: bool) -> dict[str, Any]:
-    """What is seen of a tree by the judge and, with `cycles`, by Cycles."""
+def measure(tree: Path, samples: int | None) -> dict[str, Any]:
+    """What is seen of a tree by the judge and, unless `samples` is None, by Cycles."""
     folder = KEPT / tree.stem
     billboards = make_alternatives(tree, folder)
     leaves = folder / "leaves.glb"
     base = leafcloud.read_gltf(str(leaves), names=["leaves"])
-    seen = {
-        name: judged(base, folder / f"{stem}.glb", ["b", "cross", "leaves"]) for name, (stem, _) in ALTERNATIVES.items()
-    }
-    pictures = reference(folder) if cycles else {}
+    seen = {name: judged(base, folder / f"{stem}.glb", ["b", "cross", "leaves"]) for name, stem in ALTERNATIVES.items()}
+    pictures = {} if samples is None else reference(folder, samples)
     with tempfile.TemporaryDirectory() as out:
         for name, side in LEVELS.items():
             file = bake(leaves, billboards, side, Path(out) / str(side))
             seen[name] = judged(base, file, ["leaves"])
-            if cycles:
-                [pictures[name]] = look(folder, FINE, leaves, str(file))
+            if samples is not None:
+                [pictures[name]] = look(folder, samples, leaves, str(file))
         report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
     commit = measured_commit()
     row: dict[str, Any] = {
@@ -200,8 +200,8 @@ def measure(tree: Path, *, cycles: bool) -> dict[str, Any]:
         "billboards": report["levels"][1]["billboards"],
         "judge": {"commit": commit, **figures(judged(base, leaves, ["leaves"]), seen)},
     }
-    if cycles:
-        row["cycles"] = {"commit": commit, **figures(pictures.pop("leaves"), pictures)}
+    if samples is not None:
+        row["cycles"] = {"commit": commit, "samples": samples, **figures(pictures.pop("leaves"), pictures)}
     return row
 
 
@@ -215,13 +215,15 @@ def error_table(rows: list[dict[str, Any]], who: str, size: str) -> str:
     errors = [[row[who][name][size] for name in names] for row in rows]
     literal = names.index("literal")
     ratios = np.array([[e[names.index(level)] / e[literal] for level in LEVELS] for e in errors])
+    grids = [[str(row[who]["samples"])] if floor else [] for row in rows]
     body = [
-        [row["tree"], *(f"{x:.4f}" for x in e), *(f"{x:.2f}" for x in ratio)]
-        for row, e, ratio in zip(rows, errors, ratios, strict=True)
+        [row["tree"], *grid, *(f"{x:.4f}" for x in e), *(f"{x:.2f}" for x in ratio)]
+        for row, grid, e, ratio in zip(rows, grids, errors, ratios, strict=True)
     ]
-    body.append(["mean", *[""] * len(names), *(f"**{x:.2f}**" for x in ratios.mean(axis=0))])
+    head = [*(["samples"] if floor else []), *names]
+    body.append(["mean", *[""] * len(head), *(f"**{x:.2f}**" for x in ratios.mean(axis=0))])
     title = {"cycles": "Cycles", "judge": "the judge"}[who]
-    return lines_of([f"FLIP at {size}², {title}", *names, *(f"{level} / literal" for level in LEVELS)], body)
+    return lines_of([f"FLIP at {size}², {title}", *head, *(f"{level} / literal" for level in LEVELS)], body)
 
 
 def coverage_table(rows: list[dict[str, Any]]) -> str:
@@ -274,11 +276,14 @@ def main() -> None:
         "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
     )
     parser.add_argument("--judge", action="store_true", help="look by the project's own renderer only")
+    parser.add_argument(
+        "--samples", type=int, default=SAMPLES, help=f"of Cycles along a pixel (default: {SAMPLES}; even)"
+    )
     arguments = parser.parse_args()
     trees = arguments.trees or [tree for tree in sorted(FOLIAGE.glob("*.glb")) if triangles(tree) <= TREE_LIMIT]
     rows = {row["tree"]: row for row in json.loads(MEASURED.read_text())} if MEASURED.is_file() else {}
     for tree in trees:
-        row = measure(tree.resolve(), cycles=not arguments.judge)
+        row = measure(tree.resolve(), None if arguments.judge else arguments.samples)
         print(json.dumps(row), file=sys.stderr, flush=True)
         rows[tree.stem] = {**rows.get(tree.stem, {}), **row}
         keep([rows[name] for name in sorted(rows)])
