@@ -1,6 +1,6 @@
 """Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
 
-usage: python tools/fidelity.py [--judge] [--samples 8] [TREE.glb …]   (default: ../shared/foliage up to 200,000 triangles)
+usage: python tools/fidelity.py [--judge] [--samples 8] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
 The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
 billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the

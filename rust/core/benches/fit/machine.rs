@@ -6,6 +6,8 @@ use std::time::Instant;
 use leafcloud::Foliage;
 use leafcloud::fit::{FitSettings, sweep_once};
 
+use crate::bandwidth::bandwidth;
+
 /// Shares of what one core can do.
 #[derive(Clone, Copy, Debug)]
 pub struct Roofline {
@@ -75,17 +77,13 @@ pub fn roofline(foliage: &Foliage) -> Roofline {
     let (vectors, updated, _) = sweep_once(foliage, epsilon, 2 * OCTETS);
     let seconds = twice - once;
     let peak = best_of(5, || pulp::Arch::new().dispatch(MultiplyAdds(black_box(ROUNDS))));
-    let source = vec![1u64; 1 << 24];
-    let mut target = vec![0u64; 1 << 24];
-    let copy = best_of(3, || target.copy_from_slice(black_box(&source)));
-    black_box(&target);
     Roofline {
         sweep: 3.0 * vectors as f64 / seconds,
         peak: (64 * ROUNDS) as f64 / peak,
         updates: updated as f64 / seconds,
         most_updates: updates(),
         bytes: 12.0 * vectors as f64 / 8.0 / seconds,
-        bandwidth: 16.0 * (1u64 << 24) as f64 / copy,
+        bandwidth: bandwidth(),
     }
 }
 

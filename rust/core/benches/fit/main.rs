@@ -1,6 +1,8 @@
 //! The fit beside literal Algorithm 1, all in one run: `make bench`. Prints a table in Markdown and writes the figures as JSON to the file that
 //! `LEAFCLOUD_BENCH_JSON` names. Means over the seeds; what is compared runs on one thread where it says so, else on all cores.
 
+#[path = "../bandwidth.rs"]
+mod bandwidth;
 #[path = "../../tests/common/mod.rs"]
 mod common;
 mod lower_bound;

@@ -1,5 +1,7 @@
 //! Pages and the judge: how full, how fast, and what mips keep. `make bench` prints it in Markdown.
 
+#[path = "../bandwidth.rs"]
+mod bandwidth;
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
@@ -18,6 +20,8 @@ use leafcloud::{Cloud, Progress, gltf};
 
 const SIDE: usize = 2048;
 const CUTOFF: f32 = 0.5;
+/// That pass memory at the least, of a texel and channel: drawn as four floats, read to be filled in, written as four codes.
+const BYTES: usize = 16 + 16 + 4;
 
 /// The best of three: the machine has other things to do.
 fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
@@ -84,16 +88,19 @@ fn coverage(page: &Page, sheet: &Sheet) -> Vec<[f64; 3]> {
 
 fn main() {
     let threads = rayon::current_num_threads();
+    let copied = bandwidth::bandwidth();
     println!("## Pages");
     println!();
     println!(
         "Level 1 at ε = 0.04 R on a page of {SIDE}², both sides, base colour and normals, 4 × 4 samples, {threads} threads; best of three. *Occupancy*: \
          rectangles with their gutters over the page. *Covered*: texels that show something. *Samples*: those that see something, both \
-         channels, a second. *Judge*: level 1 against the leaves, 12 views of 64²."
+         channels, a second. *Memory*: what has to pass it, {BYTES} bytes a texel and channel, over what a copy moves on one core, {:.1} GB/s. \
+         *Judge*: level 1 against the leaves, 12 views of 64².",
+        copied / 1e9
     );
     println!();
-    println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | judge s |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | memory | judge s |");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let mut tables = Vec::new();
     for (name, path) in common::trees() {
         let level = Level::of(gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a readable tree"));
@@ -108,11 +115,12 @@ fn main() {
         let billboards = billboards.expect("billboards with an area");
         let (_, judging) = timed(|| judge.judge(&billboards).expect("a picture with pixels"));
         println!(
-            "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {judging:.3} |",
+            "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {:.1} % | {judging:.3} |",
             level.cloud.planes.len(),
             level.packing,
             level.sheet.occupancy(),
             alpha as f64 / 255.0 * 16.0 * 2.0 / seconds / 1e6,
+            (2 * BYTES) as f64 * texels / seconds / copied * 100.0,
         );
         tables.push((name, coverage(&page, &level.sheet)));
     }

@@ -38,7 +38,11 @@ fn in_fours(length: usize) -> usize {
 
 fn places(boxes: &[Size], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
     let page = PageSize { width, height };
-    let packed = if boxes.len() > MANY { on_shelves(boxes, page)? } else { pack(boxes, page, false, orders(boxes.len(), ORDERS))? };
+    let packed = if boxes.len() > MANY {
+        on_shelves(boxes, page)?
+    } else {
+        pack(boxes, page, false, orders(boxes.len(), ORDERS))?
+    };
     Some(packed.iter().map(|region| (region.x, region.y)).collect())
 }
 
