@@ -154,6 +154,14 @@ def test_leaves_may_be_painted_in_whole_numbers(kind: str) -> None:
     assert np.flatnonzero(protected).tolist() == [4, 5], "both triangles of the third leaf"
 
 
+@pytest.mark.parametrize("domain", ["CORNER", "FACE"])
+def test_corners_and_faces_may_be_painted(domain: str) -> None:
+    obj = add_mesh("leaves", [(x, y, 0.0) for x in range(3) for y in range(4)], [(0, 1, 2), (3, 4, 5, 6), (7, 8, 9)])
+    painted = obj.data.attributes.new(PROTECT, "FLOAT", domain)
+    painted.data.foreach_set("value", [0.0, 1.0, 0.0] if domain == "FACE" else [0.0] * 3 + [1.0] * 4 + [0.0] * 3)
+    assert read([obj], ["leaves"]).leaves.protected.tolist() == [False, True, True, False]
+
+
 def test_unpainted_trees_have_no_protected_leaves() -> None:
     assert read([crown(20)], ["leaves"]).leaves.protected is None
 

@@ -19,7 +19,7 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 _NONE = np.empty(0, np.float32)
 
 PROTECT = "Leafcloud Protect"
-"""The vertex group, or point attribute, in which an artist paints the leaves that are never pruned."""
+"""The vertex group, or attribute of points, corners or faces, in which an artist paints the leaves that are never pruned."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
 """The types of that attribute."""
 
@@ -71,6 +71,11 @@ class Copies:
         return _read(self._loop_triangles, "loops", 3, np.int32)
 
     @cached_property
+    def faces(self) -> NDArray[np.int32]:
+        """(t, 1) the mesh's faces."""
+        return _read(self._loop_triangles, "polygon_index", 1, np.int32)
+
+    @cached_property
     def slots(self) -> NDArray[np.int32]:
         """(t,) into `materials`; a slot that is not there shows the last one, as in Blender."""
         slots = _read(self._loop_triangles, "material_index", 1, np.int32)[:, 0]
@@ -99,13 +104,15 @@ class Copies:
     def protected(self) -> NDArray[np.bool_] | None:
         """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
         attribute = self.mesh.attributes.get(PROTECT)
-        if attribute is not None and attribute.domain == "POINT" and attribute.data_type in _NUMBERS:
-            painted = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5
+        places = {"POINT": self.triangles, "CORNER": self.loops, "FACE": self.faces}
+        domain = "POINT"
+        if attribute is not None and attribute.domain in places and attribute.data_type in _NUMBERS:
+            painted, domain = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5, attribute.domain
         elif self.protect_group >= 0:
             painted = np.array([self._is_painted(vertex) for vertex in self.mesh.vertices], bool)
         else:
             return None
-        chosen: NDArray[np.bool_] = painted[self.triangles].any(axis=1)
+        chosen: NDArray[np.bool_] = painted[places[domain]].any(axis=1)
         return chosen
 
     def _is_painted(self, vertex: bpy.types.MeshVertex) -> bool:
