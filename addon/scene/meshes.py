@@ -19,7 +19,7 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 _NONE = np.empty(0, np.float32)
 
 PROTECT = "Leafcloud Protect"
-"""The vertex group, or attribute of points, corners or faces, where an artist paints the leaves that are never pruned."""
+"""The vertex group, or attribute of points, corners or faces: an artist paints there what is never pruned."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
 """The types of that attribute."""
 
