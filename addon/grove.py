@@ -118,17 +118,17 @@ class ChainsJob:
     @property
     def stage(self) -> str:
         """What is done, and of several trees for which; empty before anything is."""
-        job, names = self._job, list(self._prepared)
+        finished, job, names = self._finished, self._job, list(self._prepared)  # Once: the thread goes on meanwhile.
         if job is None or len(names) == 1:
             return "" if job is None else job.stage
-        return "share pages" if self._finished == len(names) else f"{names[self._finished]}: {job.stage}"
+        return "share pages" if finished == len(names) else f"{names[finished]}: {job.stage}"
 
     @property
     def fraction(self) -> float:
         """In [0, 1]."""
-        job, count = self._job, len(self._prepared)
-        within = 0.0 if job is None or self._finished == count else job.fraction
-        return (self._finished + within) / count
+        finished, job, count = self._finished, self._job, len(self._prepared)
+        within = 0.0 if job is None or finished == count else job.fraction
+        return (finished + within) / count
 
     @property
     def done(self) -> bool:
