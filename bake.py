@@ -11,7 +11,6 @@ the camera and the lights are kept beside the levels; the file that it came from
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import os
 import sys
@@ -141,13 +140,13 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
     import bpy
 
     from addon.scene.load import load, load_beside
+    from addon.scene.trees import numbered
 
     first, *others = files
     load(first)
     groups = {first.stem: set(bpy.data.objects)}
     for path in others:
-        names = itertools.chain([path.stem], (f"{path.stem}_{number}" for number in itertools.count(2)))
-        groups[next(name for name in names if name not in groups)] = set(load_beside(path))
+        groups[numbered(path.stem, groups)] = set(load_beside(path))
     return groups
 
 

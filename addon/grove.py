@@ -6,7 +6,7 @@ A single tree is a grove of one, and keeps its own pages.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -35,10 +35,13 @@ def plan_grove(
 def prepare_grove(
     trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None
 ) -> dict[str, Prepared]:
-    """As `pipeline.prepare` for each tree. What one needs a texture for, all get: pages have the same channels.
+    """As `pipeline.prepare` for each tree. What one needs a texture for, all get: pages have the same channels; and of
+    the seconds that a bake may take each has as many.
 
     Raises `SceneError` where some trees are blended and the others cut out.
     """
+    if settings.seconds is not None:
+        settings = replace(settings, seconds=settings.seconds / len(trees))
     prepared = {name: prepare(tree, settings, layer) for name, tree in trees.items()}
     _check_alpha(prepared)
     wanted = {effect.name for each in prepared.values() for effect in each.effects if effect.on} & set(PAGE_EFFECTS)
@@ -75,11 +78,15 @@ def finish_grove(
         collection = bpy.data.collections.new(name)
         scene.collection.children.link(collection)
         trees: list[Baked] = []
-        before = set(bpy.data.images)
+        known = set(bpy.data.images)
+        made: dict[bpy.types.Image, str] = {}
         for (own, each), chain in zip(prepared.items(), chains, strict=True):
-            trees.append(finish(each, chain, free_name(file_name(own)), view))
-            collection.children.link(trees[-1].collection)
-        _share_images((image for image in bpy.data.images if image not in before), trees, name)
+            tree = finish(each, chain, free_name(file_name(own)), view)
+            collection.children.link(tree.collection)
+            trees.append(tree)
+            own_images = sorted(set(bpy.data.images) - known - made.keys(), key=lambda image: image.name)
+            made |= dict.fromkeys(own_images, tree.collection.name)
+        _share_images(made, name)
     return Grove(name, collection, tuple(trees))
 
 
@@ -145,16 +152,30 @@ class ChainsJob:
 
     def _work(self) -> list[leafcloud.Chain]:
         chains = []
-        for each in self._prepared.values():
-            self._job = start(each)
-            if self._cancelled:  # Between two jobs: there was none to tell.
-                self._job.cancel()
-            chains.append(self._job.result())
+        for name, each in self._prepared.items():
+            with _named(name if len(self._prepared) > 1 else None):
+                self._job = start(each)
+                if self._cancelled:  # Between two jobs: there was none to tell.
+                    self._job.cancel()
+                chains.append(self._job.result())
             self._finished += 1
         shared = chains if len(chains) == 1 else leafcloud.share_pages(chains)
         if self._cancelled:
             raise leafcloud.CancelledError("cancelled")
         return shared
+
+
+@contextmanager
+def _named(tree: str | None) -> Iterator[None]:
+    """Says of which tree a refusal is, where there are several."""
+    try:
+        yield
+    except leafcloud.CancelledError:
+        raise
+    except leafcloud.LeafcloudError as error:
+        if tree is None:
+            raise
+        raise leafcloud.LeafcloudError(f"tree {tree!r}: {error}") from error
 
 
 @contextmanager
@@ -176,18 +197,19 @@ def _check_alpha(prepared: Mapping[str, Prepared]) -> None:
         )
 
 
-def _share_images(made: Iterable[bpy.types.Image], trees: Sequence[Baked], name: str) -> None:
+def _share_images(made: Mapping[bpy.types.Image, str], name: str) -> None:
     """Leaves one of the images wherever several are equal: each tree has brought a copy of every page.
 
-    What is shared is named after `name` instead of the tree.
+    `made` has the tree by whose name each is called; what is shared is called by `name` instead.
     """
     kept: dict[tuple[str, bytes], bpy.types.Image] = {}
-    for image in sorted(made, key=lambda image: image.name):
+    shared = set()
+    for image in made:
         own = kept.setdefault((image.colorspace_settings.name, image.packed_file.data), image)
-        if own is image:
-            continue
-        image.user_remap(own)
-        bpy.data.images.remove(image)
-        owner = next((tree.collection.name for tree in trees if own.name.startswith(tree.collection.name)), "")
-        own.name = name + own.name.removeprefix(owner) if owner else own.name
-        own.filepath_raw = f"//{own.name}.png"
+        if own is not image:
+            shared.add(own)
+            image.user_remap(own)
+            bpy.data.images.remove(image)
+    for image in shared:
+        image.name = name + image.name.removeprefix(made[image])
+        image.filepath_raw = f"//{image.name}.png"

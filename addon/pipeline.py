@@ -260,7 +260,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     with removed_on_failure():
         collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
         if is_on(prepared.effects, "shadow_proxy"):
-            with costs.spent_on("shadow_proxy", levels[0].base_color.nbytes):
+            with costs.spent_on("shadow_proxy", round(levels[0].base_color.nbytes * levels[0].page_share)):
                 add_shadow_proxy(collection, levels[0], prepared.placement)
     two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
     effects = settle_back_sides(prepared.effects, two_sided)
@@ -339,9 +339,14 @@ def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
     return Thinning(math.inf if keep is None or prepared.settings.chain != "pruning" else start, half)
 
 
+LONGEST_NAME = 44
+"""Bytes: with suffixes such as _LOD1_translucency it has to fit into the 63 of Blender's names."""
+
+
 def file_name(name: str) -> str:
-    """`name` with what file systems refuse or read as something else made into underscores; never empty."""
-    return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", name) or "tree"
+    """`name` with what file systems refuse or read as something else made into underscores; cut short, never empty."""
+    short = name.encode()[:LONGEST_NAME].decode(errors="ignore")
+    return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", short) or "tree"
 
 
 def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:

@@ -20,6 +20,7 @@ from scenes import add_mesh
 
 import leafcloud
 from addon.baked import Grove
+from addon.export.files import write
 from addon.grove import bake_grove, plan_grove, prepare_grove, start_grove
 from addon.pipeline import layer_of
 from addon.plan.effects import is_on
@@ -28,7 +29,7 @@ from addon.scene.extract import Tree
 from addon.scene.trees import extract_trees, grouped, rendered
 from addon.settings import BakeSettings
 
-RED, BLUE = (0.8, 0.0, 0.0), (0.0, 0.0, 0.8)
+RED, GREEN, BLUE = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8)
 SMALL = {"texture_size": 128, "levels": 1, "samples": 2}
 
 
@@ -235,7 +236,61 @@ def test_work_can_be_cancelled() -> None:
     assert job.done
 
 
+def test_refusals_of_the_core_name_the_tree() -> None:
+    red_and_blue()
+    prepared = prepare_grove(read_trees(), BakeSettings(**SMALL, seconds=1e-6), bpy.context.view_layer)
+    with pytest.raises(leafcloud.LeafcloudError, match="tree 'maple': seconds"):
+        start_grove(prepared).result()
+
+
+def test_a_page_costs_what_it_holds() -> None:
+    red_and_blue()
+    grove = bake(read_trees(), effects="+normals")
+    told = sum(tree.costs.bytes["normals"] for tree in grove.trees)
+    images = [image for image in bpy.data.images if image.name.endswith("_normal")]
+    assert len(images) == 2
+    assert told == pytest.approx(sum(4 * image.size[0] * image.size[1] for image in images), abs=4)
+
+
+def test_names_are_cut_so_that_all_suffixes_fit() -> None:
+    collected("m" * 60, crown("red", RED))
+    collected("m" * 59 + "n", crown("blue", BLUE))
+    bpy.context.view_layer.update()
+    grove = bake(read_trees(), "w" * 44)
+    names = [level.object.name for tree in grove.trees for level in tree.levels]
+    assert [name.rpartition("_")[2] for name in names] == ["LOD0", "LOD1", "LOD2"] * 2
+    assert len(set(names)) == 6
+    assert page_of(grove.trees[1].levels[2].object).name == "w" * 44 + "_LOD2"
+
+
+def test_a_tree_may_be_called_as_the_beginning_of_all() -> None:
+    for tree, (name, color) in {"a": ("red", RED), "a_2": ("blue", BLUE), "a_grove": ("green", GREEN)}.items():
+        collected(tree, crown(name, color))
+    bpy.context.view_layer.update()
+    grove = bake(read_trees(), "a_grove_all")
+    assert {page_of(tree.levels[1].object).name for tree in grove.trees} == {"a_grove_all_LOD1"}
+
+
 # What files have of them.
+
+
+def test_blended_trees_are_ordered_each_by_itself(tmp_path: Path) -> None:
+    """Crosses of different trees have equal indices, which Blender's exporter writes once."""
+    for name, color in (("red", RED), ("blue", BLUE)):
+        glass = crown(name, color)
+        shader = next(node for node in glass.data.materials[0].node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+        shader.inputs["Alpha"].default_value = 0.3
+        collected(f"{name}_tree", glass)
+    bpy.context.view_layer.update()
+    write(bake(read_trees(), viewer="anywhere"), tmp_path, lambda stage, fraction: None, blend=False)
+    nodes = read_glb(tmp_path / "wood.glb")
+    for tree in ("red_tree", "blue_tree"):
+        for number in (1, 2):
+            [node] = [node for name, node in nodes.items() if name.startswith(tree) and name.endswith(f"_LOD{number}")]
+            [primitive] = node.primitives
+            assert primitive.indices.max() == len(primitive.attributes["POSITION"]) - 1
+            [order] = node.mesh_extras["leafcloud"]["blend_order"]
+            assert max(order["ranges"]) <= primitive.indices.size
 
 
 def test_files_have_all_trees_and_each_page_once(

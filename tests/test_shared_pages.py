@@ -37,18 +37,24 @@ def test_billboards_show_what_they_showed() -> None:
     for number in (0, 1):
         first, second = (chain.levels[number] for chain in shared)
         assert np.array_equal(first.base_color, second.base_color)
-        assert first.alpha_cutoff == second.alpha_cutoff
+        engine, other = first.for_engines()[0], second.for_engines()[0]
+        assert np.array_equal(engine, other)
         assert first.ktx2("base_color") == second.ktx2("base_color")
         assert all(side % 4 == 0 for side in first.base_color.shape[:2])
         own = [chain.levels[number] for chain in chains]
         assert first.base_color.size <= 1.3 * sum(level.base_color.size for level in own)
         for level, after in zip(own, (first, second), strict=True):
             assert np.array_equal(level.corners, after.corners)
-            pairs = zip(regions(level, level.base_color), regions(after, after.base_color), strict=True)
-            for old, new in pairs:
-                assert np.array_equal(old[..., :3], new[..., :3])
-                drawn, still = old[..., 3] >= level.alpha_cutoff * 255, new[..., 3] >= after.alpha_cutoff * 255
-                assert np.array_equal(drawn, still)
+            assert after.alpha_cutoff == level.alpha_cutoff
+            assert after.for_engines()[1] == level.for_engines()[1]
+            for page, shared_page in (
+                (level.base_color, after.base_color),
+                (level.for_engines()[0], after.for_engines()[0]),
+            ):
+                pairs = zip(regions(level, page), regions(after, shared_page), strict=True)
+                assert all(np.array_equal(old, new) for old, new in pairs)
+        assert sum(level.page_share for level in (first, second)) == pytest.approx(1.0)
+        assert [level.page_share for level in own] == [1.0, 1.0]
 
 
 def test_regions_keep_apart() -> None:

@@ -152,7 +152,8 @@ def build_levels(
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
             if level.leaf_uv is not None and level.leaf_id is not None:
-                _add_leaf_map(obj, level.leaf_uv, level.leaf_id, tree, costs)
+                with costs.spent_on("leaf_map", _own_bytes(level, level.leaf_uv) + _own_bytes(level, level.leaf_id)):
+                    _add_leaf_map(obj, level.leaf_uv, level.leaf_id, tree)
             built = _add_level(collection, obj, number, woods[number], plan, costs)
             if level.two_sided:
                 built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
@@ -352,35 +353,37 @@ def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Cos
     """The images in Blender of the level with this number."""
     base_color = level.base_color
     # The first level is what a bake is for.
-    with costs.spent_on("far_levels", base_color.nbytes) if number > 1 else nullcontext():
+    with costs.spent_on("far_levels", _own_bytes(level, base_color)) if number > 1 else nullcontext():
         image = atlas_image(name, base_color)
     page = Page(image, roughness=plan.roughness, metallic=plan.metallic)
     if (normal := level.normal) is not None:
-        with costs.spent_on("normals", normal.nbytes):
+        with costs.spent_on("normals", _own_bytes(level, normal)):
             page = replace(page, normal=atlas_image(f"{name}_normal", normal, data=True))
     if (gloss := level.gloss) is not None:
-        with costs.spent_on(plan.gloss_for, gloss.nbytes):
+        with costs.spent_on(plan.gloss_for, _own_bytes(level, gloss)):
             image = atlas_image(f"{name}_gloss", gloss, data=True)
             page = replace(page, gloss=image, occluded=plan.occlusion)
     if (translucency := level.translucency) is not None:
-        with costs.spent_on("translucency", translucency.nbytes):
+        with costs.spent_on("translucency", _own_bytes(level, translucency)):
             pixels = _with_opaque_parts(translucency, level.base_color)
             image = atlas_image(f"{name}_translucency", pixels)
             page = replace(page, translucency=image, share=plan.share, opaque_parts=bool((pixels[..., 3] == 0).any()))
     if (visibility := level.visibility) is not None:
-        with costs.spent_on("self_shadowing", visibility.nbytes):
+        with costs.spent_on("self_shadowing", _own_bytes(level, visibility)):
             page = replace(page, visibility=atlas_image(f"{name}_visibility", visibility, data=True))
     return page
 
 
-def _add_leaf_map(
-    obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], tree: Tree, costs: Costs
-) -> None:
+def _own_bytes(level: leafcloud.Level, pixels: NDArray[np.uint8]) -> int:
+    """Of an image of the level's page, which other trees may share."""
+    return round(pixels.nbytes * level.page_share)
+
+
+def _add_leaf_map(obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], tree: Tree) -> None:
     """Gives the level's material what it needs to show another season: the chain's leaf map."""
-    with costs.spent_on("leaf_map", uv.nbytes + leaf.nbytes):
-        uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
-        leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
-        add_leaf_map(obj.data.materials[0], uv_image, leaf_image, tree.leaves.materials)
+    uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
+    leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
+    add_leaf_map(obj.data.materials[0], uv_image, leaf_image, tree.leaves.materials)
 
 
 def _with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:

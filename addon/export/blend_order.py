@@ -13,6 +13,7 @@ cloud that morphs keeps the order of its places at rest; pruned billboards shrin
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,7 @@ class BlendOrders:
         self, document: dict[str, Any], binary: bytes, mesh: dict[str, Any], number: int, toward: NDArray[np.float64]
     ) -> bytes:
         primitive = mesh["primitives"][number]
+        _own_accessors(document, primitive)
         material = document["materials"][primitive["material"]]["name"]
         triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
         if material not in self._orders:
@@ -98,6 +100,26 @@ class BlendOrders:
             steps = len(extras["prefixes"][number]["triangles"])
             extras["prefixes"][number]["triangles"] = [len(order.triangles)] * steps
         return binary
+
+
+def _own_accessors(document: dict[str, Any], primitive: dict[str, Any]) -> None:
+    """Copies the accessors that other primitives have, too: Blender's exporter writes what is equal once."""
+    primitives = [each for mesh in document["meshes"] for each in mesh["primitives"]]
+    users = Counter(accessor for each in primitives for accessor in {values[name] for values, name in _uses(each)})
+    own: dict[int, int] = {}
+    for values, name in _uses(primitive):
+        accessor = values[name]
+        if users[accessor] > 1:
+            if accessor not in own:
+                own[accessor] = len(document["accessors"])
+                document["accessors"].append(dict(document["accessors"][accessor]))
+            values[name] = own[accessor]
+
+
+def _uses(primitive: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Where a primitive names accessors: the object and the key."""
+    sets = [primitive["attributes"], *primitive.get("targets", [])]
+    return [(primitive, "indices"), *((values, name) for values in sets for name in values)]
 
 
 def _before(document: dict[str, Any], mesh: int) -> NDArray[np.float64]:

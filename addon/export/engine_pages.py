@@ -22,32 +22,34 @@ def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
 
     What is blended keeps its own: plain means suit it.
     """
-    materials: dict[bpy.types.Image, list[str]] = {}
+    materials: dict[bpy.types.Image, dict[str, leafcloud.Level]] = {}
     for name, level in levels.items():
         if level.alpha_cutoff > 0.0:
-            materials.setdefault(bpy.data.materials[name].node_tree.nodes[PAGE_NODE].image, []).append(name)
+            page = bpy.data.materials[name].node_tree.nodes[PAGE_NODE].image
+            materials.setdefault(page, {})[name] = level
     with ExitStack() as stack:
-        for page, names in materials.items():
-            trees = [bpy.data.materials[name].node_tree for name in names]
-            stack.enter_context(_engine_page(page, trees, levels[names[0]]))
+        for page, sharers in materials.items():
+            stack.enter_context(_engine_page(page, sharers))
         yield
 
 
 @contextmanager
-def _engine_page(page: bpy.types.Image, trees: Sequence[bpy.types.NodeTree], level: leafcloud.Level) -> Iterator[None]:
-    """Of materials that show the same `page`, by which they have one cutoff."""
-    pixels, cutoff = level.for_engines()
+def _engine_page(page: bpy.types.Image, levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
+    """Of materials that show the same `page`, each at a cutoff of its own."""
+    trees = [bpy.data.materials[name].node_tree for name in levels]
     textures = [tree.nodes[PAGE_NODE] for tree in trees]
     thresholds = [tree.nodes[CUTOFF_NODE].inputs[1] for tree in trees]
-    name, own_cutoff = page.name, thresholds[0].default_value
+    own_cutoffs = [threshold.default_value for threshold in thresholds]
+    cutoffs = [level.for_engines()[1] for level in levels.values()]
+    name = page.name
     page.name = "Leafcloud page in Blender"  # The file has the other by its name.
     shown = None
     try:
-        shown = atlas_image(name, pixels)
-        _show(textures, thresholds, shown, cutoff)
+        shown = atlas_image(name, next(iter(levels.values())).for_engines()[0])
+        _show(textures, thresholds, shown, cutoffs)
         yield
     finally:
-        _show(textures, thresholds, page, own_cutoff)
+        _show(textures, thresholds, page, own_cutoffs)
         if shown is not None:
             bpy.data.images.remove(shown)
         page.name = name
@@ -57,7 +59,7 @@ def _show(
     textures: Sequence[bpy.types.Node],
     thresholds: Sequence[bpy.types.NodeSocket],
     page: bpy.types.Image,
-    cutoff: float,
+    cutoffs: Sequence[float],
 ) -> None:
-    for texture, threshold in zip(textures, thresholds, strict=True):
+    for texture, threshold, cutoff in zip(textures, thresholds, cutoffs, strict=True):
         texture.image, threshold.default_value = page, cutoff

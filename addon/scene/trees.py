@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 import bpy
 
@@ -13,16 +14,26 @@ Groups = Mapping[str, Sequence[bpy.types.Object]]
 """The objects of each tree, by its name."""
 
 
-def grouped(objects: Iterable[bpy.types.Object], trees: str) -> Groups:
+def grouped(objects: Iterable[bpy.types.Object], trees: str) -> dict[str, list[bpy.types.Object]]:
     """Parts objects into trees: `trees` is one of "parents" and "collections", as in `BakeSettings`.
 
-    Of an object in several collections the first counts, in the order of their names.
+    Of an object in several collections the first counts, in the order of their names. What is linked from libraries may
+    have one name several times; then it is numbered.
     """
-    name_of = {"parents": _topmost_parent, "collections": _collection}[trees]
-    groups: dict[str, list[bpy.types.Object]] = {}
+    owner_of = {"parents": _topmost_parent, "collections": _collection}[trees]
+    groups: dict[bpy.types.ID, list[bpy.types.Object]] = {}
     for obj in objects:
-        groups.setdefault(name_of(obj), []).append(obj)
-    return groups
+        groups.setdefault(owner_of(obj), []).append(obj)
+    named: dict[str, list[bpy.types.Object]] = {}
+    for owner, members in groups.items():
+        named[numbered(owner.name, named)] = members
+    return named
+
+
+def numbered(name: str, taken: Container[str]) -> str:
+    """`name`, with the first number behind it that makes it another than those `taken`."""
+    names = itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if name not in taken)
 
 
 def rendered(layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
@@ -57,11 +68,11 @@ def extract_trees(
     return trees
 
 
-def _topmost_parent(obj: bpy.types.Object) -> str:
+def _topmost_parent(obj: bpy.types.Object) -> bpy.types.Object:
     while obj.parent is not None:
         obj = obj.parent
-    return obj.name
+    return obj
 
 
-def _collection(obj: bpy.types.Object) -> str:
-    return min(collection.name for collection in obj.users_collection)
+def _collection(obj: bpy.types.Object) -> bpy.types.Collection:
+    return min(obj.users_collection, key=lambda collection: collection.name)

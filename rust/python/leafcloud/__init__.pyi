@@ -237,6 +237,9 @@ class Level:
     def occupancy(self) -> float:
         """The share of the page that billboards take, with their gutters."""
     @property
+    def page_share(self) -> float:
+        """The level's share of all that lies on its page; 1 where it shares it with no other tree (`share_pages`)."""
+    @property
     def targets(self) -> NDArray[np.float64]:
         """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height
         over
@@ -583,9 +586,9 @@ def start_cost_curve(
 ) -> Job[Curve]: ...
 def share_pages(chains: Sequence[Chain]) -> list[Chain]:
     """The same chains, with their first levels on one page, their second ones on another, and so on: a forest needs one
-    texture a level. Regions are carried over texel by texel onto the smallest page (whose sides are multiples of 4),
-    and all levels of a page get one ``alpha_cutoff``, at which just the same texels pass. Chains may have different
-    numbers of levels; a short one's cross then shares a page with the others' clouds.
+    texture a level. Regions are carried over texel by texel onto the smallest page (whose sides are multiples of 4);
+    each level keeps its own ``alpha_cutoff``, and so looks as it does alone. Chains may have different numbers of
+    levels; a short one's cross then shares a page with the others' clouds.
 
     Raises ``LeafcloudError`` for levels of different channels or of which only some are blended, and for more than fits
     on 16384 × 16384 texels.

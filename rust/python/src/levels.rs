@@ -312,6 +312,11 @@ impl PyLevel {
     }
 
     #[getter]
+    fn page_share(&self) -> f64 {
+        self.level().page_share()
+    }
+
+    #[getter]
     fn occupancy(&self) -> f64 {
         self.level().sheet.occupancy()
     }

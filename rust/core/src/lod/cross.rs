@@ -2,7 +2,7 @@
 //! tree, wood and all. It promises no ε and is not morphed to. Leaves that lie, as on water or on tiers of boughs, would not be seen on what
 //! stands: they get a billboard that lies, too, and what stands is left out where it shows nothing.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::{DVec2, DVec3};
@@ -77,7 +77,7 @@ pub(super) fn build(
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
         judgement,
-        regions: sheet.regions().collect(),
+        sharers: Arc::default(),
         sheet,
         page,
         seconds: Seconds {

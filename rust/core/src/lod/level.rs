@@ -16,6 +16,7 @@ use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
+use crate::textures::mips::Part;
 use crate::textures::{ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, mips};
 use crate::transition::{HAND_OVER, Projection};
 
@@ -75,8 +76,8 @@ pub struct Level {
     pub seconds: Seconds,
     /// What each image of the page took of `seconds.bake`.
     pub channel_seconds: ChannelSeconds,
-    /// Of the whole page, other trees' that share it, too.
-    pub(super) regions: Arc<[Region]>,
+    /// Of all trees that share the page, with the cutoffs that engines draw them at; empty where none does.
+    pub(super) sharers: Arc<[Part]>,
     pub(super) engine: OnceLock<(Image, f32)>,
 }
 
@@ -162,7 +163,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         judgement,
         cloud: Some(cloud),
         projection: Some(projection),
-        regions: sheet.regions().collect(),
+        sharers: Arc::default(),
         sheet,
         page,
         seconds: Seconds {
@@ -199,10 +200,22 @@ impl Level {
     pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
         if channel == "base_color" {
             let (image, cutoff) = self.for_engines();
-            let kept = if *cutoff > 0.0 { mips::of_color(image, &self.regions, *cutoff) } else { mips::means(image) };
-            return Some(kept);
+            if *cutoff == 0.0 {
+                return Some(mips::means(image));
+            }
+            let own = Part::of(&self.sheet, *cutoff);
+            let parts = if self.sharers.is_empty() { std::slice::from_ref(&own) } else { &self.sharers };
+            return Some(mips::of_parts(image, parts));
         }
         self.page.levels(channel)
+    }
+
+    /// The level's share of its page, by the area of what lies on it; 1 where it has the page for itself.
+    #[must_use]
+    pub fn page_share(&self) -> f64 {
+        let area = |regions: &[Region]| regions.iter().map(|region| region.width * region.height).sum::<usize>() as f64;
+        let all: f64 = self.sharers.iter().map(|part| area(&part.regions)).sum();
+        if all > 0.0 { self.sheet.texels() as f64 / all } else { 1.0 }
     }
 
     /// The billboards as foliage again: a fan of triangles each, corners (0, 1, 2), (0, 2, 3) and so on; a pair is one leaf.

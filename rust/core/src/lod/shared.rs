@@ -1,18 +1,20 @@
 //! Levels of several trees on one page, so that a forest needs one texture a level.
 //!
 //! Regions are carried over with their gutters, texel by texel and unturned, onto the smallest page that holds them; nothing is drawn or
-//! filtered again. All get one cutoff, the mean of theirs: alpha is moved so that just the same texels pass.
+//! filtered again. The same is done with the pages for engines. Each level keeps the cutoffs that these were made for: one for all would
+//! change what filters make of alpha, and so how dense a crown looks.
 
 use std::sync::{Arc, OnceLock};
 
 use crate::error::{Error, Result};
 use crate::foliage::Image;
 use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
-use crate::textures::{Page, fill_gaps, mips};
+use crate::textures::fill_gaps;
+use crate::textures::mips::Part;
 
 use super::Level;
 
-/// The levels with their billboards on one page, the same for all.
+/// The levels with their billboards on one page, the same for all. Not to be asked for on a worker of rayon's.
 ///
 /// # Errors
 /// Levels of different channels, or of which some are blended and some cut out; more than fits on 16384 × 16384 texels.
@@ -34,20 +36,29 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
         .iter()
         .map(|level| outer_regions(level).zip(places.by_ref()).map(|(from, to)| Move { from, to }).collect())
         .collect();
-    let cutoff = levels.iter().map(|level| level.alpha_cutoff).sum::<f32>() / levels.len() as f32;
-    let page = shared(levels, &moves, size, cutoff);
-    let sheets = levels.iter().zip(&moves);
-    let regions: Arc<[Region]> =
-        sheets.flat_map(|(level, moves)| moved_billboards(&level.sheet, moves)).map(|b| b.region).collect();
-    let moved = |(level, moves): (&&Level, &Vec<Move>)| Level {
-        sheet: Sheet { size, gutter: level.sheet.gutter, billboards: moved_billboards(&level.sheet, moves) },
+    let page = levels[0].page.rebuilt(|name| {
+        let images = levels.iter().map(|level| level.page.images().find(|(known, _)| *known == name));
+        let images: Vec<&Image> = images.flatten().map(|(_, image)| image).collect();
+        carried(&images, &moves, size, name)
+    });
+    let images: Vec<&Image> = levels.iter().map(|level| &level.for_engines().0).collect();
+    let engine = carried(&images, &moves, size, "base_color");
+    let moved = |(level, moves): (&&Level, &Vec<Move>)| Sheet {
+        size,
+        gutter: level.sheet.gutter,
+        billboards: moved_billboards(&level.sheet, moves),
+    };
+    let sheets: Vec<Sheet> = levels.iter().zip(&moves).map(moved).collect();
+    let part = |(level, sheet): (&&Level, &Sheet)| Part::of(sheet, level.for_engines().1);
+    let sharers: Arc<[Part]> = levels.iter().zip(&sheets).map(part).collect();
+    let placed = |(level, sheet): (&&Level, Sheet)| Level {
+        sheet,
         page: page.clone(),
-        regions: Arc::clone(&regions),
-        alpha_cutoff: cutoff,
-        engine: OnceLock::new(),
+        sharers: Arc::clone(&sharers),
+        engine: OnceLock::from((engine.clone(), level.for_engines().1)),
         ..(*level).clone()
     };
-    Ok(levels.iter().zip(&moves).map(moved).collect())
+    Ok(levels.iter().zip(sheets).map(placed).collect())
 }
 
 fn check_channels(levels: &[&Level]) -> Result<()> {
@@ -83,13 +94,7 @@ struct Move {
 }
 
 fn outer_regions(level: &Level) -> impl Iterator<Item = Region> {
-    let gutter = level.sheet.gutter;
-    level.sheet.billboards.iter().map(move |Billboard { region, .. }| Region {
-        x: region.x - gutter,
-        y: region.y - gutter,
-        width: region.width + 2 * gutter,
-        height: region.height + 2 * gutter,
-    })
+    level.sheet.regions().map(|region| region.grown(level.sheet.gutter))
 }
 
 fn moved_billboards(sheet: &Sheet, moves: &[Move]) -> Vec<Billboard> {
@@ -100,61 +105,26 @@ fn moved_billboards(sheet: &Sheet, moves: &[Move]) -> Vec<Billboard> {
     sheet.billboards.iter().zip(moves).map(moved).collect()
 }
 
-fn shared(levels: &[&Level], moves: &[Vec<Move>], size: PageSize, cutoff: f32) -> Page {
-    let cutoffs: Vec<[u8; 256]> = levels.iter().map(|level| alpha_table(level.alpha_cutoff, cutoff)).collect();
-    levels[0].page.rebuilt(|name| {
-        let mut pixels = vec![None; size.texels()];
-        for ((level, moves), alpha) in levels.iter().zip(moves).zip(&cutoffs) {
-            let Some((_, image)) = level.page.images().find(|(known, _)| *known == name) else { continue };
-            let settled = |[r, g, b, a]: [u8; 4]| [r, g, b, if name == "base_color" { alpha[a as usize] } else { a }];
-            for Move { from, to } in moves {
-                for row in 0..from.height {
-                    let source = &image.pixels()[(from.y + row) * image.width() + from.x..][..from.width];
-                    let target = &mut pixels[(to.1 + row) * size.width + to.0..][..from.width];
-                    target.iter_mut().zip(source).for_each(|(to, &from)| *to = Some(settled(from)));
-                }
+/// The images of one channel, one for each level, as one.
+fn carried(images: &[&Image], moves: &[Vec<Move>], size: PageSize, channel: &str) -> Image {
+    let mut pixels = vec![None; size.texels()];
+    for (image, moves) in images.iter().zip(moves) {
+        for Move { from, to } in moves {
+            for row in 0..from.height {
+                let source = &image.pixels()[(from.y + row) * image.width() + from.x..][..from.width];
+                let target = &mut pixels[(to.1 + row) * size.width + to.0..][..from.width];
+                target.iter_mut().zip(source).for_each(|(to, &from)| *to = Some(from));
             }
         }
-        match name {
-            "base_color" => fill_gaps(size.width, &pixels),
-            // Labels have no means.
-            "leaf_uv" | "leaf_id" => whole(size, pixels.into_iter().map(|pixel| pixel.unwrap_or([0, 0, 0, 255]))),
-            _ => fill_gaps(size.width, &pixels).mapped(|[r, g, b, _]| [r, g, b, 255]),
-        }
-    })
+    }
+    match channel {
+        "base_color" => fill_gaps(size.width, &pixels),
+        // Labels have no means.
+        "leaf_uv" | "leaf_id" => whole(size, pixels.into_iter().map(|pixel| pixel.unwrap_or([0, 0, 0, 255]))),
+        _ => fill_gaps(size.width, &pixels).mapped(|[r, g, b, _]| [r, g, b, 255]),
+    }
 }
 
 fn whole(size: PageSize, pixels: impl Iterator<Item = [u8; 4]>) -> Image {
     Image::new(size.width, size.height, pixels.collect::<Vec<_>>()).expect("a pixel for each texel")
-}
-
-/// Codes of alpha for another cutoff: linear on either side, and what passed still does.
-fn alpha_table(old: f32, new: f32) -> [u8; 256] {
-    let [before, after] = [old, new].map(|cutoff| f32::from(mips::code_at_least(cutoff)));
-    std::array::from_fn(|code| {
-        let code = code as f32;
-        if code >= before {
-            (after + (code - before) / (255.0 - before).max(1.0) * (255.0 - after)).round() as u8
-        } else {
-            (code * after / before).round().min(after - 1.0) as u8
-        }
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_passed_passes_and_nothing_else() {
-        for (old, new) in [(0.5, 0.3), (0.2, 0.6), (0.5, 0.5), (1.0, 0.1), (0.01, 0.9)] {
-            let table = alpha_table(old, new);
-            for code in 0..=255u8 {
-                let passes = |code: u8, cutoff: f32| f32::from(code) / 255.0 >= cutoff;
-                assert_eq!(passes(code, old), passes(table[code as usize], new), "{code} at {old} for {new}");
-            }
-            assert!(table.is_sorted());
-            assert!(old != new || table.iter().zip(0..=255u8).all(|(&moved, code)| moved == code));
-        }
-    }
 }

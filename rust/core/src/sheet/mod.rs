@@ -120,6 +120,15 @@ pub struct Region {
     pub height: usize,
 }
 
+impl Region {
+    /// With so many texels more on every side, which are there.
+    #[must_use]
+    pub(crate) fn grown(self, by: usize) -> Self {
+        let Self { x, y, width, height } = self;
+        Self { x: x - by, y: y - by, width: width + 2 * by, height: height + 2 * by }
+    }
+}
+
 /// A plane's outline and its place on the page.
 #[derive(Clone, Debug)]
 pub struct Billboard {

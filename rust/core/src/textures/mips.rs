@@ -22,10 +22,62 @@ use super::dilate;
 use super::raster::Canvas;
 use crate::color::quantise;
 use crate::foliage::{Image, mask};
-use crate::sheet::Region;
+use crate::sheet::{Region, Sheet};
 
 /// The levels of an image, level 0 first: half the side each, down to one texel.
 pub type Levels = Vec<Image>;
+
+/// Regions of a page that are drawn at one cutoff: those of a tree.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// With nothing of their gutters.
+    pub regions: Vec<Region>,
+    /// Texels around each.
+    pub gutter: usize,
+    /// Greater than 0.
+    pub alpha_cutoff: f32,
+}
+
+impl Part {
+    /// All of a sheet.
+    #[must_use]
+    pub fn of(sheet: &Sheet, alpha_cutoff: f32) -> Self {
+        Self { regions: sheet.regions().collect(), gutter: sheet.gutter, alpha_cutoff }
+    }
+
+    /// The regions with their gutters.
+    fn owned(&self) -> Vec<Region> {
+        self.regions.iter().map(|region| region.grown(self.gutter)).collect()
+    }
+}
+
+/// Of base colour that several trees share: each part as if it had the page for itself.
+#[must_use]
+pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
+    if let [Part { regions, alpha_cutoff, .. }] = parts {
+        return of_color(image, regions, *alpha_cutoff);
+    }
+    let (width, height) = (image.width(), image.height());
+    let owned: Vec<Vec<Region>> = parts.iter().map(Part::owned).collect();
+    let alone = |(part, owned): (&Part, &Vec<Region>)| {
+        let mut pixels: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b, _]| [r, g, b, 0]).collect();
+        owned.iter().flat_map(|region| texels(*region, width)).for_each(|i| pixels[i] = image.pixels()[i]);
+        let alone = Image::new(width, height, pixels).expect("as many texels as before");
+        of_color(&alone, &part.regions, part.alpha_cutoff)
+    };
+    let mut levels: Vec<Levels> = parts.iter().zip(&owned).map(alone).collect();
+    let mut together = levels.remove(0);
+    for (number, level) in together.iter_mut().enumerate() {
+        let (columns, rows) = (level.width(), level.height());
+        let mut pixels = level.pixels().to_vec();
+        for (own, owned) in levels.iter().zip(&owned[1..]) {
+            let regions = owned.iter().map(|region| smaller(*region, 1 << number, columns, rows));
+            regions.flat_map(|region| texels(region, columns)).for_each(|i| pixels[i] = own[number].pixels()[i]);
+        }
+        *level = Image::new(columns, rows, pixels).expect("as many texels as before");
+    }
+    together
+}
 
 /// Of base colour, whose alpha keeps the share of each region that passes the cutoff.
 #[must_use]
@@ -290,6 +342,31 @@ mod tests {
             let alpha = |x: usize, y: usize| u32::from(level.pixels()[y * level.width() + x][3]);
             let between = (0..level.height()).filter(|&y| alpha(x - 1, y) + alpha(x, y) >= 2 * 64 && alpha(x, y) < 64);
             assert_eq!(between.count(), 0, "level {number}");
+        }
+    }
+
+    #[test]
+    fn trees_on_one_page_keep_what_they_show_alone() {
+        // Dense leaves that are drawn at a low cutoff beside thin ones at a high one; each by itself, and both on a page of twice the width.
+        let region = Region { x: 4, y: 4, width: 56, height: 56 };
+        let dense = image(64, 64, |x, y| [200, 40, 0, if (x / 5 + y / 7) % 2 == 0 { 90 } else { 30 }]);
+        let thin = image(64, 64, |x, y| [0, 40, 200, if (x + 2 * y) % 5 == 0 { 230 } else { 120 }]);
+        let page = image(128, 64, |x, y| if x < 64 { dense.pixels()[y * 64 + x] } else { thin.pixels()[y * 64 + x - 64] });
+        let part = |x: usize, alpha_cutoff: f32| Part { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
+        let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)]);
+        for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {
+            let alone = of_color(own, &[region], alpha_cutoff);
+            let cutoff = code_at_least(alpha_cutoff);
+            for number in 0..4 {
+                let (side, columns, from) = (64 >> number, 128 >> number, right >> number);
+                let seen = smaller(region, 1 << number, side, side);
+                let there = texels(Region { x: seen.x + from, ..seen }, columns).map(|i| together[number].pixels()[i]);
+                let there: Vec<[u8; 4]> = there.collect();
+                let passing = there.iter().filter(|p| p[3] >= cutoff).count();
+                let expected = texels(seen, side).filter(|&i| alone[number].pixels()[i][3] >= cutoff).count();
+                assert_eq!(passing, expected, "level {number}");
+                assert!(there.iter().all(|p| p[if right > 0 { 0 } else { 2 }] == 0), "no foreign colour on level {number}");
+            }
         }
     }
 
