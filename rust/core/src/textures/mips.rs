@@ -351,8 +351,10 @@ mod tests {
         let region = Region { x: 4, y: 4, width: 56, height: 56 };
         let dense = image(64, 64, |x, y| [200, 40, 0, if (x / 5 + y / 7) % 2 == 0 { 90 } else { 30 }]);
         let thin = image(64, 64, |x, y| [0, 40, 200, if (x + 2 * y) % 5 == 0 { 230 } else { 120 }]);
-        let page = image(128, 64, |x, y| if x < 64 { dense.pixels()[y * 64 + x] } else { thin.pixels()[y * 64 + x - 64] });
-        let part = |x: usize, alpha_cutoff: f32| Part { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
+        let page =
+            image(128, 64, |x, y| if x < 64 { dense.pixels()[y * 64 + x] } else { thin.pixels()[y * 64 + x - 64] });
+        let part =
+            |x: usize, alpha_cutoff: f32| Part { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
         let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)]);
         for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {
             let alone = of_color(own, &[region], alpha_cutoff);
@@ -365,7 +367,10 @@ mod tests {
                 let passing = there.iter().filter(|p| p[3] >= cutoff).count();
                 let expected = texels(seen, side).filter(|&i| alone[number].pixels()[i][3] >= cutoff).count();
                 assert_eq!(passing, expected, "level {number}");
-                assert!(there.iter().all(|p| p[if right > 0 { 0 } else { 2 }] == 0), "no foreign colour on level {number}");
+                assert!(
+                    there.iter().all(|p| p[if right > 0 { 0 } else { 2 }] == 0),
+                    "no foreign colour on level {number}"
+                );
             }
         }
     }
