@@ -57,13 +57,11 @@ pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
     if let [Part { regions, alpha_cutoff, .. }] = parts {
         return of_color(image, regions, *alpha_cutoff);
     }
-    let (width, height) = (image.width(), image.height());
     let owned: Vec<Vec<Region>> = parts.iter().map(Part::owned).collect();
     let alone = |(part, owned): (&Part, &Vec<Region>)| {
         let mut pixels: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b, _]| [r, g, b, 0]).collect();
-        owned.iter().flat_map(|region| texels(*region, width)).for_each(|i| pixels[i] = image.pixels()[i]);
-        let alone = Image::new(width, height, pixels).expect("as many texels as before");
-        of_color(&alone, &part.regions, part.alpha_cutoff)
+        owned.iter().flat_map(|region| texels(*region, image.width())).for_each(|i| pixels[i] = image.pixels()[i]);
+        of_color(&as_large(image, pixels), &part.regions, part.alpha_cutoff)
     };
     let mut levels: Vec<Levels> = parts.iter().zip(&owned).map(alone).collect();
     let mut together = levels.remove(0);
@@ -74,9 +72,13 @@ pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
             let regions = owned.iter().map(|region| smaller(*region, 1 << number, columns, rows));
             regions.flat_map(|region| texels(region, columns)).for_each(|i| pixels[i] = own[number].pixels()[i]);
         }
-        *level = Image::new(columns, rows, pixels).expect("as many texels as before");
+        *level = as_large(level, pixels);
     }
     together
+}
+
+fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
+    Image::new(image.width(), image.height(), pixels).expect("as many texels as before")
 }
 
 /// Of base colour, whose alpha keeps the share of each region that passes the cutoff.
