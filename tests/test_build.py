@@ -37,6 +37,7 @@ class FakeLevel:
     ranks: NDArray[np.float32]
     cloud: Any
     two_sided: bool = False
+    page_share: float = 1.0
     alpha_cutoff: float = 0.375
     max_deviation_leaves: float = 0.05
     normal: NDArray[np.uint8] | None = None
