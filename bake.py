@@ -146,7 +146,7 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
     load(first)
     groups = {first.stem: set(bpy.data.objects)}
     for path in others:
-        groups[numbered(path.stem, groups)] = set(load_beside(path))
+        groups[numbered(path.stem, groups.__contains__)] = set(load_beside(path))
     return groups
 
 

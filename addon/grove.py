@@ -5,7 +5,6 @@ A single tree is a grove of one, and keeps its own pages.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from .pipeline import file_name, finish, plan, prepare, start, view_of
 from .plan.effects import Effect, is_on, joint_effects
 from .scene import SceneError
 from .scene.extract import Tree
+from .scene.trees import numbered
 from .settings import PAGE_EFFECTS, BakeSettings
 
 
@@ -101,11 +101,10 @@ def free_name(wanted: str) -> str:
     """`wanted`, with a number if the levels could not have their names under it."""
     taken = [item.name for item in (*bpy.data.collections, *bpy.data.objects)]
 
-    def is_free(name: str) -> bool:
-        return name not in bpy.data.collections and not any(other.startswith(f"{name}_LOD") for other in taken)
+    def is_taken(name: str) -> bool:
+        return name in bpy.data.collections or any(other.startswith(f"{name}_LOD") for other in taken)
 
-    numbered = (f"{wanted}_{number}" for number in itertools.count(2))
-    return next(name for name in itertools.chain([wanted], numbered) if is_free(name))
+    return numbered(wanted, is_taken)
 
 
 class ChainsJob:

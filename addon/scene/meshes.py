@@ -22,6 +22,8 @@ PROTECT = "Leafcloud Protect"
 """The vertex group, or attribute of points, corners or faces: an artist paints there what is never pruned."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
 """The types of that attribute."""
+_PLACES = {"POINT": "triangles", "CORNER": "loops", "FACE": "faces"}
+"""What of `Copies` has each triangle's places in its domain."""
 
 
 @dataclass(frozen=True)
@@ -104,15 +106,14 @@ class Copies:
     def protected(self) -> NDArray[np.bool_] | None:
         """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
         attribute = self.mesh.attributes.get(PROTECT)
-        places = {"POINT": self.triangles, "CORNER": self.loops, "FACE": self.faces}
-        domain = "POINT"
-        if attribute is not None and attribute.domain in places and attribute.data_type in _NUMBERS:
-            painted, domain = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5, attribute.domain
+        places = "triangles"
+        if attribute is not None and attribute.domain in _PLACES and attribute.data_type in _NUMBERS:
+            painted, places = _read(attribute.data, "value", 1, np.float32)[:, 0] > 0.5, _PLACES[attribute.domain]
         elif self.protect_group >= 0:
             painted = np.array([self._is_painted(vertex) for vertex in self.mesh.vertices], bool)
         else:
             return None
-        chosen: NDArray[np.bool_] = painted[places[domain]].any(axis=1)
+        chosen: NDArray[np.bool_] = painted[getattr(self, places)].any(axis=1)
         return chosen
 
     def _is_painted(self, vertex: bpy.types.MeshVertex) -> bool:

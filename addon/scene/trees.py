@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import bpy
 
@@ -26,14 +26,14 @@ def grouped(objects: Iterable[bpy.types.Object], trees: str) -> dict[str, list[b
         groups.setdefault(owner_of(obj), []).append(obj)
     named: dict[str, list[bpy.types.Object]] = {}
     for owner, members in groups.items():
-        named[numbered(owner.name, named)] = members
+        named[numbered(owner.name, named.__contains__)] = members
     return named
 
 
-def numbered(name: str, taken: Container[str]) -> str:
-    """`name`, with the first number behind it that makes it another than those `taken`."""
+def numbered(name: str, is_taken: Callable[[str], bool]) -> str:
+    """`name`, with the first number behind it with which it is not taken, if it is."""
     names = itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
-    return next(name for name in names if name not in taken)
+    return next(name for name in names if not is_taken(name))
 
 
 def rendered(layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
