@@ -112,7 +112,8 @@ def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
 def reference(folder: Path, samples: int) -> dict[str, Pictures]:
     """Pictures of the leaves and the alternatives; made once."""
     leaves = folder / "leaves.glb"
-    seen_by = leaves.read_bytes() + (ROOT / "tools" / "flat_views.py").read_bytes()
+    tools = (ROOT / "tools" / name for name in ("flat_views.py", "clear_cells.py"))
+    seen_by = b"".join(file.read_bytes() for file in (leaves, *tools))
     file = folder / f"reference-{samples}-{hashlib.sha256(seen_by).hexdigest()[:12]}.npz"
     if not file.is_file():
         models = {"leaves": leaves, "floor": f"{leaves}:@half"}

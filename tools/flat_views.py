@@ -20,8 +20,12 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from clear_cells import leave_out_clear
 from mathutils import Vector
 from numpy.typing import NDArray
+
+MARGIN = 1.0 / 128.0
+"""Of the picture's side, kept around what is rendered."""
 
 
 def directions(count: int) -> Iterator[Vector]:
@@ -69,14 +73,19 @@ def visible_meshes(model: str) -> list[bpy.types.Object]:
     return [obj for obj in meshes if not obj.hide_render]
 
 
-def bounding_sphere(objects: list[bpy.types.Object]) -> tuple[Vector, float]:
+def places_of(objects: list[bpy.types.Object]) -> NDArray[np.float64]:
+    """All vertices in the world (n, 3)."""
     world = []
     for obj in objects:
         points = np.empty(3 * len(obj.data.vertices))
         obj.data.vertices.foreach_get("co", points)
         matrix = np.array(obj.matrix_world)
         world.append(points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
-    places = np.concatenate(world)
+    return np.concatenate(world)
+
+
+def bounding_sphere(objects: list[bpy.types.Object]) -> tuple[Vector, float]:
+    places = places_of(objects)
     centre = (places.min(0) + places.max(0)) / 2.0
     return Vector(centre), float(np.linalg.norm(places - centre, axis=1).max())
 
@@ -89,10 +98,12 @@ def set_up_camera(side: int, radius: float) -> bpy.types.Object:
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.transparent_max_bounces = 1024
+    scene.render.use_persistent_data = True
+    scene.cycles.use_auto_tile = False
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = side
-    scene.render.image_settings.compression = 0
-    scene.view_settings.view_transform = "Standard"
+    image = scene.render.image_settings
+    image.file_format, image.color_mode, image.color_depth, image.exr_codec = "OPEN_EXR", "RGBA", "16", "NONE"
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.type, camera.data.ortho_scale, camera.data.clip_end = "ORTHO", 2.05 * radius, 20.0 * radius
     scene.collection.objects.link(camera)
@@ -100,19 +111,29 @@ def set_up_camera(side: int, radius: float) -> bpy.types.Object:
     return camera
 
 
+def look_from(
+    camera: bpy.types.Object, direction: Vector, centre: Vector, radius: float, places: NDArray[np.float64]
+) -> None:
+    """Turns the camera; what lies beyond the vertices at `places` is not rendered, for there is nothing."""
+    turned = direction.to_track_quat("Z", "Y")
+    camera.location, camera.rotation_euler = centre + direction * radius * 4.0, turned.to_euler()
+    seen = (places - np.array(centre)) @ np.array(turned.to_matrix())[:, :2] / camera.data.ortho_scale
+    seen += (0.5 - camera.data.shift_x, 0.5 - camera.data.shift_y)
+    render = bpy.context.scene.render
+    render.use_border, render.use_crop_to_border = True, False
+    render.border_min_x, render.border_min_y = seen.min(0) - MARGIN
+    render.border_max_x, render.border_max_y = seen.max(0) + MARGIN
+
+
 def picture(path: str, size: int, grid: int) -> NDArray[np.float32]:
     bpy.context.scene.render.filepath = path
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(path)
     side = size * grid
-    pixels = np.empty(side * side * 4, np.float32)
-    image.pixels.foreach_get(pixels)
+    light = np.empty(side * side * 4, np.float32)
+    image.pixels.foreach_get(light)
     bpy.data.images.remove(image)
-    codes = pixels.reshape(side, side, 4)[::-1]
-    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    light[..., 3] = codes[..., 3]
-    light[..., :3] *= light[..., 3:]
-    return light.reshape(size, grid, size, grid, 4).mean((1, 3), dtype=np.float32)
+    return light.reshape(size, grid, size, grid, 4)[::-1, ::-1].mean((1, 3), dtype=np.float32)
 
 
 def main() -> None:
@@ -122,15 +143,17 @@ def main() -> None:
     rendered = {}
     with tempfile.TemporaryDirectory() as folder:
         for model in (model for model in models if not model.endswith("@frame")):
-            visible_meshes(model)
+            objects = visible_meshes(model)
+            places = places_of(objects)
+            for obj in objects:
+                leave_out_clear(obj)
             camera = set_up_camera(int(size) * int(grid), radius)
             if model.endswith("@half"):
                 camera.data.shift_x = camera.data.shift_y = 0.5 / (int(size) * int(grid))
             pictures = []
             for direction in directions(int(views)):
-                camera.location = centre + direction * radius * 4.0
-                camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
-                pictures.append(picture(str(Path(folder) / "view.png"), int(size), int(grid)))
+                look_from(camera, direction, centre, radius, places)
+                pictures.append(picture(str(Path(folder) / "view.exr"), int(size), int(grid)))
             rendered[model] = np.stack(pictures)
     np.savez(out, **rendered)
 

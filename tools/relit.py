@@ -177,7 +177,7 @@ def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool,
         for direction in directions(VIEWS):
             camera.location = centre + direction * radius * 4.0
             camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
-            pictures.append(picture(f"{folder}/view.png", SIZE, GRID))
+            pictures.append(picture(f"{folder}/view.exr", SIZE, GRID))
     return np.stack(pictures)
 
 
