@@ -96,7 +96,8 @@ def triangles_of(mesh: bpy.types.Mesh) -> tuple[Triangles, NDArray[np.int32]]:
     points, layout = np.empty(3 * len(mesh.vertices), np.float32), np.zeros(2 * len(mesh.loops), np.float32)
     vertices, loops, materials = (np.empty(n * count, np.int32) for n in (3, 3, 1))
     mesh.vertices.foreach_get("co", points)
-    mesh.uv_layers.active.uv.foreach_get("vector", layout)
+    if mesh.uv_layers:
+        mesh.uv_layers.active.uv.foreach_get("vector", layout)
     mesh.loop_triangles.foreach_get("vertices", vertices)
     mesh.loop_triangles.foreach_get("loops", loops)
     mesh.loop_triangles.foreach_get("material_index", materials)
@@ -119,7 +120,7 @@ def mesh_of(triangles: Triangles, materials: NDArray[np.int32], source: bpy.type
     for material in source.materials:
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", materials)
-    mesh.uv_layers.new(name=source.uv_layers.active.name).uv.foreach_set("vector", places.ravel())
+    mesh.uv_layers.new().uv.foreach_set("vector", places.ravel())
     mesh.update()
     return mesh
 

@@ -4,10 +4,11 @@ usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/fo
 
 The leaves are white paper in Cycles: diffuse, with the shadows that they cast upon one another. Level 1 is seen without
 any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
-textures say reaches a place; beside it with shadows that Cycles traces between the billboards. 6 suns, 4 views each.
-The luminance error is the mean difference over what either covers, over the mean luminance of the leaves. Prints a
-table in Markdown. A tree goes into docs/bench/relit.json, with the commit that was measured, as soon as it is there (a
-minute or two for opaque leaves, longer for cards), and docs/bench/relit.md shows what that holds.
+textures say reaches a place; beside it with shadows that Cycles traces between the billboards, and with the leaves' own
+light on them (tools/exact_light.py), which no texture can better. 6 suns, 4 views each. The luminance error is the mean
+difference over what either covers, over the mean luminance of the leaves. Prints a table in Markdown. A tree goes into
+docs/bench/relit.json, with the commit that was measured, as soon as it is there (some minutes each), and
+docs/bench/relit.md shows what that holds.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import bpy
 import numpy as np
 from commits import measured_commit
+from exact_light import ExactLight
 from flat_views import bounding_sphere, directions, picture, set_up_camera
 from mathutils import Vector
 from numpy.typing import NDArray
@@ -35,7 +39,7 @@ SUNS = [
     (math.radians(azimuth), math.radians(height))
     for azimuth, height in zip(range(0, 360, 60), [20, 45, 70] * 2, strict=True)
 ]
-WAYS = ("normals", "self-shadowed", "traced")
+WAYS = ("normals", "self-shadowed", "traced", "exact")
 MEASURED = ROOT / "docs" / "bench" / "relit.json"
 
 Pictures = NDArray[np.float32]
@@ -45,13 +49,14 @@ INTRODUCTION = """# Relit
 Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views each, beside the leaves with all the
 shadows that they cast in Cycles. *Normals*: no shadows, as an engine without shadow maps shows it. *Self-shadowed*:
 times the share of the sun that occlusion and visibility textures say reaches a place. *Traced*: with the shadows that
-the billboards cast upon one another in Cycles. The luminance error is the mean difference over what either covers, over
-the mean luminance of the leaves; at 128², and of the same pictures at 32².
+the billboards cast upon one another in Cycles. *Exact*: every place of the billboards as bright as it is on its leaf:
+what is left is where leaves lie, and no texture can better it. The luminance error is the mean difference over what
+either covers, over the mean luminance of the leaves; at 128², and of the same pictures at 32².
 """
 
 
 def bake(tree: Path, out: Path) -> Path:
-    effects = "normals,occlusion,self_shadowing"
+    effects = "transitions,normals,occlusion,self_shadowing"
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--effects", effects]
     subprocess.run([*command, "--levels", "1", "--no-cross"], check=True, capture_output=True)
     return out / f"{tree.stem}.blend"
@@ -66,16 +71,27 @@ def open_level(blend: Path, level: int) -> bpy.types.Object:
     [obj] = wanted.objects
     obj.hide_render = False
     obj.modifiers.clear()
+    for slot in obj.material_slots:
+        slot.link = "DATA"  # What fades is the object's own.
     bpy.context.scene.collection.objects.link(obj)
     bpy.context.view_layer.update()
     return obj
+
+
+def open_white_leaves(blend: Path) -> bpy.types.Object:
+    leaves = open_level(blend, 0)
+    for material in leaves.data.materials:
+        make_diffuse(material, shadowed=False)
+    return leaves
 
 
 def make_diffuse(material: bpy.types.Material, *, shadowed: bool) -> None:
     """White paper with the material's alpha and normals; `shadowed`: as bright as the sun reaches it."""
     tree = material.node_tree
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
-    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    output, *fading = (node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    for other in fading:
+        tree.nodes.remove(other)
     paper, clear, mix = (
         tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfTransparent", "MixShader")
     )
@@ -143,8 +159,9 @@ def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     return chosen(most, math_node("SUBTRACT", 1.0, share), share)
 
 
-def set_sun_attribute(mesh: bpy.types.Mesh, sun: Vector) -> None:
+def set_sun_attribute(obj: bpy.types.Object, sun: Vector) -> None:
     """The direction to the sun along u, along v, and across, of each face."""
+    mesh, sun = obj.data, (obj.matrix_world.to_3x3().inverted() @ sun).normalized()
     attribute = mesh.attributes.get("sun") or mesh.attributes.new("sun", "FLOAT_VECTOR", "FACE")
     layout = mesh.uv_layers.active.uv
     for polygon, value in zip(mesh.polygons, attribute.data, strict=True):
@@ -158,8 +175,8 @@ def set_sun_attribute(mesh: bpy.types.Mesh, sun: Vector) -> None:
         value.vector = (along.dot(sun), up.dot(sun), along.cross(up).dot(sun))
 
 
-def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool, folder: str) -> Pictures:
-    """(suns, views, size, size, 4), linear light, premultiplied."""
+def render(frame: tuple[Vector, float], shine: Callable[[Vector], None], *, shadows: bool, folder: str) -> Pictures:
+    """(suns · views, size, size, 4), linear light, premultiplied; `shine` is told of each sun."""
     centre, radius = frame
     camera = set_up_camera(SIZE * GRID, radius)
     cycles = bpy.context.scene.cycles
@@ -173,7 +190,7 @@ def render(obj: bpy.types.Object, frame: tuple[Vector, float], *, shadows: bool,
     for azimuth, height in SUNS:
         sun = Vector((math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), math.sin(height)))
         light.rotation_euler = sun.to_track_quat("Z", "Y").to_euler()
-        set_sun_attribute(obj.data, (obj.matrix_world.to_3x3().inverted() @ sun).normalized())
+        shine(sun)
         for direction in directions(VIEWS):
             camera.location = centre + direction * radius * 4.0
             camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
@@ -194,33 +211,38 @@ def error(base: Pictures, other: Pictures, times: int) -> float:
     return float(np.abs(luminance[0] - luminance[1])[covered].mean() / luminance[0][covered].mean())
 
 
+def seen(blend: Path, way: str, frame: tuple[Vector, float], folder: str) -> Pictures:
+    """Level 1 in one of WAYS."""
+    if way == "exact":
+        exact = ExactLight(open_white_leaves(blend))
+        return render(frame, lambda sun: exact.receive(), shadows=True, folder=folder)
+    level = open_level(blend, 1)
+    make_diffuse(level.data.materials[0], shadowed=way == "self-shadowed")
+    return render(frame, partial(set_sun_attribute, level), shadows=way == "traced", folder=folder)
+
+
 def measure(tree: Path) -> list[float]:
-    """The error by normals, self-shadowed and traced, at each size."""
+    """The error in each way, at each size."""
     with tempfile.TemporaryDirectory() as folder:
         blend = bake(tree, Path(folder) / "out")
-        leaves = open_level(blend, 0)
-        frame = bounding_sphere([leaves])
-        for material in leaves.data.materials:
-            make_diffuse(material, shadowed=False)
-        base = render(leaves, frame, shadows=True, folder=folder)
-        pictures = []
-        for way in WAYS:
-            level = open_level(blend, 1)
-            make_diffuse(level.data.materials[0], shadowed=way == "self-shadowed")
-            pictures.append(render(level, frame, shadows=way == "traced", folder=folder))
+        frame = bounding_sphere([open_white_leaves(blend)])
+        base = render(frame, lambda sun: None, shadows=True, folder=folder)
+        pictures = [seen(blend, way, frame, folder) for way in WAYS]
         return [error(base, other, times) for times in (1, 4) for other in pictures]
 
 
 def table(measured: dict[str, list[float]]) -> str:
     names = [f"{way} {size}²" for size in (SIZE, SIZE // 4) for way in WAYS]
-    lines = [f"| tree | {' | '.join(names)} | self-shadowed / normals |", "|" + "---|" * (len(names) + 2)]
+    over = [f"{way} / normals" for way in ("self-shadowed", "exact")]
+    lines = [f"| tree | {' | '.join([*names, *over])} |", "|" + "---|" * (len(names) + 3)]
     ratios = []
     for tree, errors in sorted(measured.items()):
-        ratios.append([errors[1] / errors[0], errors[4] / errors[3]])
-        values = " | ".join(f"{value:.3f}" for value in errors)
-        lines.append(f"| {tree} | {values} | {ratios[-1][0]:.2f}, {ratios[-1][1]:.2f} |")
-    mean = np.mean(ratios, axis=0)
-    lines.append(f"| mean | {' | '.join([''] * len(names))} | **{mean[0]:.2f}, {mean[1]:.2f}** |")
+        large, small = errors[: len(WAYS)], errors[len(WAYS) :]
+        ratios.append([(large[way] / large[0], small[way] / small[0]) for way in (1, 3)])
+        values = [f"{value:.3f}" for value in errors] + [f"{a:.2f}, {b:.2f}" for a, b in ratios[-1]]
+        lines.append(f"| {tree} | {' | '.join(values)} |")
+    means = [f"**{a:.2f}, {b:.2f}**" for a, b in np.mean(ratios, axis=0)]
+    lines.append(f"| mean | {' | '.join([*[''] * len(names), *means])} |")
     return "\n".join(lines)
 
 
