@@ -56,7 +56,7 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
 
 .PHONY: fidelity
-fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (an hour; less again)
+fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (two hours; less again)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
 

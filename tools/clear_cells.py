@@ -64,9 +64,8 @@ def quartered(corners: NDArray[np.float32]) -> NDArray[np.float32]:
     """Each triangle's four: at its corners, and the middle one."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
-    return np.stack([np.stack(four, 1) for four in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], 1).reshape(
-        -1, *corners.shape[1:]
-    )
+    four = np.stack([np.stack(each, 1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], 1)
+    return four.reshape(-1, *corners.shape[1:])
 
 
 def without_clear(triangles: Triangles, drawn: NDArray[np.bool_], most: int) -> Triangles:
@@ -78,7 +77,7 @@ def without_clear(triangles: Triangles, drawn: NDArray[np.bool_], most: int) -> 
         count, whole = sums.within(places)
         side = (np.ptp(places, axis=1) * sums.size).max(1)
         beyond = side > 0.9 * sums.size.min()
-        finished = ~beyond & ((count == whole) | (side <= FINEST))
+        finished = ~beyond & (count > 0) & ((count == whole) | (side <= FINEST))
         done.append((corners[finished], places[finished]))
         split = beyond | ((count > 0) & ~finished)
         corners, places = corners[split], places[split]

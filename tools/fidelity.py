@@ -1,14 +1,14 @@
 """Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
 
-usage: python tools/fidelity.py [--judge] [--samples 8] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
+usage: python tools/fidelity.py [--judge] [--samples 32] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
 The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
 billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
 published method and as many texels, then a quarter of them. Cycles renders all from 8 views (tools/flat_views.py); the
 project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. A tree
-takes Cycles up to an hour and the judge a minute; with --judge it looks alone, and what Cycles saw before is left
-standing. What was measured of a tree goes into docs/bench/fidelity.json as soon as it is there, with the commit that
-was measured, and docs/bench/fidelity.md shows what that holds.
+takes Cycles a quarter of an hour and the judge a minute; with --judge it looks alone, and what Cycles saw before is
+left standing. What was measured of a tree goes into docs/bench/fidelity.json as soon as it is there, with the commit
+that was measured, and docs/bench/fidelity.md shows what that holds.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
 SIZES = ("256", "64")
-SAMPLES = 8
+SAMPLES = 32
 """Along a pixel; alternatives that are far off have half as many."""
 ALTERNATIVES = {"literal": "paper", "cross": "cross", "sloppy": "sloppy"}
 """The files' stems."""
