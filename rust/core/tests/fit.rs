@@ -235,6 +235,14 @@ fn slack_brings_leaves_nearer_in_the_mean() {
     };
     let (far, near) = (cost(&tight), cost(&loose));
     assert!(near < 0.97 * far, "{far} to {near}");
+    let mean = |seed| {
+        let settings = FitSettings { max_billboards: Some(40), slack: 0.25, seed, ..FitSettings::default() };
+        fitted(&foliage, &settings).mean_deviation(&foliage)
+    };
+    let means: Vec<f64> = (0..4).map(mean).collect();
+    let (least, most) =
+        (means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(0.0, f64::max));
+    assert!(most < 1.06 * least, "of several seeds the best is taken, so that seeds matter little: {means:?}");
     let texels = FitSettings { max_texels: Some(100_000), slack: 0.25, ..FitSettings::default() };
     let without = FitSettings { slack: 0.0, ..texels.clone() };
     assert_eq!(fitted(&foliage, &texels).bound, fitted(&foliage, &without).bound, "a budget of texels has its own ε");

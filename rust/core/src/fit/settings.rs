@@ -128,8 +128,8 @@ pub struct FitSettings {
     pub gather: f64,
     /// At most so many billboards: ε is then the smallest found that needs no more, and `epsilon` is not used.
     pub max_billboards: Option<usize>,
-    /// How much farther than that ε leaves may move where refits bring them nearer in the mean for it, as a share of it, in [0, 1]. For a budget
-    /// of billboards alone: not with `max_texels` or `image`.
+    /// How much farther than that ε leaves may move where refits bring them nearer in the mean for it, as a share of it, in [0, 1]; where they may,
+    /// clouds of several seeds are compared. For a budget of billboards alone: not with `max_texels` or `image`.
     pub slack: f64,
     /// At most so many texels, where a texel has the side of ε / [`TEXELS_PER_EPSILON`]: ε is then the smallest found that needs no more, but
     /// not below `epsilon`.

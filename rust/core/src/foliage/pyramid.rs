@@ -114,6 +114,13 @@ pub fn decoded(code: u8, encoding: Encoding) -> f32 {
     }
 }
 
+/// What lies between two codes as a share in [0, 1]: on the line between theirs, which is within 10⁻⁵ of the curve.
+pub fn decoded_between(code: f32, encoding: Encoding) -> f32 {
+    let below = code as u8;
+    let above = below.saturating_add(1);
+    decoded(below, encoding) + (code - f32::from(below)) * (decoded(above, encoding) - decoded(below, encoding))
+}
+
 /// Of an image's colours, weighted by what each texel counts.
 pub fn of_colors(image: &Image, encoding: Encoding) -> Pyramid<Texel> {
     let table: [f32; 256] = std::array::from_fn(|code| decoded(code as u8, encoding));

@@ -1,7 +1,8 @@
 //! What a point of a triangle looks like: whether it is drawn, and what each channel shows of it.
 //!
 //! Textures are filtered over the distance at which the points lie: bilinearly where that is about a texel or less, from the nearest level of
-//! a pyramid beyond. An alpha mask seen from far is no mask any more, but the share that the cutoff lets through.
+//! a pyramid beyond. An alpha mask seen from far is no mask any more, but the share that the cutoff lets through. What is not filtered at all is
+//! looked up as renderers look leaves up that stand near.
 
 use glam::{Vec2, Vec3, Vec4};
 
@@ -17,8 +18,8 @@ pub struct Surface<'a> {
     normals: Option<[Vec3; 3]>,
     /// From point to point of a row, in texture space.
     across: Vec2,
-    /// How much of texture space a sample covers.
-    sample: f32,
+    /// How much of texture space a sample covers; `None` where textures are looked at in points.
+    sample: Option<f32>,
     alpha: Alpha<'a>,
     near: Option<Near<'a>>,
 }
@@ -96,7 +97,17 @@ impl<'a> Surface<'a> {
             Some(Near { least, of_block: greatest(across + down)?, of_run: greatest(across)? })
         });
         let normals = attributes.normals.get(triangle).copied();
-        Self { material, uvs, colors, back_colors, normals, across, sample: spread, alpha, near }
+        Self {
+            material,
+            uvs,
+            colors,
+            back_colors,
+            normals,
+            across,
+            sample: (filter > 0.0).then_some(spread),
+            alpha,
+            near,
+        }
     }
 
     /// Whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, by the weights of their middle.
@@ -203,9 +214,11 @@ impl<'a> Surface<'a> {
     /// What an image shows there; white without one.
     fn texture(&self, image: Option<&Image>, spot: Spot, encoding: Encoding) -> Vec3 {
         let Some(image) = image else { return Vec3::ONE };
-        match image.pyramid(encoding, footprint(image, self.sample * spot.samples)) {
-            None => Texels::at(image, self.uv(spot.weights)).color(encoding),
-            Some(level) => between(level, self.uv(spot.weights)),
+        let uv = self.uv(spot.weights);
+        let Some(sample) = self.sample else { return Texels::at(image, uv).shown(encoding) };
+        match image.pyramid(encoding, footprint(image, sample * spot.samples)) {
+            None => Texels::at(image, uv).color(encoding),
+            Some(level) => between(level, uv),
         }
     }
 }
@@ -284,6 +297,18 @@ impl Texels {
         let (sum, total) = mean(|t| f32::from(t[3]));
         if total > 0.0 { sum / total } else { mean(|_| 1.0).0 }
     }
+
+    /// As renderers show it near by, whatever its alpha: the mean of what a graphics card makes of it, which interpolates light, and of what Cycles
+    /// does, which interpolates codes. On pines these are 3 % apart, and what is weighted by alpha is brighter than either.
+    fn shown(&self, encoding: Encoding) -> Vec3 {
+        let between = |value: &dyn Fn(u8) -> f32| {
+            let part = |i: usize| self.texels.iter().zip(self.weights).map(|(t, w)| value(t[i]) * w).sum::<f32>();
+            Vec3::new(part(0), part(1), part(2))
+        };
+        let light = between(&|code| pyramid::decoded(code, encoding));
+        let codes = between(&f32::from);
+        light.midpoint(Vec3::from_array(codes.to_array().map(|code| pyramid::decoded_between(code, encoding))))
+    }
 }
 
 /// The two texels around a coordinate of an axis that repeats after `scale` texels, and the weight of the second.
@@ -341,6 +366,22 @@ mod tests {
         }
         case("Kernels", "bilinear alpha, f32, as a share of its bound", "the definition in f64; the stated bound")
             .holds(worst, 1.0);
+    }
+
+    #[test]
+    fn in_points_a_colour_lies_between_light_and_codes_whatever_its_alpha() {
+        // Between black and a white that is transparent: 0.5 of the light, and the light of code 127.5, by the standard's formula.
+        let image = Image::new(2, 1, vec![[0, 0, 0, 255], [255, 255, 255, 0]]).unwrap();
+        let material = Material { image: Some(image), alpha_mode: AlphaMode::Blend, ..Material::default() };
+        let attributes = Attributes { uvs: vec![[Vec2::new(0.5, 0.5); 3]], ..Attributes::default() };
+        let foliage =
+            Foliage::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], attributes, vec![material]).unwrap();
+        let spot = Spot { weights: Vec3::splat(1.0 / 3.0), samples: 1.0 };
+        let color = |filter| Surface::spread(&foliage, 0, [Vec3::X, Vec3::Y], filter).base_color(spot, true);
+        let of_code = ((0.5f64 + 0.055) / 1.055).powf(2.4);
+        let between = f64::midpoint(0.5, of_code);
+        assert!((f64::from(color(0.0).x) - between).abs() < 1e-4, "{} instead of {between}", color(0.0));
+        assert_eq!(color(1.0), Vec3::ZERO, "filtered, what is transparent does not count");
     }
 
     #[test]
