@@ -506,9 +506,10 @@ def fit(
 
     Budgets: ``max_billboards`` asks for the smallest ε found that needs no more, ``epsilon`` is then not used;
     with ``slack`` in [0, 1] leaves may move as large a share of that ε farther where refits bring them nearer in the
-    mean for it, of several seeds where they do most (not with ``max_texels`` or ``image_epsilon``); ``max_texels`` asks for the smallest ε found that needs
-    no more texels of the side ε/8, not below ``epsilon``; time: :func:`start_fit`, whose job holds a complete answer
-    early and may be cancelled. ``Cloud.epsilon`` says what came out.
+    mean for it, and the nearest of several seeds' clouds is taken (not with ``max_texels`` or ``image_epsilon``);
+    ``max_texels`` asks for the smallest ε found that needs no more texels of the side ε/8, not below ``epsilon``; time:
+    :func:`start_fit`, whose job holds a complete answer early and may be cancelled. ``Cloud.epsilon`` says what came
+    out.
 
     Shape: ``max_size`` (share of R, at least ε) is how far a billboard's leaves may lie from where it was found (a leaf
     that is larger has its own size);
