@@ -19,7 +19,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -40,9 +40,13 @@ SUNS = [
     for azimuth, height in zip(range(0, 360, 60), [20, 45, 70] * 2, strict=True)
 ]
 WAYS = ("normals", "self-shadowed", "traced", "exact")
+COMPARED = ("self-shadowed", "exact")
+"""Over what normals alone leave."""
 MEASURED = ROOT / "docs" / "bench" / "relit.json"
 
 Pictures = NDArray[np.float32]
+Errors = dict[str, list[float]]
+"""By way: at SIZE, and of the same pictures at a quarter of it."""
 
 INTRODUCTION = """# Relit
 
@@ -51,7 +55,7 @@ shadows that they cast in Cycles. *Normals*: no shadows, as an engine without sh
 times the share of the sun that occlusion and visibility textures say reaches a place. *Traced*: with the shadows that
 the billboards cast upon one another in Cycles. *Exact*: every place of the billboards as bright as it is on its leaf:
 what is left is where leaves lie, and no texture can better it. The luminance error is the mean difference over what
-either covers, over the mean luminance of the leaves; at 128², and of the same pictures at 32².
+either covers, over the mean luminance of the leaves: at 128², and of the same pictures at 32².
 """
 
 
@@ -221,32 +225,36 @@ def seen(blend: Path, way: str, frame: tuple[Vector, float], folder: str) -> Pic
     return render(frame, partial(set_sun_attribute, level), shadows=way == "traced", folder=folder)
 
 
-def measure(tree: Path) -> list[float]:
-    """The error in each way, at each size."""
+def measure(tree: Path) -> Errors:
     with tempfile.TemporaryDirectory() as folder:
         blend = bake(tree, Path(folder) / "out")
         frame = bounding_sphere([open_white_leaves(blend)])
         base = render(frame, lambda sun: None, shadows=True, folder=folder)
-        pictures = [seen(blend, way, frame, folder) for way in WAYS]
-        return [error(base, other, times) for times in (1, 4) for other in pictures]
+        pictures = {way: seen(blend, way, frame, folder) for way in WAYS}
+        return {way: [error(base, other, times) for times in (1, 4)] for way, other in pictures.items()}
 
 
-def table(measured: dict[str, list[float]]) -> str:
-    names = [f"{way} {size}²" for size in (SIZE, SIZE // 4) for way in WAYS]
-    over = [f"{way} / normals" for way in ("self-shadowed", "exact")]
-    lines = [f"| tree | {' | '.join([*names, *over])} |", "|" + "---|" * (len(names) + 3)]
-    ratios = []
+def table(measured: dict[str, Errors]) -> str:
+    """Each cell has both sizes; a dash stands for what was not measured."""
+    head = ["tree", *WAYS, *(f"{way} / normals" for way in COMPARED)]
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+
+    def cell(values: Sequence[float], places: int) -> str:
+        return ", ".join(f"{value:.{places}f}" for value in values) or "–"
+
+    ratios: dict[str, list[list[float]]] = {way: [] for way in COMPARED}
     for tree, errors in sorted(measured.items()):
-        large, small = errors[: len(WAYS)], errors[len(WAYS) :]
-        ratios.append([(large[way] / large[0], small[way] / small[0]) for way in (1, 3)])
-        values = [f"{value:.3f}" for value in errors] + [f"{a:.2f}, {b:.2f}" for a, b in ratios[-1]]
-        lines.append(f"| {tree} | {' | '.join(values)} |")
-    means = [f"**{a:.2f}, {b:.2f}**" for a, b in np.mean(ratios, axis=0)]
-    lines.append(f"| mean | {' | '.join([*[''] * len(names), *means])} |")
+        own = {way: [a / b for a, b in zip(errors.get(way, []), errors["normals"], strict=False)] for way in COMPARED}
+        for way in COMPARED:
+            ratios[way] += [own[way]] if own[way] else []
+        cells = [cell(errors.get(way, []), 3) for way in WAYS] + [cell(own[way], 2) for way in COMPARED]
+        lines.append(f"| {tree} | {' | '.join(cells)} |")
+    means = [f"**{cell(np.mean(ratios[way], axis=0), 2)}**" if ratios[way] else "" for way in COMPARED]
+    lines.append(f"| mean | {' | '.join([*[''] * len(WAYS), *means])} |")
     return "\n".join(lines)
 
 
-def keep(tree: str, errors: list[float]) -> None:
+def keep(tree: str, errors: Errors) -> None:
     """Adds a tree to those that were measured."""
     measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
     measured[tree] = {"commit": measured_commit(), "errors": errors}
