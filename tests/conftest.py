@@ -36,13 +36,22 @@ def _free_cached_types() -> None:
         clear_cache()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--half", type=int, choices=(1, 2), help="every other file, from the first or the second")
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves out the tests on the measured trees where these do not lie beside the repository."""
-    if FOLIAGE.is_dir():
-        return
-    left_out = [item for item in items if "foliage_dir" in getattr(item, "fixturenames", ())]
-    config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if item not in left_out]
+    """Leaves out what is not in the half that is asked for, and the measured trees where they do not lie beside."""
+    files = list(dict.fromkeys(item.path for item in items))
+    half = config.getoption("half")
+    wanted = set(files if half is None else files[half - 1 :: 2])
+
+    def is_left_out(item: pytest.Item) -> bool:
+        needs_trees = "foliage_dir" in getattr(item, "fixturenames", ())
+        return item.path not in wanted or (needs_trees and not FOLIAGE.is_dir())
+
+    config.hook.pytest_deselected(items=[item for item in items if is_left_out(item)])
+    items[:] = [item for item in items if not is_left_out(item)]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
