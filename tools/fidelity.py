@@ -67,7 +67,8 @@ of either silhouette, over grey. Beside it what one might use instead, made from
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
 - *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees, later than Cycles
-  where the JSON beside this page names another commit.
+  where the JSON beside this page names another commit. It interpolates light, weighted by alpha, and Cycles codes,
+  without weights: on cards they see leaves of different tones (docs/textures.md, *Colours*).
 """
 
 
