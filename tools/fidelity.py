@@ -79,9 +79,13 @@ def run(*command: object, **more: Any) -> str:
     return done.stdout
 
 
+def digest(*files: Path) -> str:
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+
+
 def make_alternatives(tree: Path, folder: Path) -> int:
     """Writes leaves.glb, paper.glb, cross.glb and sloppy.glb; returns how many billboards paper.glb has."""
-    count = folder / f"billboards-{hashlib.sha256(tree.read_bytes()).hexdigest()[:12]}"
+    count = folder / f"billboards-{digest(tree)}"
     if not count.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         fitter = KEPT / "alg1"
@@ -114,8 +118,7 @@ def reference(folder: Path, samples: int) -> dict[str, Pictures]:
     """Pictures of the leaves and the alternatives; made once."""
     leaves = folder / "leaves.glb"
     tools = (ROOT / "tools" / name for name in ("flat_views.py", "clear_cells.py"))
-    seen_by = b"".join(file.read_bytes() for file in (leaves, *tools))
-    file = folder / f"reference-{samples}-{hashlib.sha256(seen_by).hexdigest()[:12]}.npz"
+    file = folder / f"reference-{samples}-{digest(leaves, *tools)}.npz"
     if not file.is_file():
         models = {"leaves": leaves, "floor": f"{leaves}:@half"}
         models |= {name: folder / f"{stem}.glb" for name, stem in ALTERNATIVES.items()}
@@ -188,22 +191,24 @@ def measure(tree: Path, samples: int | None) -> dict[str, Any]:
     base = leafcloud.read_gltf(str(leaves), names=["leaves"])
     seen = {name: judged(base, folder / f"{stem}.glb", ["b", "cross", "leaves"]) for name, stem in ALTERNATIVES.items()}
     pictures = {} if samples is None else reference(folder, samples)
+    files = {}
     with tempfile.TemporaryDirectory() as out:
         for name, side in LEVELS.items():
             file = bake(leaves, billboards, side, Path(out) / str(side))
+            files[name] = digest(file)
             seen[name] = judged(base, file, ["leaves"])
             if samples is not None:
                 [pictures[name]] = look(folder, samples, leaves, str(file))
         report = json.loads((Path(out) / str(LEVELS["level 1"]) / "report.json").read_text())
-    commit = measured_commit()
+    what: dict[str, Any] = {"commit": measured_commit(), "files": files}
     row: dict[str, Any] = {
         "tree": tree.stem,
         "literal": billboards,
         "billboards": report["levels"][1]["billboards"],
-        "judge": {"commit": commit, **figures(judged(base, leaves, ["leaves"]), seen)},
+        "judge": {**what, **figures(judged(base, leaves, ["leaves"]), seen)},
     }
     if samples is not None:
-        row["cycles"] = {"commit": commit, "samples": samples, **figures(pictures.pop("leaves"), pictures)}
+        row["cycles"] = {**what, "samples": samples, **figures(pictures.pop("leaves"), pictures)}
     return row
 
 
@@ -240,7 +245,7 @@ def coverage_table(rows: list[dict[str, Any]]) -> str:
 
 
 def agreement_table(rows: list[dict[str, Any]]) -> str:
-    """Of the judge with Cycles, over what both looked at when they looked together."""
+    """Of the judge with Cycles, over trees of which both looked at the same files."""
     names = [*ALTERNATIVES, *LEVELS]
 
     def errors(who: str, row: dict[str, Any], size: str) -> NDArray[np.float64]:
@@ -261,7 +266,7 @@ def agreement_table(rows: list[dict[str, Any]]) -> str:
 def tables(rows: list[dict[str, Any]]) -> str:
     seen = [row for row in rows if "cycles" in row]
     parts = [error_table(rows, "judge", size) for size in SIZES]
-    together = [row for row in seen if row["cycles"]["commit"] == row["judge"]["commit"]]
+    together = [row for row in seen if row["cycles"]["files"] == row["judge"]["files"]]
     if seen:
         agreement = [agreement_table(together)] if together else []
         parts = [*(error_table(seen, "cycles", size) for size in SIZES), *agreement, *parts]
