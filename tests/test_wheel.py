@@ -331,6 +331,10 @@ def test_wrong_attributes_and_materials() -> None:
         (lambda f: leafcloud.build_chain(f, levels=0, cross=False), "levels is 0 without a cross"),
         (lambda f: leafcloud.render([f], (0, 1, 0), -1, centre=(0, 0, 0), radius=1), "size is -1"),
         (lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius="wide"), "radius is 'wide'"),
+        (
+            lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius=1, filtered="no"),
+            "filtered is 'no'",
+        ),
         (lambda f: leafcloud.render([], (0, 1, 0), 8, centre=(0, 0, 0), radius=1), "no parts to render"),
         (lambda f: leafcloud.leaf_scale(1.0, 0.5), "a rank is 1.0"),
         (lambda f: leafcloud.area_scale([0.5], [float("nan")], 0.5), "an area is NaN"),
@@ -354,6 +358,25 @@ def test_a_picture_of_a_square() -> None:
     expected = np.zeros((8, 8, 4), np.uint8)
     expected[2:6, 2:6] = (255, 0, 0, 255)
     np.testing.assert_array_equal(picture, expected)
+
+
+def test_an_unfiltered_picture_is_the_mean_of_its_points() -> None:
+    """Three texels to a sample: a point sees just the middle one, in linear light."""
+    size, samples = 4, 2
+    texels = np.random.default_rng(7).integers(0, 256, (3 * size * samples, 3 * size * samples, 4), dtype=np.uint8)
+    texels[..., 3] = 255
+    square = Foliage(
+        [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]],
+        [[0, 1, 2], [0, 2, 3]],
+        uvs=[[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]],
+        materials=[Material(image=texels)],
+    )
+    seen = leafcloud.render([square], (0, -1, 0), size, centre=(0, 0, 0), radius=1, samples=samples, filtered=False)
+    codes = texels[1::3, 1::3, :3] / 255.0
+    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    mean = light.reshape(size, samples, size, samples, 3).mean((1, 3))
+    expected = np.where(mean <= 0.0031308, mean * 12.92, 1.055 * mean ** (1 / 2.4) - 0.055) * 255.0
+    np.testing.assert_allclose(seen[..., :3], expected, atol=0.75)
 
 
 def test_png_round_trip(tmp_path: Any) -> None:

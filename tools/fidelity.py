@@ -43,8 +43,8 @@ EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
 SIZES = ("256", "64")
-SAMPLES = 32
-"""Along a pixel; alternatives that are far off have half as many."""
+SAMPLES, JUDGED = 32, 16
+"""Along a pixel, of Cycles (alternatives that are far off have half as many) and of the judge."""
 ALTERNATIVES = {"literal": "paper", "cross": "cross", "sloppy": "sloppy"}
 """The files' stems."""
 LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}
@@ -66,9 +66,9 @@ of either silhouette, over grey. Beside it what one might use instead, made from
   one of {LEVELS["a quarter"]}².
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
-- *the judge*: the project's own renderer and its FLIP, from the same views; it looks at all trees, later than Cycles
-  where the JSON beside this page names another commit. It interpolates light, weighted by alpha, and Cycles codes,
-  without weights: on cards they see leaves of different tones (docs/textures.md, *Colours*).
+- *the judge*: the project's own renderer and its FLIP, from the same views, with {JUDGED} × {JUDGED} samples in each
+  pixel at which textures are looked up in points, without a filter. It is compared with Cycles where both looked at the
+  same files.
 """
 
 
@@ -138,7 +138,7 @@ def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
         z = 1.0 - 1.5 * (i + 0.5) / VIEWS
         direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
         frame = {"centre": base.centre.tolist(), "radius": 1.025 * base.radius}
-        pictures.append(leafcloud.render([foliage], direction, SIZE, samples=8, **frame))
+        pictures.append(leafcloud.render([foliage], direction, SIZE, samples=JUDGED, filtered=False, **frame))
     codes = np.stack(pictures).astype(np.float32) / 255.0
     light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
     light[..., 3] = codes[..., 3]

@@ -691,9 +691,14 @@ def render(
     radius: float,
     up: Sequence[float] = (0.0, 0.0, 1.0),
     samples: int = 4,
+    filtered: bool = True,
 ) -> NDArray[np.uint8]:
     """An orthographic, flat-lit picture (size, size, 4): base colours seen against ``direction`` (from the centre to
-    the eye)."""
+    the eye).
+
+    ``samples`` in [1, 16] lie along each side of a pixel. Textures are filtered over the distance between them, which
+    is smooth with few; without (``filtered=False``) they are looked up in points and with the colours between texels
+    that renderers show, which is as true as the samples are many."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Writes an (h, w, 4) sRGB image; the same bytes for the same pixels."""

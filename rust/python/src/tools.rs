@@ -15,7 +15,7 @@ use crate::errors::{guard, read, refuse};
 use crate::foliage::PyFoliage;
 
 #[pyfunction]
-#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None))]
+#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None, filtered = None))]
 #[allow(clippy::too_many_arguments)] // the Python signature
 pub fn render<'py>(
     py: Python<'py>,
@@ -26,14 +26,17 @@ pub fn render<'py>(
     radius: &Bound<'py, PyAny>,
     up: Option<&Bound<'py, PyAny>>,
     samples: Option<&Bound<'py, PyAny>>,
+    filtered: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let samples = samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?;
+    let filtered: bool = filtered.map_or(Ok(true), |value| read(value, "filtered", "True or False"))?;
     let view = View {
         direction: arrays::vector(direction, "direction")?,
         up: up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))?,
         centre: arrays::vector(centre, "centre")?,
         radius: read(radius, "radius", "a number above 0")?,
         size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
-        samples: samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?,
+        samples: if filtered { samples } else { samples.unfiltered() },
     };
     let parts: Vec<Bound<'py, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
     let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
