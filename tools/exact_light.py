@@ -1,7 +1,7 @@
 """The leaves where their billboards put them, each place as bright as it is in the crown.
 
-That is the most that any texture on these billboards can give under a sun: what is left of the error is where leaves
-lie. Cycles bakes the light on the leaves, with the shadows that they cast, to the corners of their quartered triangles,
+That is what a texture on these billboards gives under a sun that has each leaf's own light: what is left of the error is
+where leaves lie. Cycles bakes the light on the leaves, with the shadows that they cast, to the corners of their quartered triangles,
 of either side apart. Shown are the same triangles, a hundredth of the way from their billboard to the leaf, so that
 they hide one another in the order in which a page has them.
 """

@@ -5,8 +5,8 @@ usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/fo
 The leaves are white paper in Cycles: diffuse, with the shadows that they cast upon one another. Level 1 is seen without
 any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
 textures say reaches a place; beside it with shadows that Cycles traces between the billboards, and with the leaves' own
-light on them (tools/exact_light.py), which no texture can better. 6 suns, 4 views each. The luminance error is the mean
-difference over what either covers, over the mean luminance of the leaves. Prints a table in Markdown. A tree goes into
+light on them (tools/exact_light.py). 6 suns, 4 views each. The luminance error is the mean difference over what either
+covers, over the mean luminance of the leaves: 1 for a black picture. Prints a table in Markdown. A tree goes into
 docs/bench/relit.json, with the commit that was measured, as soon as it is there (some minutes each), and
 docs/bench/relit.md shows what that holds.
 """
@@ -54,8 +54,9 @@ Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views e
 shadows that they cast in Cycles. *Normals*: no shadows, as an engine without shadow maps shows it. *Self-shadowed*:
 times the share of the sun that occlusion and visibility textures say reaches a place. *Traced*: with the shadows that
 the billboards cast upon one another in Cycles. *Exact*: every place of the billboards as bright as it is on its leaf:
-what is left is where leaves lie, and no texture can better it. The luminance error is the mean difference over what
-either covers, over the mean luminance of the leaves: at 128², and of the same pictures at 32².
+what is left is where leaves lie, which no texture mends that has each leaf's own light. The luminance error is the mean
+difference over what either covers, over the mean luminance of the leaves: at 128², and of the same pictures at 32². A
+black picture has 1; normals alone have more, for most of what they light is in shadow.
 """
 
 

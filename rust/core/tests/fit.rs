@@ -348,6 +348,25 @@ fn answers_on_the_way_are_complete_and_get_better() {
 }
 
 #[test]
+fn within_a_budget_the_last_answer_on_the_way_is_the_result() {
+    let foliage = shrub();
+    for slack in [0.0, 0.25] {
+        let answers = Mutex::new(Vec::new());
+        let settings = FitSettings { max_billboards: Some(40), slack, ..FitSettings::default() };
+        let told = |cloud| answers.lock().unwrap().push(cloud);
+        let result = fit_watched(&foliage, &settings, Progress::silent(), &told).unwrap();
+        let answers = answers.into_inner().unwrap();
+        for cloud in &answers {
+            assert_held(&foliage, cloud);
+            assert!(cloud.planes.len() <= 40);
+        }
+        let last = answers.last().unwrap();
+        assert_eq!(last.parents, result.parents, "refits are told, too");
+        assert!(last.mean_deviation(&foliage) < answers[0].mean_deviation(&foliage));
+    }
+}
+
+#[test]
 fn a_job_stopped_early_has_an_answer() {
     let foliage = shrub();
     let answers = Mutex::new(0);

@@ -93,7 +93,8 @@ pub fn fit(foliage: &Foliage, settings: &FitSettings, progress: Progress) -> Res
     fit_within(foliage, &settings.opacity(foliage), settings, settings.epsilon * foliage.frame().radius, progress, None)
 }
 
-/// The same; `better` is told complete clouds on the way, each with fewer planes than the one before or, with a budget, of a smaller ε.
+/// The same; `better` is told complete clouds on the way, each with fewer planes than the one before or, with a budget, of a smaller ε, then
+/// those that refits bring nearer.
 ///
 /// # Errors
 /// As [`fit`].
@@ -259,6 +260,11 @@ impl Task<'_> {
             let billboards = max_billboards.map_or(0.0, |most| cloud.planes.len() as f64 / most as f64);
             billboards.max(max_texels.map_or(0.0, |most| self.texels(cloud) / most as f64))
         };
+        let tell = |cloud: &Cloud| {
+            if let Some(better) = better {
+                better(cloud.clone());
+            }
+        };
         let mut finest = f64::INFINITY;
         let (power, least) = match max_billboards {
             Some(_) => (BILLBOARDS_POWER, settings::MIN_EPSILON),
@@ -271,9 +277,9 @@ impl Task<'_> {
             let slabs = self.cover(&pieces, bound, progress.part(part(attempt), part(attempt + 1)), None)?;
             let cloud = self.cloud(&pieces, &slabs, bound);
             let need = need(&cloud);
-            if let Some(better) = better.filter(|_| need <= 1.0 && epsilon < finest) {
+            if need <= 1.0 && epsilon < finest {
                 finest = epsilon;
-                better(cloud.clone());
+                tell(&cloud);
             }
             Ok(((bound, slabs, cloud), need))
         })?;
@@ -287,11 +293,16 @@ impl Task<'_> {
         let finals = |finalist| progress.part(SEARCHED, 1.0).part(share(finalist), share(finalist + 1));
         let refined = self.settled(slabs, bound, room, finals(0))?;
         // Moved, slabs may need a few texels more.
-        let mut nearest = if need(&refined) <= 1.0 { refined } else { cloud };
+        let mut nearest = cloud;
+        if need(&refined) <= 1.0 {
+            tell(&refined);
+            nearest = refined;
+        }
         let others = if slack > 0.0 { 1..FINALISTS } else { 1..1 };
         for finalist in others {
             let other = self.finalist(finalist, (bound * EASIER).min(room), room, finals(finalist))?;
             if need(&other) <= 1.0 && other.mean_deviation(self.foliage) < nearest.mean_deviation(self.foliage) {
+                tell(&other);
                 nearest = other;
             }
         }

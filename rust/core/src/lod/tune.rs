@@ -35,14 +35,17 @@ const MOSTLY_LOST: f64 = 0.5;
 /// What a difference in coverage weighs beside the loss of overlap, when a cutoff is chosen: getting denser by 5 % is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
 
+/// Neither what is reported nor what `make fidelity` measures is seen from where settings are chosen: those have turns of ½ and 0.
+const TURN: f64 = 0.25;
+
 /// By what it is judged where leaves are: few views, and large ones.
 pub fn views_of_places(count: usize, up: DVec3) -> Result<Views> {
-    Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: 0.0 })
+    Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: TURN })
 }
 
 /// By what it is judged how much there is of them, and of which colour: closer looks, from more sides.
 pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
-    Ok(Views { count, size: 64, samples: Samples::new(4)?.unfiltered(), up, turn: 0.0 })
+    Ok(Views { count, size: 64, samples: Samples::new(4)?.unfiltered(), up, turn: TURN })
 }
 
 /// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.
