@@ -1,9 +1,9 @@
 """The leaves where their billboards put them, each place as bright as it is in the crown.
 
-That is what a texture on these billboards gives under a sun that has each leaf's own light: what is left of the error is
-where leaves lie. Cycles bakes the light on the leaves, with the shadows that they cast, to the corners of their quartered triangles,
-of either side apart. Shown are the same triangles, a hundredth of the way from their billboard to the leaf, so that
-they hide one another in the order in which a page has them.
+That is what a texture on these billboards gives under a sun that has each leaf's own light: what is left of the error
+is where leaves lie. Cycles bakes the light on the leaves, with the shadows that they cast, to the corners of their
+quartered triangles, of either side apart. Shown are the same triangles, a hundredth of the way from their billboard to
+the leaf, so that they hide one another in the order in which a page has them.
 """
 
 from __future__ import annotations
