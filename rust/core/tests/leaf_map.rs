@@ -34,18 +34,26 @@ fn linear(code: u8) -> f64 {
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The share of whole texels whose labels say what their colour says, within so many texels of the leaves' texture.
+/// The share of whole texels whose labels say what their colour says, within so many texels of the leaves' texture. A page's blue is brighter or
+/// darker than the leaves' by one factor, its tone: the median of what they say.
 fn agreement(level: &Level, within: f64) -> f64 {
     let [uv, id] = [&level.page.leaf_uv, &level.page.leaf_id].map(|image| image.as_ref().unwrap().pixels());
-    let whole = level.page.base_color.pixels().iter().zip(uv.iter().zip(id)).filter(|(color, _)| color[3] == 255);
+    let whole = || level.page.base_color.pixels().iter().zip(uv.iter().zip(id)).filter(|(color, _)| color[3] == 255);
+    let leaf_of = |id: &[u8; 4]| u32::from(id[0]) | u32::from(id[1]) << 8;
+    let mut tones: Vec<f64> = whole()
+        .filter(|(_, (_, id))| leaf_of(id) > 0)
+        .map(|(color, (_, id))| linear(color[2]) * LEAVES as f64 / f64::from(leaf_of(id)))
+        .collect();
+    tones.sort_by(f64::total_cmp);
+    let tone = tones[tones.len() / 2];
+    assert!((tone - 1.0).abs() < 0.1, "{tone}");
     let agrees = |(&[red, green, blue, _], (uv, id)): (&[u8; 4], (&[u8; 4], &[u8; 4]))| {
         let (u, v) = (u16::from(uv[0]) << 4 | u16::from(uv[2]) >> 4, u16::from(uv[1]) << 4 | u16::from(uv[2]) & 15);
         let near = |code: u8, coordinate: u16| (f64::from(code) - f64::from(coordinate) / 16.0).abs() <= within;
-        let leaf = u32::from(id[0]) | u32::from(id[1]) << 8;
-        let number = linear(blue) * LEAVES as f64;
+        let (leaf, number) = (leaf_of(id), linear(blue) / tone * LEAVES as f64);
         near(red, u) && near(green, v) && (number - f64::from(leaf)).abs() < 0.6 && u32::from(id[2]) == leaf % 2
     };
-    let (agreeing, all) = whole.fold((0, 0), |(yes, all), texel| (yes + usize::from(agrees(texel)), all + 1));
+    let (agreeing, all) = whole().fold((0, 0), |(yes, all), texel| (yes + usize::from(agrees(texel)), all + 1));
     assert!(all > 500, "{all} whole texels");
     f64::from(u32::try_from(agreeing).unwrap()) / f64::from(u32::try_from(all).unwrap())
 }
