@@ -57,8 +57,8 @@ INTRODUCTION = f"""# Fidelity
 
 Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, seen from {VIEWS} directions by Cycles,
 flat-lit, orthographic, on a grid of samples in each pixel: so many along its side (for cross and sloppy, which are far
-off, half as many). FLIP is the mean within four pixels
-of either silhouette, over grey. Beside it what one might use instead, made from the same leaves.
+off, half as many). FLIP is the mean within four pixels of either silhouette, over grey. Beside it what one might use
+instead, made from the same leaves.
 
 - *literal*: the published algorithm (ε = {EPSILON} R, N = {CANDIDATES}), rectangles, one front texture each,
   {TEXELS / 1e6:.1f} M texels.
@@ -67,7 +67,6 @@ of either silhouette, over grey. Beside it what one might use instead, made from
   one of {LEVELS["a quarter"]}².
 - *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
   the instrument itself is worth.
-- Levels are tuned to pictures from other sides than these, and than those of reports.
 - *the judge*: the project's own renderer and its FLIP, from the same views, with {JUDGED} × {JUDGED} samples in each
   pixel at which textures are looked up in points, without a filter. It is compared with Cycles where both looked at the
   same files.
