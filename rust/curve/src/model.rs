@@ -332,7 +332,7 @@ fn texels(choice: &Choice) -> f64 {
 fn more_looks(looks: Looks) -> f64 {
     // What a direction of each judge costs: how often he looks, about, times the samples of his pictures.
     let all = |Looks { places, amounts, report, .. }: Looks| {
-        6.0 * 36_864.0 * places as f64 + 9.0 * 65_536.0 * amounts as f64 + 262_144.0 * report as f64
+        6.0 * 36_864.0 * places as f64 + 9.0 * 36_864.0 * amounts as f64 + 262_144.0 * report as f64
     };
     all(looks) / all(Looks::QUICK)
 }

@@ -66,7 +66,7 @@ impl Looks {
 
 impl Default for Looks {
     fn default() -> Self {
-        Self { order: 16, places: 6, amounts: 8, report: 8 }
+        Self { order: 16, places: 6, amounts: 16, report: 8 }
     }
 }
 
