@@ -5,6 +5,7 @@
 //! same bytes; the encoder's arithmetic may differ between machines.
 
 mod container;
+mod cut_out;
 mod uastc;
 
 use thiserror::Error;
@@ -18,6 +19,23 @@ pub struct Level<'a> {
     pub height: usize,
     /// All pixels.
     pub pixels: &'a [[u8; 4]],
+    /// Where alpha is cut out: there each pixel stays on its side of the cutoff. Of those that overlap, the last counts.
+    pub cut_outs: &'a [CutOut],
+}
+
+/// Pixels of a level that are drawn where their alpha is at least `code`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CutOut {
+    /// The first column.
+    pub x: usize,
+    /// The first row.
+    pub y: usize,
+    /// Columns; those beyond the level do not count.
+    pub width: usize,
+    /// Rows, likewise.
+    pub height: usize,
+    /// The least alpha that is drawn, at least 1.
+    pub code: u8,
 }
 
 /// What the codes mean.
@@ -50,7 +68,7 @@ pub const LARGEST: usize = 16_384;
 /// before, or has other than width × height pixels; a failure of the encoder.
 pub fn encode(levels: &[Level], codes: Codes) -> Result<Vec<u8>, Error> {
     check(levels)?;
-    let blocks = uastc::compress(levels, codes)?;
+    let blocks = levels.iter().map(|level| cut_out::compress(level, codes)).collect::<Result<Vec<_>, _>>()?;
     container::write(levels, &blocks, codes)
 }
 

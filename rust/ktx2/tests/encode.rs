@@ -1,7 +1,7 @@
 //! What comes out is read by another implementation: the crate `basisu`, a transcoder of its own.
 
 use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
-use leafcloud_ktx2::{Codes, Error, Level, encode};
+use leafcloud_ktx2::{Codes, CutOut, Error, Level, encode};
 
 /// Leaf-like: green of several shades where alpha is full, discs on nothing.
 fn picture(side: usize) -> Vec<[u8; 4]> {
@@ -19,7 +19,7 @@ fn chain(side: usize) -> Vec<(usize, Vec<[u8; 4]>)> {
 }
 
 fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<Level<'_>> {
-    chain.iter().map(|(side, pixels)| Level { width: *side, height: *side, pixels }).collect()
+    chain.iter().map(|(side, pixels)| Level { width: *side, height: *side, pixels, cut_outs: &[] }).collect()
 }
 
 #[test]
@@ -46,15 +46,43 @@ fn every_level_comes_back() {
     }
 }
 
+/// Pixels by chance, all colours, alpha within two codes of the cutoff or full: the worst there is for a block.
+fn noise(side: usize, cutoff: u8) -> Vec<[u8; 4]> {
+    let pixel = |i: usize| {
+        let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let [r, g, b, chance, ..] = (hash ^ (hash >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9).to_be_bytes();
+        [r, g, b, [cutoff - 2, cutoff - 1, cutoff, cutoff + 1, 255, 0][usize::from(chance) % 6]]
+    };
+    (0..side * side).map(pixel).collect()
+}
+
+fn alphas(file: &[u8]) -> Vec<u8> {
+    let back = Transcoder::new(file).unwrap().transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).unwrap();
+    back.into_iter().skip(3).step_by(4).collect()
+}
+
 #[test]
-fn what_passes_a_cutoff_still_does() {
-    let pixels = picture(256);
-    let file = encode(&[Level { width: 256, height: 256, pixels: &pixels }], Codes::Srgb).unwrap();
-    let back = Transcoder::new(&file).unwrap().transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).unwrap();
-    let passing = |alphas: &mut dyn Iterator<Item = u8>| alphas.filter(|&a| a > 127).count() as f64;
-    let (before, after) =
-        (passing(&mut pixels.iter().map(|p| p[3])), passing(&mut back.iter().skip(3).step_by(4).copied()));
-    assert!((after / before - 1.0).abs() < 0.01, "{before} texels became {after}");
+fn what_is_cut_out_stays_so() {
+    for (pixels, cutoff) in [(picture(128), 128), (noise(128, 26), 26), (noise(128, 128), 128), (noise(128, 230), 230)]
+    {
+        let cut_outs = [CutOut { x: 0, y: 0, width: 128, height: 128, code: cutoff }];
+        let level = Level { width: 128, height: 128, pixels: &pixels, cut_outs: &cut_outs };
+        let shown = alphas(&encode(&[level], Codes::Srgb).unwrap());
+        let changed = shown.iter().zip(&pixels).filter(|(shown, p)| (**shown >= cutoff) != (p[3] >= cutoff)).count();
+        assert_eq!(changed, 0, "of {} pixels, cut out at {cutoff}", pixels.len());
+    }
+}
+
+#[test]
+fn parts_of_a_picture_have_cutoffs_of_their_own() {
+    let (left, right) = (noise(64, 26), noise(64, 200));
+    let pixels: Vec<[u8; 4]> = left.chunks(64).zip(right.chunks(64)).flat_map(|(a, b)| [a, b].concat()).collect();
+    let half = |x: usize, code: u8| CutOut { x, y: 0, width: 64, height: 64, code };
+    let level = Level { width: 128, height: 64, pixels: &pixels, cut_outs: &[half(0, 26), half(64, 200)] };
+    let shown = alphas(&encode(&[level], Codes::Srgb).unwrap());
+    let cutoff = |i: usize| if i % 128 < 64 { 26 } else { 200 };
+    let changed = (0..pixels.len()).filter(|&i| (shown[i] >= cutoff(i)) != (pixels[i][3] >= cutoff(i)));
+    assert_eq!(changed.count(), 0);
 }
 
 #[test]
@@ -87,7 +115,7 @@ fn the_same_pictures_give_the_same_bytes() {
 #[test]
 fn what_is_no_mip_chain_is_refused() {
     let (four, two) = (picture(4), picture(2));
-    let level = |width: usize, height: usize, pixels| Level { width, height, pixels };
+    let level = |width: usize, height: usize, pixels| Level { width, height, pixels, cut_outs: &[] };
     let message = |levels: &[Level]| match encode(levels, Codes::Srgb) {
         Err(Error::Levels(message)) => message,
         other => panic!("{other:?}"),

@@ -7,7 +7,6 @@ use leafcloud::lod::{Chain, Level, share_page};
 use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
 use leafcloud_curve::{Offer, Stages};
-use leafcloud_ktx2::Codes;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -16,6 +15,7 @@ use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
 use crate::errors::{Failure, guard};
 use crate::foliage::PyFoliage;
+use crate::ktx2;
 
 /// A cloud with what is needed to speak of it to the caller.
 #[derive(Clone)]
@@ -277,22 +277,7 @@ impl PyLevel {
     }
 
     fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let encode = || {
-            let level = self.level();
-            let levels = level.mips(channel).ok_or_else(|| {
-                let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
-                let known: Vec<&str> = known.collect();
-                Error::invalid(format!("the level has no channel {channel:?} with mips; it has {}", known.join(", ")))
-            })?;
-            let codes = if matches!(channel, "base_color" | "translucency") { Codes::Srgb } else { Codes::Linear };
-            let mips = levels.iter().map(|image| leafcloud_ktx2::Level {
-                width: image.width(),
-                height: image.height(),
-                pixels: image.pixels(),
-            });
-            leafcloud_ktx2::encode(&mips.collect::<Vec<_>>(), codes).map_err(|error| Error::invalid(error.to_string()))
-        };
-        let file = py.detach(|| guard(encode))?;
+        let file = py.detach(|| guard(|| ktx2::file_of(self.level(), channel)))?;
         Ok(PyBytes::new(py, &file))
     }
 

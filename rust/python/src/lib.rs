@@ -9,6 +9,7 @@ mod curve;
 mod errors;
 mod foliage;
 mod job;
+mod ktx2;
 mod levels;
 mod options;
 mod tools;

@@ -1,5 +1,6 @@
 //! One level: fitted to the one before, packed, baked, and judged against the leaves.
 
+use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
@@ -203,11 +204,25 @@ impl Level {
             if *cutoff == 0.0 {
                 return Some(mips::means(image));
             }
-            let own = Part::of(&self.sheet, *cutoff);
-            let parts = if self.sharers.is_empty() { std::slice::from_ref(&own) } else { &self.sharers };
-            return Some(mips::of_parts(image, parts));
+            return Some(mips::of_parts(image, &self.parts()));
         }
         self.page.levels(channel)
+    }
+
+    /// Where on one of those levels of a channel, of so many texels, alpha is cut out, and the least code that passes.
+    #[must_use]
+    pub fn cut_outs(&self, channel: &str, number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
+        let cut = channel == "base_color" && self.alpha_cutoff > 0.0;
+        if cut { mips::cut_outs(&self.parts(), number, width, height) } else { Vec::new() }
+    }
+
+    /// Who shares the page as engines draw it, the level among them.
+    fn parts(&self) -> Cow<'_, [Part]> {
+        if self.sharers.is_empty() {
+            Cow::Owned(vec![Part::of(&self.sheet, self.for_engines().1)])
+        } else {
+            Cow::Borrowed(&self.sharers)
+        }
     }
 
     /// The level's share of its page, by the area of what lies on it; 1 where it has the page for itself.

@@ -105,10 +105,9 @@ const COVERAGE_ERROR: f64 = 0.0025;
 
 /// How the logarithm of coverage changes with the cutoff at first, about; secants correct it. How often the cutoff is moved.
 const SLOPE: f64 = -0.4;
-const MOVES: usize = 6;
+const MOVES: usize = 12;
 
-/// The cutoff near `cutoff` with which the billboards cover what the leaves cover; as near to that as a cutoff comes. Secants within a range
-/// that halves where they leave it.
+/// The cutoff near `cutoff` with which the billboards cover what the leaves cover; as near to that as a cutoff comes.
 ///
 /// # Errors
 /// All billboards are without area.
@@ -125,30 +124,38 @@ pub fn matched(
         let shown = billboards(sheet, frame, page.material(cutoff as f32, double_sided))?;
         leaves.glance(&shown).map(|glance| libm::log(glance.coverage.max(1e-9)))
     };
-    let mut here = (f64::from(cutoff), excess(f64::from(cutoff))?);
+    Ok(least_excess(f64::from(cutoff), excess)? as f32)
+}
+
+/// Where coverage, which falls as the cutoff rises, exceeds nothing. Secants until it is crossed; then false positions, and halves where
+/// these come from the same side twice: what is faint all over falls from too much to nothing within a code of alpha.
+fn least_excess(cutoff: f64, excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
+    let mut here = (cutoff, excess(cutoff)?);
     let mut best = here;
-    // Coverage falls as the cutoff rises.
-    let (mut dense, mut sparse) = (LEAST_CUTOFF.min(here.0), GREATEST_CUTOFF.max(here.0));
+    let (mut dense, mut sparse) = ((LEAST_CUTOFF.min(here.0), None), (GREATEST_CUTOFF.max(here.0), None));
     let mut slope = SLOPE;
+    let mut same = 0;
     for _ in 0..MOVES {
         if best.1.abs() <= COVERAGE_ERROR {
             break;
         }
-        if here.1 > 0.0 {
-            dense = here.0;
-        } else {
-            sparse = here.0;
-        }
-        let aim = here.0 - here.1 / slope;
-        let next = if dense < aim && aim < sparse { aim } else { 0.5 * (dense + sparse) };
+        let end = if here.1 > 0.0 { &mut dense } else { &mut sparse };
+        *end = (here.0, Some(here.1));
+        let aim = match (dense.1, sparse.1) {
+            (Some(_), Some(_)) if same > 1 => 0.5 * (dense.0 + sparse.0),
+            (Some(above), Some(below)) => dense.0 + (sparse.0 - dense.0) * above / (above - below),
+            _ => here.0 - here.1 / slope,
+        };
+        let next = if dense.0 < aim && aim < sparse.0 { aim } else { 0.5 * (dense.0 + sparse.0) };
         let there = (next, excess(next)?);
         slope = ((there.1 - here.1) / (there.0 - here.0)).clamp(10.0 * SLOPE, 0.1 * SLOPE);
+        same = if there.1.signum() == here.1.signum() { same + 1 } else { 1 };
         here = there;
         if here.1.abs() < best.1.abs() {
             best = here;
         }
     }
-    Ok(best.0 as f32)
+    Ok(best.0)
 }
 
 /// The range of factors by which colours may be moved.
@@ -189,4 +196,31 @@ fn nothing_shows(page: &Image) -> Error {
         page.width(),
         page.height()
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cutoff_that_keeps_coverage_is_found_wherever_coverage_falls() {
+        // Lines, a step as of leaves that are faint all over, and what falls at once and then hardly.
+        let line = |cutoff: f64| Ok(0.3 - cutoff);
+        let step = |cutoff: f64| Ok(0.2 - 0.8 / (1.0 + libm::exp((0.207 - cutoff) / 0.002)));
+        let tail = |cutoff: f64| Ok(libm::exp(-40.0 * (cutoff - 0.03)) - 0.01);
+        let curves: [&dyn Fn(f64) -> Result<f64>; 3] = [&line, &step, &tail];
+        for (number, excess) in curves.into_iter().enumerate() {
+            for start in [0.05, 0.1, 0.25, 0.5, 0.6] {
+                let left = excess(least_excess(start, excess).unwrap()).unwrap();
+                assert!(left.abs() <= COVERAGE_ERROR, "curve {number} from {start}: {left} is left");
+            }
+        }
+    }
+
+    #[test]
+    fn where_no_cutoff_keeps_coverage_the_nearest_is_found() {
+        let thin = |cutoff: f64| Ok(-0.2 - cutoff);
+        let found = least_excess(0.5, thin).unwrap();
+        assert!((found - LEAST_CUTOFF).abs() < 0.01, "{found}");
+    }
 }

@@ -77,6 +77,19 @@ pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
     together
 }
 
+/// Where on a level of so many texels alpha is cut out, and the least code that passes there: of parts that share a page each by itself.
+#[must_use]
+pub fn cut_outs(parts: &[Part], number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
+    if let [Part { alpha_cutoff, .. }] = parts {
+        return vec![(Region { x: 0, y: 0, width, height }, code_at_least(*alpha_cutoff))];
+    }
+    let of_part = |part: &Part| {
+        let (owned, code) = (part.owned(), code_at_least(part.alpha_cutoff));
+        owned.into_iter().map(move |region| (smaller(region, 1 << number, width, height), code))
+    };
+    parts.iter().flat_map(of_part).collect()
+}
+
 fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
     Image::new(image.width(), image.height(), pixels).expect("as many texels as before")
 }

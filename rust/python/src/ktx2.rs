@@ -1,0 +1,40 @@
+//! A level's textures as KTX2.
+
+use leafcloud::Error;
+use leafcloud::lod::Level;
+use leafcloud_ktx2::{Codes, CutOut, encode};
+
+/// The file of a channel, with its mip levels.
+///
+/// # Errors
+/// The level has no such channel, or it has no mips; a page that glTF does not take; a failure of the encoder.
+pub fn file_of(level: &Level, channel: &str) -> Result<Vec<u8>, Error> {
+    let levels = level.mips(channel).ok_or_else(|| {
+        let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
+        let known: Vec<&str> = known.collect();
+        Error::invalid(format!("the level has no channel {channel:?} with mips; it has {}", known.join(", ")))
+    })?;
+    let codes = if matches!(channel, "base_color" | "translucency") { Codes::Srgb } else { Codes::Linear };
+    let sizes = levels.iter().map(|image| (image.width(), image.height()));
+    let cut_outs: Vec<Vec<CutOut>> =
+        sizes.enumerate().map(|(number, size)| cut_outs(level, channel, number, size)).collect();
+    let mips = levels.iter().zip(&cut_outs).map(|(image, cut_outs)| leafcloud_ktx2::Level {
+        width: image.width(),
+        height: image.height(),
+        pixels: image.pixels(),
+        cut_outs,
+    });
+    encode(&mips.collect::<Vec<_>>(), codes).map_err(|error| Error::invalid(error.to_string()))
+}
+
+fn cut_outs(level: &Level, channel: &str, number: usize, (columns, rows): (usize, usize)) -> Vec<CutOut> {
+    let regions = level.cut_outs(channel, number, columns, rows).into_iter();
+    let cut_out = |(region, code): (leafcloud::sheet::Region, u8)| CutOut {
+        x: region.x,
+        y: region.y,
+        width: region.width,
+        height: region.height,
+        code,
+    };
+    regions.map(cut_out).collect()
+}
