@@ -10,15 +10,17 @@
 //! Texels that only just pass leave gaps between them once they are filtered. So alpha on either side of the cutoff is lifted, by one
 //! exponent for a level, until as much area passes as at level 0 (see `foliage::mask`). O(texels · log texels).
 //!
-//! Gutters are too narrow for small levels: there a filter mixes regions that are neighbours. So texels on a region's rim have either no alpha
-//! or less than twice the cutoff: the mean of two of them passes only if both do, and no billboard shows the rim of another. Regions of
-//! few texels keep plain means: a billboard seen edge-on shows these, and would be a line as long as it is.
+//! Gutters are too narrow for small levels: a texel of theirs would be a mean of regions that are neighbours, and is one of what lies in its
+//! own. There a renderer's filter mixes them, too: so texels on a region's rim have either no alpha or less than twice the cutoff: the
+//! mean of two of them passes only if both do, and no billboard shows the rim of another. Regions of few texels keep plain means of
+//! alpha: a billboard seen edge-on shows these, and would be a line as long as it is.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::channels::Channel;
 use super::dilate;
+use super::halves::{Owned, half_size, halved, smaller, texels};
 use super::raster::Canvas;
 use crate::color::quantise;
 use crate::foliage::{Image, mask};
@@ -100,15 +102,16 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
     let area = area(image, alpha_cutoff);
-    let mut means = Canvas::of_color(image);
+    let mut owned = Owned::new(Canvas::of_color(image), regions);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
-    while means.width > 1 || means.height > 1 {
-        means = halved(&means);
+    while owned.means.width > 1 || owned.means.height > 1 {
         scale *= 2;
-        let level = filled(&means);
-        let at_level = |region: &Region| smaller(*region, scale, means.width, means.height);
-        let regions: Vec<(Region, f64)> = regions.iter().map(at_level).zip(shares.iter().copied()).collect();
+        let (width, height) = half_size(&owned.means);
+        let at_level: Vec<Region> = regions.iter().map(|region| smaller(*region, scale, width, height)).collect();
+        owned = owned.halved(&at_level);
+        let level = filled(&owned.means);
+        let regions: Vec<(Region, f64)> = at_level.into_iter().zip(shares.iter().copied()).collect();
         let order = |&(region, share): &(Region, f64)| Order::of(&level, region, share);
         let large = regions.par_iter().filter(|(region, _)| region.width.min(region.height) >= FEW);
         let orders: Vec<Order> = large.map(order).collect();
@@ -166,42 +169,9 @@ fn filled(means: &Canvas) -> Image {
     Channel::BaseColor.to_image(&filled)
 }
 
-/// Means of 2 × 2; the last column and row of an odd side are left out, as graphics interfaces define levels. A side of 1 stays.
-fn halved(canvas: &Canvas) -> Canvas {
-    let (width, height) = ((canvas.width / 2).max(1), (canvas.height / 2).max(1));
-    let (across, down) = (canvas.width.min(2), canvas.height.min(2));
-    let mean = |x: usize, y: usize| {
-        let at = |i: usize| canvas.pixels[(down * y + i / across) * canvas.width + across * x + i % across];
-        (0..across * down).map(at).fold(Vec4::ZERO, |sum, p| sum + p) / (across * down) as f32
-    };
-    let mut pixels = vec![Vec4::ZERO; width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = mean(x, y);
-        }
-    });
-    Canvas { width, height, pixels }
-}
-
-/// The texels of a level of which most lies in a region of level 0; at least one.
-fn smaller(region: Region, scale: usize, width: usize, height: usize) -> Region {
-    let along = |start: usize, length: usize, side: usize| {
-        let round = |at: usize| (at + scale / 2) / scale;
-        let first = round(start).min(side - 1);
-        (first, round(start + length).min(side).saturating_sub(first).max(1))
-    };
-    let ((x, width), (y, height)) = (along(region.x, region.width, width), along(region.y, region.height, height));
-    Region { x, y, width, height }
-}
-
 /// The least code of alpha that passes.
 pub(crate) fn code_at_least(cutoff: f32) -> u8 {
     (1..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255)
-}
-
-fn texels(region: Region, width: usize) -> impl Iterator<Item = usize> {
-    (region.y..region.y + region.height)
-        .flat_map(move |y| (region.x..region.x + region.width).map(move |x| y * width + x))
 }
 
 /// The share of an image's area that passes, between the middles of its texels, too.
@@ -340,6 +310,22 @@ mod tests {
         });
         for level in of_color(&checkers, &regions, 0.5).iter().skip(1) {
             assert!(level.pixels().iter().all(|p| p[1] == 0), "green has no part in what is seen");
+        }
+    }
+
+    #[test]
+    fn no_foreign_colour_where_gutters_are_too_narrow() {
+        // Checkers of 10 texels with 2 between them: at level 3 a texel reaches from one into the next.
+        let regions: Vec<Region> =
+            (0..25).map(|i| Region { x: i % 5 * 12 + 1, y: i / 5 * 12 + 1, width: 10, height: 10 }).collect();
+        let checkers = image(64, 64, |x, y| {
+            let inside = [x, y].iter().all(|at| (1..11).contains(&(at % 12)) && *at < 60);
+            let [r, b] = if (x / 12 + y / 12) % 2 == 0 { [255, 0] } else { [0, 255] };
+            [r, 0, b, if inside { 255 } else { 0 }]
+        });
+        for (number, level) in of_color(&checkers, &regions, 0.5).iter().enumerate().take(4) {
+            let mixed = level.pixels().iter().filter(|p| p[3] >= 128 && p[0] > 0 && p[2] > 0);
+            assert_eq!(mixed.count(), 0, "level {number}");
         }
     }
 

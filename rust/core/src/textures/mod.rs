@@ -2,6 +2,7 @@
 
 mod channels;
 mod dilate;
+mod halves;
 pub mod image;
 mod labels;
 pub mod mips;
