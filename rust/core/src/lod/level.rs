@@ -138,14 +138,15 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let baked = Instant::now();
     progress.tell("bake", 0.9)?;
     let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
-    let alpha_cutoff = if settings.blended {
-        0.0
+    let (page, alpha_cutoff) = if settings.blended {
+        (tune::blended(&sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?, 0.0)
     } else {
         let collapsed = projection.at(finer, HAND_OVER)?;
         let views = tune::views_of_places(settings.looks.places, settings.up)?;
         let before = Judge::new(&[&collapsed], finer.frame(), views)?;
         let best = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
-        tune::matched(best, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?
+        let cutoff = tune::matched(best, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?;
+        (page, cutoff)
     };
     let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;

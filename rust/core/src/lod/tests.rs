@@ -249,7 +249,9 @@ fn what_is_seen_through_is_not_cut_out() {
     let cut_out = build_chain(&foliage(0.3), None, &settings(), Progress::silent()).unwrap();
     for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {
         assert_eq!(level.alpha_cutoff, 0.0);
-        assert!((level.judgement.coverage - 1.0).abs() < 0.1, "{:?}", level.judgement);
+        // By other views than those that it is matched by; the cross is not matched.
+        let most = if level.method == "cross" { 0.1 } else { 0.02 };
+        assert!((level.judgement.coverage - 1.0).abs() < most, "{:?}", level.judgement);
         let (blended, cut) = (level.judgement.error, cut.judgement.error);
         assert!(blended < 0.8 * cut, "of a cut-out leaf all is seen or nothing: {blended} beside {cut}");
         let mips = level.mips("base_color").unwrap();

@@ -1,4 +1,4 @@
-//! The two settings of a level that its looks decide: how far leaves may be stretched, and the alpha cutoff.
+//! What a level's looks decide: how far leaves may be stretched, and the alpha cutoff, or alpha itself where nothing is cut out.
 //!
 //! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels; all differ from plant to
 //! plant, so there is no right value in theory. Each setting has one thing to keep, judged by a few small views (other ones than those
@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use super::level::billboards;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use crate::foliage::{Foliage, Image};
+use crate::foliage::{Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::judge::{Glance, Judge, Judgement, Views};
 use crate::sheet::Sheet;
@@ -26,8 +26,10 @@ const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.
 const FIRST: f32 = 0.5;
 
 /// Within these a cutoff is moved to keep coverage: below, what filters leave of a leaf counts as leaf; above, only its middle does.
-const LEAST_CUTOFF: f64 = 0.03;
-const GREATEST_CUTOFF: f64 = 0.9;
+const CUTOFF_RANGE: (f64, f64) = (0.03, 0.9);
+
+/// Within these what is blended is made clearer than it was drawn, or less clear, likewise.
+const CLEARNESS_RANGE: (f64, f64) = (0.5, 2.0);
 
 /// From less coverage than this on, what is left of the leaves is looked for below.
 const MOSTLY_LOST: f64 = 0.5;
@@ -119,20 +121,31 @@ pub fn matched(
     double_sided: bool,
     leaves: &Judge,
 ) -> Result<f32> {
-    // As a logarithm: of what is faint all over, all is drawn or nothing, and too much is better.
-    let excess = |cutoff: f64| {
-        let shown = billboards(sheet, frame, page.material(cutoff as f32, double_sided))?;
-        leaves.glance(&shown).map(|glance| libm::log(glance.coverage.max(1e-9)))
-    };
-    Ok(least_excess(f64::from(cutoff), excess)? as f32)
+    let excess = |cutoff: f64| excess(leaves, sheet, frame, page.material(cutoff as f32, double_sided));
+    Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, excess)? as f32)
 }
 
-/// Where coverage, which falls as the cutoff rises, exceeds nothing. Secants until it is crossed; then false positions, and halves where
+/// The page of billboards that are blended, with which they cover what the leaves cover: light passes it as if it were so much thinner or thicker.
+///
+/// # Errors
+/// All billboards are without area.
+pub fn blended(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, leaves: &Judge) -> Result<Page> {
+    let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
+    let excess = |clearness: f64| excess(leaves, sheet, frame, of(clearness).material(0.0, double_sided));
+    Ok(of(least_excess(1.0, CLEARNESS_RANGE, excess)?))
+}
+
+/// By how much billboards cover more than the leaves; as a logarithm: of what is faint all over, all is drawn or nothing, and too much is better.
+fn excess(leaves: &Judge, sheet: &Sheet, frame: &Frame, material: Material) -> Result<f64> {
+    leaves.glance(&billboards(sheet, frame, material)?).map(|glance| libm::log(glance.coverage.max(1e-9)))
+}
+
+/// Where coverage, which falls from `start` on upward, exceeds nothing. Secants until that is crossed; then false positions, and halves where
 /// these come from the same side twice: what is faint all over falls from too much to nothing within a code of alpha.
-fn least_excess(cutoff: f64, excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
-    let mut here = (cutoff, excess(cutoff)?);
+fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
+    let mut here = (start, excess(start)?);
     let mut best = here;
-    let (mut dense, mut sparse) = ((LEAST_CUTOFF.min(here.0), None), (GREATEST_CUTOFF.max(here.0), None));
+    let (mut dense, mut sparse) = ((range.0.min(start), None), (range.1.max(start), None));
     let mut slope = SLOPE;
     let mut same = 0;
     for _ in 0..MOVES {
@@ -211,7 +224,7 @@ mod tests {
         let curves: [&dyn Fn(f64) -> Result<f64>; 3] = [&line, &step, &tail];
         for (number, excess) in curves.into_iter().enumerate() {
             for start in [0.05, 0.1, 0.25, 0.5, 0.6] {
-                let left = excess(least_excess(start, excess).unwrap()).unwrap();
+                let left = excess(least_excess(start, CUTOFF_RANGE, excess).unwrap()).unwrap();
                 assert!(left.abs() <= COVERAGE_ERROR, "curve {number} from {start}: {left} is left");
             }
         }
@@ -220,7 +233,7 @@ mod tests {
     #[test]
     fn where_no_cutoff_keeps_coverage_the_nearest_is_found() {
         let thin = |cutoff: f64| Ok(-0.2 - cutoff);
-        let found = least_excess(0.5, thin).unwrap();
-        assert!((found - LEAST_CUTOFF).abs() < 0.01, "{found}");
+        let found = least_excess(0.5, CUTOFF_RANGE, thin).unwrap();
+        assert!((found - CUTOFF_RANGE.0).abs() < 0.01, "{found}");
     }
 }

@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4};
 use super::channels::Channel;
 use super::sky::Sky;
 use super::{mips, tone};
+use crate::color::quantise;
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
 
@@ -150,6 +151,15 @@ impl Page {
     #[must_use]
     pub fn settled(self, alpha_cutoff: f32) -> Self {
         Self { base_color: tone::gathered(&self.base_color, alpha_cutoff), ..self }
+    }
+
+    /// The page as if what it shows were so many times as thick: light that passes it is to that power.
+    #[must_use]
+    pub fn thickened(self, times: f64) -> Self {
+        let thicker = |code: usize| quantise(1.0 - libm::pow(1.0 - code as f64 / 255.0, times) as f32);
+        let table: [u8; 256] = std::array::from_fn(thicker);
+        let alpha = self.base_color.alpha().into_iter().map(|code| table[usize::from(code)]).collect();
+        Self { base_color: self.base_color.with_alpha(alpha), ..self }
     }
 
     /// The page with its linear colours multiplied.
