@@ -1,12 +1,10 @@
-"""Textures with mip levels of their own in the files for engines that take them.
-
-The tests of the crate that makes the blocks read them back with another implementation.
-"""
+"""Textures with mip levels of their own in the files for engines that take them, read back as three.js reads them."""
 
 from __future__ import annotations
 
 import json
 import struct
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,8 @@ from command_line import run
 
 import leafcloud
 
+TESTS = Path(__file__).parent
+THREE = TESTS.parent / "shaders" / "viewer" / "node_modules" / "three"
 WORDS = ("format", "type_size", "width", "height", "depth", "layers", "faces", "levels", "scheme")
 
 
@@ -129,3 +129,48 @@ def test_pages_that_gltf_does_not_take_stay_png(tmp_path: Path, shrub: Path) -> 
     first, second = (document_of(tmp_path / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
     assert "extensionsUsed" in first
     assert "extensionsUsed" not in second
+
+
+def needles() -> leafcloud.Level:
+    """Level 1 of cards by chance that show a thin needle each."""
+    random = np.random.default_rng(5)
+    places, sides = random.normal(size=(300, 1, 3)), random.normal(size=(300, 2, 3)) * 0.15
+    corners = places + np.stack([-sides[:, 0], sides[:, 1], sides[:, 0], -sides[:, 1]], axis=1)
+    first = 4 * np.arange(300)[:, None, None]
+    image = np.full((64, 64, 4), (30, 150, 40, 0), np.uint8)
+    image[:, 26:38, 3] = 255
+    foliage = leafcloud.Foliage(
+        corners.reshape(-1, 3),
+        (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3),
+        uvs=np.tile(np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32), (300, 1)),
+        materials=[leafcloud.Material(image=image, alpha_mode="MASK")],
+    )
+    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=512).levels
+    return level
+
+
+def test_as_much_of_each_billboard_passes_at_every_level(tmp_path: Path) -> None:
+    level = needles()
+    (tmp_path / "page.ktx2").write_bytes(level.ktx2("base_color"))
+    command = ["node", TESTS / "transcode.mjs", THREE, tmp_path / "page.ktx2", tmp_path]
+    subprocess.run(command, check=True, timeout=60)
+    page, cutoff = level.for_engines()
+    size = len(page)
+    # Columns and rows of each rectangle, from the left and from the top.
+    low, high = level.uvs.min(axis=1), level.uvs.max(axis=1)
+    rectangles = np.round(np.stack([low[:, 0], high[:, 0], 1.0 - high[:, 1], 1.0 - low[:, 1]], axis=1) * size)
+    passes = page[..., 3] >= cutoff * 255.0 - 1e-3
+    for number in range(4):
+        side = size >> number
+        shown = np.fromfile(tmp_path / str(number), np.uint8).reshape(side, side, 4)[..., 3] >= cutoff * 255.0 - 1e-3
+        checked = 0
+        for rectangle in rectangles.astype(int):
+            left, right, top, bottom = (rectangle + (1 << number) // 2) >> number
+            if min(right - left, bottom - top) < 8:
+                continue
+            x0, x1, y0, y1 = rectangle
+            texels = (right - left) * (bottom - top)
+            off = abs(shown[top:bottom, left:right].sum() - passes[y0:y1, x0:x1].mean() * texels)
+            assert off <= max(1.0, 0.01 * texels) + 1e-9, f"level {number}: {off} of {texels} texels"
+            checked += 1
+        assert checked > 0 or number == 3

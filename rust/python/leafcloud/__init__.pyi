@@ -218,8 +218,8 @@ class Level:
     def ktx2(self, channel: str) -> bytes:
         """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
         UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Base colour is that of ``for_engines``: as many texels
-        of each billboard pass its cutoff at every level as on the page itself, down to 8 × 8 texels. The same bytes for
-        the same page on one machine.
+        of each billboard pass its cutoff at every level as on the page itself, as compressed, within 1 % or one texel,
+        down to 8 × 8 texels of the page and 4 × 4 of the billboard. The same bytes for the same page on one machine.
 
         Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``,
         ``leaf_id``), and for a page whose side is no multiple of 4.
