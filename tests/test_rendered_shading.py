@@ -171,6 +171,30 @@ def test_a_rendering_lies_like_the_colours() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("turn", "scale", "expected"),
+    [
+        (np.pi / 2, (1.0, 1.0), (0.0, 0.6, 0.8)),
+        (0.0, (-1.0, 1.0), (-0.6, 0.0, 0.8)),
+        (0.0, (3.0, 3.0), (0.6, 0.0, 0.8)),
+    ],
+)
+def test_a_mapping_turns_normals(turn: float, scale: tuple[float, float], expected: tuple[float, ...]) -> None:
+    """Blender's are those of the UV map; the core's axes are those in which the image lies."""
+    _, principled, tree = new_material()
+    moved = tree.nodes.new("ShaderNodeMapping")
+    moved.inputs["Rotation"].default_value = (0.0, 0.0, turn)
+    moved.inputs["Scale"].default_value = (*scale, 1.0)
+    tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], moved.inputs["Vector"])
+    colors = texture_node(tree, new_image("colors", [[(1.0, 1.0, 1.0, 1.0)]]))
+    image = data_node(tree, [[(0.8, 0.5, 0.9)]])
+    for node in (colors, image):
+        tree.links.new(moved.outputs[0], node.inputs["Vector"])
+    tree.links.new(colors.outputs["Color"], principled.inputs["Base Color"])
+    description, _ = described(principled, normal_map(tree, image.outputs["Color"], 0.999).outputs["Normal"])
+    assert_codes(description["normal"], codes_of(expected), off=2)
+
+
 @pytest.mark.parametrize("kind", ["object space", "other map", "no image", "position"])
 def test_what_cannot_be_rendered_is_said(kind: str) -> None:
     material, principled, tree = new_material()

@@ -43,9 +43,9 @@ class Gloss:
     roughness: float
     metallic: float
     varies: str | None
-    """The first glossy material among several that differ, or one with an image."""
+    """The first glossy material among several that differ, or one with an image or a rendering."""
     warnings: tuple[str, ...] = ()
-    """What was not understood of any."""
+    """What can be neither read nor rendered of any."""
 
 
 def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:

@@ -71,7 +71,7 @@ class Translucent:
     material: str | None
     """The first through which light shines."""
     warnings: tuple[str, ...] = ()
-    """What was not understood of any."""
+    """What can be neither read nor rendered of any."""
 
 
 def translucent_of(materials: Sequence[bpy.types.Material | None]) -> Translucent:
