@@ -259,7 +259,8 @@ def test_a_principled_in_groups() -> None:
     tree.nodes.remove(principled)
     inner, outer = (bpy.data.node_groups.new(name, "ShaderNodeTree") for name in ("inner", "outer"))
     for group in (inner, outer):
-        group.interface.new_socket("Value", in_out="INPUT", socket_type="NodeSocketFloat")
+        for name in ("Value", "Other"):
+            group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
         group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
     for group, kind, name in ((inner, "ShaderNodeBsdfPrincipled", "Roughness"), (outer, "ShaderNodeGroup", "Value")):
         start, end, node = (group.nodes.new(each) for each in ("NodeGroupInput", "NodeGroupOutput", kind))
@@ -271,10 +272,12 @@ def test_a_principled_in_groups() -> None:
     node.node_tree = outer
     image = data_node(tree, [[(0.6, 0.6, 0.6)]])
     tree.links.new(image.outputs["Color"], node.inputs["Value"])
+    tree.links.new(tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], node.inputs["Other"])
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-    description, _ = describe_material(material, CHANNELS)
+    description, [message] = describe_material(material, CHANNELS)
     assert_codes(description["gloss"], (255, 153, 0))
-    assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 2, "the groups are not touched"
+    assert "lost" not in message, "what is handed to the groups for something else does not count"
+    assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 3, "the groups are not touched"
 
 
 def test_what_tells_leaves_apart_is_lost() -> None:

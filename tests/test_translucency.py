@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from node_trees import new_image, new_material, texture_node
+from node_trees import math_node, new_image, new_material, texture_node
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
@@ -300,6 +300,17 @@ def test_the_plan_names_the_material() -> None:
 
 
 # Building
+
+
+def test_level_1_is_lit_as_its_leaves_are_whose_share_is_rendered(tmp_path: Path) -> None:
+    material = leaf()
+    tree = material.node_tree
+    tree.links.new(math_node(tree, "MULTIPLY", 0.5, 0.6), tree.nodes["Mix Shader"].inputs[0])
+    result = baked(material, "normals,translucency")
+    for behind, color, part in ((True, YELLOW, 0.3), (False, GREEN, 0.7)):
+        leaves, cloud = (seen(result, number, tmp_path, behind=behind) for number in (0, 1))
+        assert leaves == pytest.approx(0.64 * part * float(LUMINANCE @ color), rel=0.03)
+        assert cloud == pytest.approx(leaves, rel=0.05)
 
 
 @pytest.mark.parametrize(("share", "kind"), [(0.4, "Principled"), (None, "Principled"), (0.4, "Diffuse")])

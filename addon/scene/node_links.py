@@ -90,9 +90,14 @@ def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
 
 def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
     """The nodes, those in groups too, on which inputs depend."""
-    entered = {group for target in targets for group in target.groups}
-    sockets = [target.socket for target in targets] + [socket for group in entered for socket in group.inputs]
-    return list(_upstream(sockets, set()))
+    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], None] = {}
+    waiting = list(targets)
+    while waiting:
+        source = follow(waiting.pop())
+        if isinstance(source, Output) and (key := (source.node, source.groups)) not in found:
+            found[key] = None
+            waiting += source.inputs()
+    return list(dict.fromkeys(node for node, _ in found))
 
 
 def can_render(tree: bpy.types.NodeTree) -> bool:
