@@ -117,6 +117,29 @@ def test_wrapping_of_a_glb(tmp_path: Path, sampler: dict[str, Any], extension: s
     assert surface.texture.extension == extension
 
 
+def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
+    """Half of it, as Blender shows that: (0.6, 0, 0.8) half way to (0, 0, 1)."""
+    tilted = png([[(204, 128, 230, 255)] * 2] * 2)
+    material = imported(tmp_path, material={"normalTexture": {"index": 0, "scale": 0.5}}, image=tilted)
+    description, [message] = describe_material(material, ("normals",))
+    assert "its normals are no plain tangent-space map of strength 1; they are rendered" in message
+    assert description["normal"] is not None
+    x, z = np.array([0.3, 0.9]) / np.hypot(0.3, 0.9)
+    expected = [127.5 * (1.0 + x), 128, 127.5 * (1.0 + z), 255]
+    assert np.abs(description["normal"] - np.array(expected)).max() <= 1.5
+
+
+def test_the_factors_of_gloss(tmp_path: Path) -> None:
+    """Roughness 0.5 · 204 and metallic 0.25 · 80."""
+    gloss = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5, "metallicFactor": 0.25}
+    pixels = png([[(0, 204, 80, 255)] * 2] * 2)
+    material = imported(tmp_path, material={"pbrMetallicRoughness": gloss}, image=pixels)
+    description, _ = describe_material(material, ("gloss",))
+    assert description["gloss"] is not None
+    assert np.abs(description["gloss"].astype(int) - (255, 102, 20, 255)).max() <= 1
+    assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
+
+
 def test_texture_transform_of_a_glb(tmp_path: Path) -> None:
     quarter_turn = {"offset": [0.5, 0.0], "rotation": np.pi / 2, "scale": [2.0, 4.0]}
     texture = {"index": 0, "extensions": {"KHR_texture_transform": quarter_turn}}

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from node_trees import new_image, new_material, texture_node
+from node_trees import math_node, new_image, new_material, texture_node
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
@@ -21,7 +21,7 @@ from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.scene.describe import describe_material
 from addon.scene.flatten import flatten
-from addon.scene.surface import read_surface
+from addon.scene.surface import Texture, read_surface
 from addon.scene.translucency import Translucent, read_translucency, translucent_of
 from addon.settings import BakeSettings
 
@@ -91,10 +91,6 @@ def seen(result: Baked, shown: int, folder: Path, *, behind: bool) -> float:
     pixels = render(folder, (2.0, 2.0, 5.0), width=4.0)
     bpy.data.objects.remove(sun)
     return float((pixels[..., :3] @ LUMINANCE).mean())
-
-
-def warnings_of(material: bpy.types.Material) -> tuple[str, ...]:
-    return read_translucency(material, read_surface(material)).warnings
 
 
 # Reading
@@ -186,7 +182,7 @@ def test_a_mix_is_not_warned_of_where_it_is_read_whole() -> None:
 
 
 @pytest.mark.parametrize("case", ["factor", "weight", "gloss", "both", "layout", "attribute", "nothing"])
-def test_what_is_not_understood_is_said(case: str) -> None:
+def test_what_is_not_understood_is_to_be_rendered(case: str) -> None:
     material = leaf()
     tree = material.node_tree
     principled, translucent, mix = (
@@ -212,12 +208,67 @@ def test_what_is_not_understood_is_said(case: str) -> None:
     else:
         tree.links.remove(mix.inputs[1].links[0])
         mixed(tree, mix, principled, 0.5)
-    [warning] = warnings_of(material)
-    assert warning.startswith("material 'm': its translucency ")
+    read = read_translucency(material, read_surface(material))
+    assert read.gap.startswith("its translucency ")
+    assert (read.texture, read.color, read.warnings) == (
+        Texture(None, extension=read.texture.extension),
+        (1.0,) * 3,
+        (),
+    )
+    assert translucent_of([material]) == Translucent(read.share, "m")
+
+
+@pytest.mark.parametrize("case", ["no image", "moved", "other map"])
+def test_what_cannot_be_rendered_is_said(case: str) -> None:
+    material = leaf()
+    tree = material.node_tree
+    mix, principled = (
+        next(node for node in tree.nodes if node.type == kind) for kind in ("MIX_SHADER", "BSDF_PRINCIPLED")
+    )
+    image = texture_node(tree, None if case == "no image" else new_image("i", [[(0.5, 0.5, 0.5, 1.0)]]))
+    tree.links.new(image.outputs["Color"], mix.inputs[0])
+    layout = tree.nodes.new("ShaderNodeMapping" if case == "moved" else "ShaderNodeUVMap")
+    if case == "moved":
+        layout.inputs["Scale"].default_value = (2.0, 2.0, 1.0)
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], layout.inputs["Vector"])
+        tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])
+    else:
+        layout.uv_map = "Other"
+    if case != "no image":
+        tree.links.new(layout.outputs[0], image.inputs["Vector"])
+    read = read_translucency(material, read_surface(material))
+    [warning] = read.warnings
+    assert warning.startswith("material 'm': its translucency varies at the node 'Mix Shader', ")
     assert warning.endswith("; its leaves count as opaque")
-    described = describe_material(material, share=0.4)[0]
-    assert described["translucency"] == (0.0, 0.0, 0.0)
-    assert translucent_of([material]).material is None
+    assert read.share == 0.0
+    assert describe_material(material, share=0.4)[0]["translucency"] == (0.0, 0.0, 0.0)
+
+
+def test_a_share_that_varies_is_rendered() -> None:
+    """A quarter on the left, three quarters on the right: R = (1 − f) green, T = f yellow, each by the half of both."""
+    material = leaf()
+    tree = material.node_tree
+    principled, mix = (next(n for n in tree.nodes if n.type == kind) for kind in ("BSDF_PRINCIPLED", "MIX_SHADER"))
+    principled.inputs["Base Color"].default_value = (0.2, 0.4, 0.1, 1.0)
+    share = texture_node(tree, new_image("share", [[(0.25,) * 3 + (1.0,), (0.75,) * 3 + (1.0,)]], space="Non-Color"))
+    share.interpolation = "Closest"
+    tree.links.new(share.outputs["Color"], mix.inputs[0])
+    description, [message] = describe_material(material, share=0.5)
+    assert message.startswith(
+        "material 'm': its translucency varies at the node 'Mix Shader', whose factor has to be a constant; it is "
+        "rendered to an image of 64 texels a side"
+    )
+    # By the standard's formula: 0.3, 0.6, 0.15 and 0.1, 0.2, 0.05; 0.15, 0.25, 0.05 and 0.45, 0.75, 0.15.
+    for image, factor, left, right in (
+        (description["image"], description["base_color"], (149, 203, 108), (89, 124, 63)),
+        (description["translucency_image"], description["translucency"], (108, 137, 63), (178, 225, 108)),
+    ):
+        assert image is not None
+        assert factor[:3] == (1.0, 1.0, 1.0)
+        assert np.abs(image[32, [8, 56], :3].astype(int) - [left, right]).max() <= 2
+    assert description["alpha_mode"] == "OPAQUE"
+    # Without the effect, or in an opaque tree, the colours are read as they are.
+    assert describe_material(material)[0]["base_color"] == pytest.approx((0.2, 0.4, 0.1, 1.0))
 
 
 def test_translucency_is_rendered_where_the_colours_are() -> None:
@@ -249,6 +300,17 @@ def test_the_plan_names_the_material() -> None:
 
 
 # Building
+
+
+def test_level_1_is_lit_as_its_leaves_are_whose_share_is_rendered(tmp_path: Path) -> None:
+    material = leaf()
+    tree = material.node_tree
+    tree.links.new(math_node(tree, "MULTIPLY", 0.5, 0.6), tree.nodes["Mix Shader"].inputs[0])
+    result = baked(material, "normals,translucency")
+    for behind, color, part in ((True, YELLOW, 0.3), (False, GREEN, 0.7)):
+        leaves, cloud = (seen(result, number, tmp_path, behind=behind) for number in (0, 1))
+        assert leaves == pytest.approx(0.64 * part * float(LUMINANCE @ color), rel=0.03)
+        assert cloud == pytest.approx(leaves, rel=0.05)
 
 
 @pytest.mark.parametrize(("share", "kind"), [(0.4, "Principled"), (None, "Principled"), (0.4, "Diffuse")])

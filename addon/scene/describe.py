@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Literal, TypedDict
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import SceneError
 from .extract import Geometry, world_positions
 from .flatten import Flattened, Light, flatten
+from .images import check_readable
 from .node_links import shown_nodes
-from .shading import read_shading
+from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes
+from .shading import Shading, read_shading
 from .surface import Rgb, Surface, Texture, read_surface
 from .tints import Islands, tints
 from .translucency import Translucency, read_translucency
@@ -69,7 +71,7 @@ def describe_material(
     A colour attribute that multiplies them is not here but in `Geometry.colors`.
     Raises `SceneError` when an image has no pixels, because its file is missing or cannot be read.
     """
-    description, messages, _ = _described(material, channels, share)
+    description, messages, _ = _described(material, channels, share, lambda: 1.0)
     return description, messages
 
 
@@ -83,14 +85,19 @@ def describe_materials(
 
     `channels` and `share` as in `describe_material`. Raises `SceneError` as `describe_material`.
     """
-    described = [_described(material, channels, share) for material in geometry.materials]
+    world = np.eye(4) if matrix is None else matrix
+    sizes = _unit_sizes(geometry, world)
+    described = [
+        _described(material, channels, share, partial(sizes, number))
+        for number, material in enumerate(geometry.materials)
+    ]
     colors = geometry.colors
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
         chosen = geometry.material_ids == number
         if material is None or flat is None or not flat.varies or not chosen.any():
             continue
         randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
-        places = world_positions(geometry, np.eye(4) if matrix is None else matrix).astype(np.float32)
+        places = world_positions(geometry, world).astype(np.float32)
         factors = tints(material, flat, Islands(places, geometry.triangles[chosen], randoms[chosen]))
         if np.abs(factors - 1.0).max() < _SEEN:
             continue
@@ -100,10 +107,21 @@ def describe_materials(
     return Described([description for description, _, _ in described], colors, messages)
 
 
+def _unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> Callable[[int], float | None]:
+    """How long a unit of texture coordinates is on a material's leaves, which is found out once somebody asks."""
+    if geometry.uvs is None:
+        return lambda _: None
+    known = cache(lambda: unit_sizes(geometry, matrix))
+    return lambda number: float(known()[number])
+
+
 def _described(
-    material: bpy.types.Material | None, channels: Collection[str], share: float
+    material: bpy.types.Material | None, channels: Collection[str], share: float, size: Callable[[], float | None]
 ) -> tuple[MaterialDescription, list[str], Flattened | None]:
-    """What it is, what there is to say of it, and its rendering where there is one."""
+    """What it is, what there is to say of it, and its rendering where there is one.
+
+    `size`: how long one unit of texture coordinates is on the leaves, `None` where they have none.
+    """
     surface = read_surface(material)
     through = read_translucency(material, surface) if share > 0.0 else Translucency()
     description = MaterialDescription(
@@ -123,22 +141,40 @@ def _described(
     # A mix whose translucency is read is read whole.
     messages = [] if through.share > 0.0 else list(surface.warnings)
     flat = None
-    if surface.gaps and material is not None:
-        flat, said = _flat(material, surface, "reflected" if through.share > 0.0 else "all")
+    shown = replace(surface, gaps=(through.gap,), layout=through.texture) if through.gap else surface
+    if shown.gaps and material is not None:
+        flat, said = _flat(material, shown, "reflected" if through.share > 0.0 else "all")
         messages.append(said)
         if flat is not None:
             description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
+        if not surface.gaps:
+            description["alpha_mode"] = surface.alpha_mode  # which is understood
     if through.share > 0.0:
         assert material is not None  # which is opaque
         messages += _part_light(description, material, through, share)
-    if channels:
-        shading = read_shading(material, surface.texture)
-        if "gloss" in channels:
-            description |= {"roughness": shading.roughness, "metallic": shading.metallic}
-            description["gloss"] = _data(shading.gloss, surface.name)
-        if "normals" in channels:
-            description["normal"] = _data(shading.normal, surface.name)
+    if material is not None and channels:
+        messages += _shade(description, material, read_shading(material, surface.texture), channels, size)
     return description, messages, flat
+
+
+def _shade(
+    description: MaterialDescription,
+    material: bpy.types.Material,
+    shading: Shading,
+    channels: Collection[str],
+    size: Callable[[], float | None],
+) -> list[str]:
+    """Describes gloss and normals as far as the channels ask for them, and says what is rendered."""
+    messages = []
+    if "gloss" in channels:
+        description["gloss"], said = _data(material, shading.gloss, render_gloss, size)
+        messages += said
+        if shading.gloss is None or description["gloss"] is not None:
+            description |= {"roughness": shading.roughness, "metallic": shading.metallic}
+    if "normals" in channels:
+        description["normal"], said = _data(material, shading.normal, render_normals, size)
+        messages += said
+    return messages
 
 
 class _Flat(TypedDict, total=False):
@@ -161,7 +197,7 @@ def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple
         )
     for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
-            _check_readable(node.image, surface.name)
+            check_readable(node.image, surface.name)
     flat = flatten(material, light)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
     # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
@@ -249,9 +285,23 @@ def _brightened(factor: Rgb, image: Pixels | None, by: float) -> _Brightened:
     return _Brightened(rest, np.concatenate([_bytes(_encoded(color)), alpha], axis=2), cut)
 
 
-def _data(texture: Texture | None, material_name: str) -> Pixels | None:
-    """(h, w, 4) the codes of an image that holds data, no colours."""
-    return None if texture is None else _pixels(texture.image, material_name, data=True)
+def _data(
+    material: bpy.types.Material,
+    texture: Texture | None,
+    render: Callable[[bpy.types.Material, Texture, float], Rendering],
+    size: Callable[[], float | None],
+) -> tuple[Pixels | None, list[str]]:
+    """(h, w, 4) the codes of an image that holds data, no colours, rendered where there is none; and what to say."""
+    if texture is None:
+        return None, []
+    if texture.image is not None:
+        return _pixels(texture.image, material.name, data=True), []
+    unit = size()
+    if unit is None:
+        said = f"material {material.name!r}: its gloss or normals have to be rendered over a UV map, and its leaves"
+        return None, [f"{said} have none; rough and smooth stands for it, unwrap the leaves"]
+    rendering = render(material, texture, unit)
+    return rendering.pixels, [rendering.said]
 
 
 def _image(surface: Surface) -> Pixels | None:
@@ -280,7 +330,7 @@ def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "lumina
 
 def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
     """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
-    _check_readable(image, material_name)
+    check_readable(image, material_name)
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
@@ -297,21 +347,6 @@ def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -
     if _is_linear(image):
         color = _encoded(color)
     return _bytes(np.concatenate([color, alpha], axis=2))
-
-
-def _check_readable(image: bpy.types.Image, material_name: str) -> None:
-    width, height = image.size  # makes Blender read the file
-    if width == 0 or height == 0:
-        raise SceneError(
-            f"texture {image.name!r} of material {material_name!r} cannot be read: {_origin(image)}; "
-            f"put the file there, or pack it into the .blend"
-        )
-
-
-def _origin(image: bpy.types.Image) -> str:
-    if image.packed_file is not None:
-        return "its packed data are no image"
-    return bpy.path.abspath(image.filepath, library=image.library) or "it has no file"
 
 
 def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ What differs from leaf to leaf has one value on the square; `tints` says how the
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from . import SceneError
 from .node_links import output_of, shown_nodes
+from .surface import Texture
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""
@@ -80,15 +81,21 @@ def flatten(material: bpy.types.Material, light: Light = "all") -> Flattened:
     """
     nodes = shown_nodes(material.node_tree)
     with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
-        mesh = _square(nodes)
+        mesh = square(nodes)
         mesh.materials.append(flat)
         try:
-            pixels = _rendered(scene, mesh, _side(nodes))
+            pixels = rendered(scene, mesh, side_of(nodes))
         finally:
             bpy.data.meshes.remove(mesh)
     lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
     varies = any(_gives(node, _KEPT) or _is_generated(node) for node in nodes)
     return Flattened(pixels, varies, tuple(lost), light)
+
+
+def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
+    """What the nodes are called that tell leaves apart, each once."""
+    apart = (node for node in nodes if _gives(node, _LOST) or _gives(node, _KEPT) or _is_generated(node))
+    return sorted({node.bl_label for node in apart})
 
 
 def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
@@ -125,13 +132,20 @@ def flat_material(
 
     `opaque`: with its own colour, and lets through nothing.
     """
+    with own_copy(material) as copy:
+        _replace_shaders(copy.node_tree, light, opaque=opaque)
+        yield copy
+
+
+@contextmanager
+def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
+    """A copy that may be changed, groups included. Random numbers of objects come from the attribute `RANDOM` there."""
     copy = material.copy()
     groups: list[bpy.types.NodeTree] = []
     try:
         _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
             _read_randoms(tree)
-        _replace_shaders(copy.node_tree, light, opaque=opaque)
         yield copy
     finally:
         bpy.data.materials.remove(copy)
@@ -153,9 +167,9 @@ def shining_copy(
     assert output is not None  # as of all materials that show anything
     for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
         tree.nodes.remove(other)
-    builder = _Builder(tree, "all")
+    builder = Builder(tree, "all")
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
-    shader = _shining(builder, builder.vector("MULTIPLY", color, factor(tree)), alpha, strength)
+    shader = shining(builder, builder.vector("MULTIPLY", color, factor(tree)), alpha, strength)
     for target in ("CYCLES", "EEVEE"):
         shown = tree.nodes.new("ShaderNodeOutputMaterial")
         shown.target = target
@@ -203,17 +217,21 @@ def _read_randoms(tree: bpy.types.NodeTree) -> None:
             tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
-def _side(nodes: list[bpy.types.Node]) -> int:
+def side_of(nodes: list[bpy.types.Node]) -> int:
+    """Of the image that these nodes are rendered to, in texels."""
     sides = [max(node.image.size) for node in nodes if node.type == "TEX_IMAGE"]
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
-    """[0, 1]² under all names of texture coordinates that the nodes ask for."""
+def square(nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform) -> bpy.types.Mesh:
+    """[0, 1]² under all names of texture coordinates that the nodes ask for, or what a `Texture.transform` carries
+    there."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
-    add_layers(mesh, nodes, np.array(corners, np.float32))
+    linear, moved = np.split(np.reshape(transform, (2, 3)), [2], axis=1)
+    places = np.linalg.solve(linear, np.transpose(corners) - moved).T
+    add_layers(mesh, nodes, np.ascontiguousarray(places, np.float32))
     mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, 0.5, np.float32))
     return mesh
 
@@ -221,7 +239,8 @@ def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
 def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
     """Texture coordinates `places` (corners, 2), and white colours, under all names that nodes ask for."""
     nodes = list(nodes)
-    names = sorted({node.uv_map for node in nodes if node.type == "UVMAP"} - {""}) or ["UVMap"]
+    asking = {"UVMAP", "NORMAL_MAP", "TANGENT"}
+    names = sorted({node.uv_map for node in nodes if node.type in asking} - {""}) or ["UVMap"]
     for name in names:
         mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
     colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
@@ -232,12 +251,14 @@ def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: ND
     mesh.color_attributes.render_color_index = 0
 
 
-def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArray[np.float32]:
+def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: float = 1.0) -> NDArray[np.float32]:
+    """(side, side, 4) the square from above, row 0 on top; in the world it is `size` long."""
     camera = bpy.data.objects.new("leafcloud camera", bpy.data.cameras.new("leafcloud camera"))
-    square = bpy.data.objects.new("leafcloud square", mesh)
-    for obj in (camera, square):
+    shown = bpy.data.objects.new("leafcloud square", mesh)
+    for obj in (camera, shown):
         scene.collection.objects.link(obj)
-    camera.location, camera.data.type, camera.data.ortho_scale = (0.5, 0.5, 1.0), "ORTHO", 1.0
+    shown.scale = (size, size, size)
+    camera.location, camera.data.type, camera.data.ortho_scale = (0.5 * size, 0.5 * size, 1.0), "ORTHO", size
     scene.camera = camera
     scene.cycles.samples = SAMPLES
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
@@ -260,19 +281,26 @@ def _rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int) -> NDArra
 
 
 def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) -> None:
+    builder = Builder(tree, light)
     output = output_of(tree)
     assert output is not None  # else it cannot be rendered
-    builder = _Builder(tree, light)
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
     if opaque:
         color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
-    tree.links.new(_shining(builder, color, alpha).outputs[0], output.inputs["Surface"])
+    show(tree, shining(builder, color, alpha))
+
+
+def show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
+    """Makes the shader all that a material's tree shows."""
+    output = output_of(tree)
+    assert output is not None  # else it cannot be rendered
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
     for other in ("Volume", "Displacement"):
         for link in list(output.inputs[other].links):
             tree.links.remove(link)
 
 
-def _shining(builder: _Builder, color: Any, alpha: Any, strength: float = 1.0) -> bpy.types.Node:
+def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> bpy.types.Node:
     """A shader that emits a premultiplied colour and lets through what alpha leaves."""
     tree = builder.tree
     emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
@@ -287,11 +315,11 @@ def _shining(builder: _Builder, color: Any, alpha: Any, strength: float = 1.0) -
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
-class _Builder:
+class Builder:
     """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
 
     def __init__(
-        self, tree: bpy.types.NodeTree, light: Light, outside: tuple[_Builder, bpy.types.Node] | None = None
+        self, tree: bpy.types.NodeTree, light: Light = "all", outside: tuple[Builder, bpy.types.Node] | None = None
     ) -> None:
         self.tree = tree
         self.light = light
@@ -363,15 +391,18 @@ class _Builder:
         end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
         if end is None:
             return _BLACK, 0.0
-        inside = _Builder(tree, self.light, (self, node))
+        inside = Builder(tree, self.light, (self, node))
         inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
         values = inside.color_and_alpha(inner)
-        handed = []
-        for value, kind in zip(values, ("NodeSocketColor", "NodeSocketFloat"), strict=True):
-            identifier = tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
-            inside.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
-            handed.append(next(socket for socket in node.outputs if socket.identifier == identifier))
-        return handed[0], handed[1]
+        color, alpha = values
+        return inside.handed_out(node, color, "NodeSocketColor"), inside.handed_out(node, alpha, "NodeSocketFloat")
+
+    def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
+        """A value of this tree, which is that of a group's node, by a socket more of that."""
+        identifier = self.tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
+        end = next(node for node in self.tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output)
+        self.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
+        return next(socket for socket in group.outputs if socket.identifier == identifier)
 
     def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Of a shader that is handed into a group: handed in by two sockets more."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -88,14 +88,26 @@ def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [] if output is None else list(_upstream([output.inputs["Surface"]], set()))
 
 
+def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
+    """The nodes, those in groups too, on which inputs depend."""
+    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], None] = {}
+    waiting = list(targets)
+    while waiting:
+        source = follow(waiting.pop())
+        if isinstance(source, Output) and (key := (source.node, source.groups)) not in found:
+            found[key] = None
+            waiting += source.inputs()
+    return list(dict.fromkeys(node for node, _ in found))
+
+
 def can_render(tree: bpy.types.NodeTree) -> bool:
     """Whether the nodes show anything, and none of them waits for an image."""
     nodes = shown_nodes(tree)
     return bool(nodes) and not any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
 
 
-_OF_SHADERS = {"Base Color", "Color", "Alpha"}
-"""What colour and alpha depend on, of the inputs of a shader that mixes no others."""
+_OF_SHADERS = {"Base Color", "Color", "Alpha", "Transmission Weight", "Subsurface Weight"}
+"""What colour and alpha depend on, of the inputs of a shader that mixes no others; and what shines through."""
 
 
 def _upstream(targets: list[bpy.types.NodeSocket], seen: set[object]) -> Iterator[bpy.types.Node]:

@@ -1,25 +1,28 @@
 """What a material's nodes say of gloss and normals: the Principled BSDF's Roughness, Metallic and Normal.
 
 Understood are constants, one image of occlusion, roughness and metallic taken apart by a Separate Color node (as
-Blender's glTF importer builds it), and a tangent-space Normal Map. What is not understood is said in a warning, and the
-leaf counts as rough and smooth there.
+Blender's glTF importer builds it), and a tangent-space Normal Map. All else is rendered (see `rendered_shading`). What
+cannot be is said in a warning, and the leaf counts as rough and smooth there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeGuard
 
 import bpy
 
 from .node_links import Input, Output, follow
+from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
 from .surface import NotUnderstoodError, Texture, laid_alike, number_at, principled_of, read_surface, texture_of
 
 
 @dataclass(frozen=True)
 class Shading:
-    """Roughness and metallic: factor · image (green and blue of `gloss`); `normal` a tangent-space map."""
+    """Roughness and metallic: factor · image (green and blue of `gloss`); `normal` a tangent-space map.
+
+    Textures without an image are renderings that are still to be made.
+    """
 
     roughness: float = 1.0
     metallic: float = 0.0
@@ -40,9 +43,9 @@ class Gloss:
     roughness: float
     metallic: float
     varies: str | None
-    """The first glossy material among several that differ, or one with an image."""
+    """The first glossy material among several that differ, or one with an image or a rendering."""
     warnings: tuple[str, ...] = ()
-    """What was not understood of any."""
+    """What can be neither read nor rendered of any."""
 
 
 def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
@@ -78,22 +81,27 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
     roughness, metallic = number_at(rough), number_at(metal)
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
-    found = [
+    found = {
         _channel_of(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None
-    ]
-    images = {texture for texture in found if texture is not None}
+    }
+    image = found.pop()
     # The image multiplies both: a part that is not linked to it may only be 0.
     scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
-    if len(images) != 1 or None in found or scaled or not laid_like(colors, *images):
-        raise NotUnderstoodError(
-            "roughness or metallic is no constant and no image laid like the colours; rough stands for it"
-        )
+    if found or image is None or scaled or not laid_like(colors, image):
+        return replace(shading, roughness=1.0, metallic=1.0, gloss=_rendered_gloss(principled, colors))
     return replace(
         shading,
         roughness=1.0 if roughness is None else roughness,
         metallic=1.0 if metallic is None else metallic,
-        gloss=images.pop(),
+        gloss=image,
     )
+
+
+def _rendered_gloss(principled: Output, colors: Texture | None) -> Texture:
+    try:
+        return rendering_of(principled, GLOSS, colors)
+    except NotUnderstoodError as reason:
+        raise NotUnderstoodError(f"roughness or metallic {reason}; rough stands for it") from reason
 
 
 def _channel_of(target: Input, channel: str) -> Texture | None:
@@ -102,11 +110,17 @@ def _channel_of(target: Input, channel: str) -> Texture | None:
     if not isinstance(source, Output) or source.node.type != "SEPARATE_COLOR" or source.socket.name != channel:
         return None
     image = follow(source.inputs()[0])
-    return texture_of(image) if _is_color_of_image(image) else None
+    return _understood(image)
 
 
-def _is_color_of_image(source: Input | Output) -> TypeGuard[Output]:
-    return isinstance(source, Output) and source.node.type == "TEX_IMAGE" and source.socket.name == "Color"
+def _understood(source: Input | Output) -> Texture | None:
+    """The image whose colours an input has, if it is one, and laid on a UV map."""
+    if not isinstance(source, Output) or source.node.type != "TEX_IMAGE" or source.socket.name != "Color":
+        return None
+    try:
+        return texture_of(source)
+    except NotUnderstoodError:
+        return None
 
 
 def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
@@ -115,14 +129,21 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
         return shading
     node = source.node
     if node.type == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
-        image = follow(source.input("Color"))
-        if _is_color_of_image(image):
-            texture = texture_of(image)
-            if laid_like(colors, texture):
-                return replace(shading, normal=texture)
-    raise NotUnderstoodError(
-        f"normals come from the node {node.name!r}, not from a tangent-space map of strength 1; smooth stands for it"
-    )
+        image = _understood(follow(source.input("Color")))
+        if image is not None and laid_like(colors, image):
+            return replace(shading, normal=image)
+    return replace(shading, normal=_rendered_normal(principled, node, colors))
+
+
+def _rendered_normal(principled: Output, node: bpy.types.Node, colors: Texture | None) -> Texture:
+    if not is_of_tangent_space(principled.input("Normal")):
+        raise NotUnderstoodError(
+            f"normals come from the node {node.name!r}, not from tangent-space maps and bumps; smooth stands for it"
+        )
+    try:
+        return rendering_of(principled, NORMAL, colors)
+    except NotUnderstoodError as reason:
+        raise NotUnderstoodError(f"normal {reason}; smooth stands for it") from reason
 
 
 def laid_like(colors: Texture | None, texture: Texture) -> bool:

@@ -1,9 +1,9 @@
 """What a material's nodes say of the light that shines through it.
 
 Understood are a Principled BSDF with Transmission or Subsurface, and a Mix or Add Shader of a Principled BSDF and a
-Translucent BSDF, whose shares are constants and whose colours are read as base colours are. A material that is rendered
-(see `flatten`) has its translucency rendered, too. What is not understood is said in a warning, and the leaf counts as
-opaque.
+Translucent BSDF, whose shares are constants and whose colours are read as base colours are. Where either base colour or
+translucency is not understood, both are rendered (see `flatten`). What cannot be rendered is said in a warning, and the
+leaf counts as opaque.
 
 All of a tree's materials are put in one form, that of glTF's diffuse transmission:
 
@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Input, Output, follow
+from .node_links import Input, Output, follow, shown_nodes
+from .rendered_shading import rendering_over
 from .shading import laid_like
 from .surface import (
     NotUnderstoodError,
@@ -55,6 +56,9 @@ class Translucency:
     texture: Texture | None = None
     """Without an image where it is still to be rendered; then what is reflected is rendered, too."""
     reflected: float = 1.0
+    gap: str = ""
+    """What is not understood, in words that follow the material's name, where it is rendered though its base colour is
+    understood."""
     warnings: tuple[str, ...] = ()
 
 
@@ -67,7 +71,7 @@ class Translucent:
     material: str | None
     """The first through which light shines."""
     warnings: tuple[str, ...] = ()
-    """What was not understood of any."""
+    """What can be neither read nor rendered of any."""
 
 
 def translucent_of(materials: Sequence[bpy.types.Material | None]) -> Translucent:
@@ -92,11 +96,21 @@ def read_translucency(material: bpy.types.Material | None, surface: Surface) -> 
         if read.texture is not None and not laid_like(surface.texture, read.texture):
             raise NotUnderstoodError("and its base colour use different texture coordinates")
     except NotUnderstoodError as reason:
-        said = f"material {material.name!r}: its translucency {reason}; its leaves count as opaque"
-        return Translucency(warnings=(said,))
+        return _rendered(material, surface, share, f"its translucency {reason}")
     if read.texture is None and not any(read.color):
         return Translucency()
     return replace(read, share=min(read.share, GREATEST_SHARE))
+
+
+def _rendered(material: bpy.types.Material, surface: Surface, share: float, gap: str) -> Translucency:
+    try:
+        layout = rendering_over(shown_nodes(material.node_tree), surface.texture)
+        if layout.transform != Texture.transform:
+            raise NotUnderstoodError("and its base colour go through a Mapping node")
+    except NotUnderstoodError as reason:
+        said = f"material {material.name!r}: {gap}, cannot be rendered because it {reason}; its leaves count as opaque"
+        return Translucency(warnings=(said,))
+    return Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), layout, gap=gap)
 
 
 def _read(shader: Output) -> Translucency:
