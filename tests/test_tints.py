@@ -11,9 +11,11 @@ from node_trees import new_image, new_material, texture_node
 from renders import render
 from scenes import SQUARE, add_mesh
 
+from addon.build.cloud_mesh import read_own_randoms
+from addon.build.wood import geometry_mesh
 from addon.scene.describe import describe_materials
 from addon.scene.extract import Geometry, extract
-from addon.scene.flatten import flatten
+from addon.scene.flatten import RANDOM, flatten
 from addon.scene.tints import Islands, tints
 
 TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
@@ -156,6 +158,45 @@ def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
     assert geometry.randoms is not None
     assert sorted(set(geometry.randoms.tolist())) == pytest.approx(sorted([first, second]), abs=2e-3)
     assert abs(first - second) > 0.01
+
+
+def test_joined_leaves_keep_their_own_numbers(tmp_path: Path) -> None:
+    """Two squares that shine with their numbers do so as one object; a group that asks does not change."""
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    inside = bpy.data.node_groups.new("random", "ShaderNodeTree")
+    inside.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    info, end = inside.nodes.new("ShaderNodeObjectInfo"), inside.nodes.new("NodeGroupOutput")
+    inside.links.new(info.outputs["Random"], end.inputs[0])
+    group, shine = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeEmission")
+    group.node_tree = inside
+    tree.links.new(group.outputs[0], shine.inputs["Color"])
+    tree.links.new(shine.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    objects = [add_mesh(name, SQUARE, [(0, 1, 2, 3)], materials=[material]) for name in ("one", "two")]
+    objects[1].location.x = 1.0
+    bpy.context.view_layer.update()
+    view = {"width": 2.0, "size": (16, 8), "samples": 1}
+    expected = render(tmp_path, (1.0, 0.5, 2.0), **view)
+    geometry = extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=["one", "two"]).leaves
+    joined = bpy.data.objects.new("all", geometry_mesh("all", geometry))
+    bpy.context.scene.collection.objects.link(joined)
+    for obj in objects:
+        obj.hide_render = True
+    before = render(tmp_path, (1.0, 0.5, 2.0), **view)
+    read_own_randoms(joined)
+    assert joined.data.materials[0] == material
+    assert len(inside.nodes) == 2
+    np.testing.assert_allclose(render(tmp_path, (1.0, 0.5, 2.0), **view), expected, atol=2e-3)
+    assert abs(before - expected).max() > 0.05
+
+
+def test_only_materials_that_ask_for_random_numbers_are_copied() -> None:
+    material, _, _ = new_material()
+    mesh = geometry_mesh("all", colored_geometry(material, 2))
+    joined = bpy.data.objects.new("all", mesh)
+    read_own_randoms(joined)
+    assert RANDOM not in mesh.attributes
+    assert joined.material_slots[0].material == material
 
 
 @pytest.mark.parametrize("uses", [True, False])

@@ -22,7 +22,15 @@ from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from . import morphs
 from .baked_light import add_light, lit_material, unlit_material
-from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
+from .cloud_mesh import (
+    Surface,
+    create_mesh,
+    fan_surface,
+    fans,
+    read_own_randoms,
+    split_vertices,
+    triangle_surface,
+)
 from .contrast import contrast_material
 from .fading import add_fade, fading_copy
 from .grazing_nodes import WIDTH, add_grazing_fade, add_grazing_modifier
@@ -190,6 +198,8 @@ def _add_level(
         members[wooden] = wood_reach(plan.reaches, number)
     for member, reach in members.items():
         collection.objects.link(member)
+        if number == 0 or member is wooden:
+            read_own_randoms(member)
         if reach.fades and (number == 0 or member is wooden):
             with costs.spent_on("transitions", 0):
                 _let_fade(member)

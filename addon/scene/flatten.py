@@ -139,6 +139,26 @@ def flat_material(
             bpy.data.node_groups.remove(group)
 
 
+def asks_for_random(tree: bpy.types.NodeTree) -> bool:
+    """Whether a tree, or a group in it, does anything with the random number of objects."""
+    return any(
+        _gives(node, {"OBJECT_INFO": {"Random"}})
+        or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
+        for node in tree.nodes
+    )
+
+
+def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
+    """A copy for leaves that are one object: the random number of each comes from the attribute `RANDOM`."""
+    copy = material.copy()
+    copy.name = f"{material.name}_joined"
+    groups: list[bpy.types.NodeTree] = []
+    _own_groups(copy.node_tree, groups)
+    for tree in (copy.node_tree, *groups):
+        _read_randoms(tree)
+    return copy
+
+
 def shining_copy(
     material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], strength: float
 ) -> bpy.types.Material:
