@@ -21,11 +21,14 @@ from .scene.light import Light
 @dataclass(frozen=True)
 class Part:
     """A geometry and how it looks. `colors` (t, 3, 4) multiply the base colours, and `back_colors` (t, 3, 3) in their
-    place on the back; None of either is white, or the same. `messages`: what had to be left aside of the materials."""
+    place on the back; None of either is white, or the same. `materials` are numbered by `material_ids` (t,), and
+    `owners` are their numbers in the geometry (see `Described`). `messages`: what had to be left aside of them."""
 
     geometry: Geometry
     placement: Placement
     materials: tuple[leafcloud.Material, ...]
+    material_ids: NDArray[np.int32]
+    owners: tuple[int, ...]
     colors: NDArray[np.float32] | None = None
     back_colors: NDArray[np.float32] | None = None
     messages: tuple[str, ...] = ()
@@ -40,7 +43,7 @@ class Part:
             normals=placement.wind(placement.normals_to_world(geometry.normals)),
             colors=placement.wind(self.colors),
             back_colors=placement.wind(self.back_colors),
-            material_ids=geometry.material_ids,
+            material_ids=self.material_ids,
             materials=list(self.materials),
             protected=geometry.protected,
         )
@@ -50,6 +53,7 @@ class Part:
         return replace(
             self,
             geometry=gathered(self.geometry, corners),
+            material_ids=self.material_ids[corners[:, 0] // 3],
             colors=None if self.colors is None else per_corner(self.colors, corners),
             back_colors=None if self.back_colors is None else per_corner(self.back_colors, corners),
         )
@@ -62,7 +66,8 @@ def described_part(
     described = describe_materials(geometry, channels, placement.matrix, share)
     front, back = _colors(described.colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
-    return Part(geometry, placement, materials, front, back, tuple(described.messages))
+    messages = tuple(described.messages)
+    return Part(geometry, placement, materials, described.material_ids, described.owners, front, back, messages)
 
 
 def _colors(

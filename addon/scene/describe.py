@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from . import SceneError
 from .extract import Geometry, world_positions
-from .flatten import Flattened, Light, flatten
+from .flatten import USUAL_LOOK, Flattened, Light, Look, flatten
 from .node_links import shown_nodes
 from .shading import read_shading
 from .surface import Rgb, Surface, Texture, read_surface
-from .tints import Islands, tints
+from .tints import Islands, are_tints, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
 
 Pixels = NDArray[np.uint8]
@@ -50,11 +50,15 @@ class MaterialDescription(TypedDict):
 
 @dataclass(frozen=True)
 class Described:
-    """materials: by their number in the geometry. colors: (t, 3, 4) linear factors by corner, `None` for white."""
+    """materials: by their number in the geometry, and behind those further looks of them. colors: (t, 3, 4) linear
+    factors by corner, `None` for white. material_ids: (t,) into `materials`, whose numbers in the geometry are
+    `owners`."""
 
     materials: list[MaterialDescription]
     colors: NDArray[np.float32] | None
     messages: list[str]
+    material_ids: NDArray[np.int32]
+    owners: tuple[int, ...]
 
 
 def describe_material(
@@ -84,24 +88,55 @@ def describe_materials(
     `channels` and `share` as in `describe_material`. Raises `SceneError` as `describe_material`.
     """
     described = [_described(material, channels, share) for material in geometry.materials]
-    colors = geometry.colors
+    materials, owners = [description for description, _, _ in described], list(range(len(described)))
+    messages = [message for _, messages, _ in described for message in messages]
+    colors, material_ids = geometry.colors, geometry.material_ids.copy()
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
         chosen = geometry.material_ids == number
         if material is None or flat is None or not flat.varies or not chosen.any():
             continue
         randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
         places = world_positions(geometry, np.eye(4) if matrix is None else matrix).astype(np.float32)
-        factors = tints(material, flat, Islands(places, geometry.triangles[chosen], randoms[chosen]))
+        leaves = Islands(places, geometry.triangles[chosen], randoms[chosen])
+        looks, said = _looks(material, flat, leaves)
+        messages += said
+        rendered = [described[number]]
+        if looks != [USUAL_LOOK]:
+            rendered = [_described(material, channels, share, look) for look in looks]
+        materials[number], *more = [description for description, _, _ in rendered]
+        ids = np.array([number, *range(len(materials), len(materials) + len(more))], np.int32)
+        materials += more
+        owners += [number] * len(more)
+        flats = [each for _, _, each in rendered if each is not None]
+        numbers = np.array([look.random for look in looks], np.float32)
+        which, factors = nearest_tints(material, flat, flats, numbers, leaves)
+        material_ids[chosen] = ids[which]
         if np.abs(factors - 1.0).max() < _SEEN:
             continue
         colors = np.ones((len(chosen), 3, 4), np.float32) if colors is None else colors.copy()
         colors[chosen, :, :3] *= factors
-    messages = [message for _, messages, _ in described for message in messages]
-    return Described([description for description, _, _ in described], colors, messages)
+    return Described(materials, colors, messages, material_ids, tuple(owners))
+
+
+def _looks(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
+    """The looks for which a material is to be rendered so that tints say the rest, and what there is to say of it."""
+    if are_tints(material, flat, leaves):
+        return [USUAL_LOOK], []
+    if not flat.by_random:
+        return [USUAL_LOOK], [
+            f"material {material.name!r}: islands or places make more of its leaves than a tint, which is all that is "
+            f"kept of it; let Object Info > Random tell them apart, for it is rendered for several random numbers"
+        ]
+    looks, count = typical_looks(leaves), len(np.unique(leaves.randoms))
+    side = min(looks[0].largest, len(flat.pixels))
+    return looks, [
+        f"material {material.name!r}: Object Info > Random makes more of its leaves than a tint, so it is rendered for "
+        f"{len(looks)} of {count} random numbers, to images of {side} texels a side"
+    ]
 
 
 def _described(
-    material: bpy.types.Material | None, channels: Collection[str], share: float
+    material: bpy.types.Material | None, channels: Collection[str], share: float, look: Look = USUAL_LOOK
 ) -> tuple[MaterialDescription, list[str], Flattened | None]:
     """What it is, what there is to say of it, and its rendering where there is one."""
     surface = read_surface(material)
@@ -124,13 +159,13 @@ def _described(
     messages = [] if through.share > 0.0 else list(surface.warnings)
     flat = None
     if surface.gaps and material is not None:
-        flat, said = _flat(material, surface, "reflected" if through.share > 0.0 else "all")
+        flat, said = _flat(material, surface, "reflected" if through.share > 0.0 else "all", look)
         messages.append(said)
         if flat is not None:
             description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
     if through.share > 0.0:
         assert material is not None  # which is opaque
-        messages += _part_light(description, material, through, share)
+        messages += _part_light(description, material, through, share, look)
     if channels:
         shading = read_shading(material, surface.texture)
         if "gloss" in channels:
@@ -150,7 +185,7 @@ class _Flat(TypedDict, total=False):
     alpha_cutoff: float
 
 
-def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple[Flattened | None, str]:
+def _flat(material: bpy.types.Material, surface: Surface, light: Light, look: Look) -> tuple[Flattened | None, str]:
     """The material as Cycles renders it, if it can, and what there is to say of it."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
     if surface.layout is None:
@@ -162,13 +197,14 @@ def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple
     for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
             _check_readable(node.image, surface.name)
-    flat = flatten(material, light)
+    flat = flatten(material, light, look)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
     # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
     lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
     if lost:
         said += f", so what the nodes {' and '.join(lost)} say of single leaves is lost"
-    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it"
+    alike = ", alike for all leaves" if flat.varies else ""
+    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it{alike}"
 
 
 def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
@@ -200,7 +236,7 @@ def opacity_of(surface: Surface) -> NDArray[np.float64]:
 
 
 def _part_light(
-    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float
+    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float, look: Look
 ) -> list[str]:
     """Parts the light of a translucent material by the `share` of the tree's leaves, and says what has no room.
 
@@ -208,7 +244,7 @@ def _part_light(
     """
     red, green, blue, alpha = description["base_color"]
     reflected = _brightened((red, green, blue), description["image"], through.reflected / (1.0 - share))
-    shining = _brightened(through.color, _translucency_image(material, through.texture), 1.0 / share)
+    shining = _brightened(through.color, _translucency_image(material, through.texture, look), 1.0 / share)
     description["base_color"], description["image"] = (*reflected.factor, alpha), reflected.image
     description["translucency"], description["translucency_image"] = shining.factor, shining.image
     limits = [(reflected.cut, "reflects", 1.0 - share), (shining.cut, "lets through", share)]
@@ -220,11 +256,11 @@ def _part_light(
     ]
 
 
-def _translucency_image(material: bpy.types.Material, texture: Texture | None) -> Pixels | None:
+def _translucency_image(material: bpy.types.Material, texture: Texture | None, look: Look) -> Pixels | None:
     if texture is None:
         return None
     if texture.image is None:
-        return _straight(flatten(material, "transmitted").pixels)
+        return _straight(flatten(material, "transmitted", look).pixels)
     return _pixels(texture.image, material.name)
 
 

@@ -42,12 +42,13 @@ WHITE = "leafcloud_white"
 Light = Literal["all", "reflected", "transmitted"]
 """Whose colour is shown. What is transmitted has the alpha of all: that says where the leaf is."""
 
-_KEPT = {
-    "OBJECT_INFO": {"Random"},
+_RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
+
+_PLACE: dict[str, set[str] | None] = {
     "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
     "TEX_COORD": {"Generated", "Normal", "Object"},
 }
-"""Outputs that differ from leaf to leaf, and are known."""
+"""Outputs by which leaves differ, and which are known: by object, by place or island."""
 
 _LOST = {
     "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
@@ -66,29 +67,48 @@ class Flattened:
     """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top."""
 
     pixels: NDArray[np.float32]
-    varies: bool
-    """Whether leaves differ by where they are, or by the random number of their island or object."""
+    by_random: bool
+    """Whether leaves differ by the random number of their object."""
+    by_place: bool
+    """Whether they differ by where they are, or by the random number of their island."""
     lost: tuple[str, ...]
     """The nodes that tell leaves apart by what is not known here."""
     light: Light = "all"
 
+    @property
+    def varies(self) -> bool:
+        """Whether leaves differ by anything that is known."""
+        return self.by_random or self.by_place
 
-def flatten(material: bpy.types.Material, light: Light = "all") -> Flattened:
+
+@dataclass(frozen=True)
+class Look:
+    """One of the looks of a material: on an object with this random number, on at most so many texels a side."""
+
+    random: float = 0.5
+    largest: int = LARGEST
+
+
+USUAL_LOOK = Look()
+
+
+def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
     """Renders a material that can be (see `can_render`). The scenes and materials of the file stay as they are.
 
     Raises `SceneError` when Cycles does not.
     """
     nodes = shown_nodes(material.node_tree)
     with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
-        mesh = _square(nodes)
+        mesh = _square(nodes, look.random)
         mesh.materials.append(flat)
         try:
-            pixels = _rendered(scene, mesh, _side(nodes))
+            pixels = _rendered(scene, mesh, min(_side(nodes), look.largest))
         finally:
             bpy.data.meshes.remove(mesh)
     lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
-    varies = any(_gives(node, _KEPT) or _is_generated(node) for node in nodes)
-    return Flattened(pixels, varies, tuple(lost), light)
+    by_random = any(_gives(node, _RANDOM) for node in nodes)
+    by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
+    return Flattened(pixels, by_random, by_place, tuple(lost), light)
 
 
 def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
@@ -142,7 +162,7 @@ def flat_material(
 def asks_for_random(tree: bpy.types.NodeTree) -> bool:
     """Whether a tree, or a group in it, does anything with the random number of objects."""
     return any(
-        _gives(node, {"OBJECT_INFO": {"Random"}})
+        _gives(node, _RANDOM)
         or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
         for node in tree.nodes
     )
@@ -228,13 +248,13 @@ def _side(nodes: list[bpy.types.Node]) -> int:
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def _square(nodes: list[bpy.types.Node]) -> bpy.types.Mesh:
+def _square(nodes: list[bpy.types.Node], random: float) -> bpy.types.Mesh:
     """[0, 1]² under all names of texture coordinates that the nodes ask for."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
     add_layers(mesh, nodes, np.array(corners, np.float32))
-    mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, 0.5, np.float32))
+    mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, random, np.float32))
     return mesh
 
 
