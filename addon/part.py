@@ -64,19 +64,19 @@ def described_part(
 ) -> Part:
     """The geometry under `light`, if any; `channels` and `share` of its materials as in `describe_materials`."""
     described = describe_materials(geometry, channels, placement.matrix, share)
-    front, back = _colors(described.colors, light)
+    front, back = _colors(described.colors, described.back_colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
     messages = tuple(described.messages)
     return Part(geometry, placement, materials, described.material_ids, described.owners, front, back, messages)
 
 
 def _colors(
-    colors: NDArray[np.float32] | None, light: Light | None
+    colors: NDArray[np.float32] | None, back_colors: NDArray[np.float32] | None, light: Light | None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
     """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
     if light is None:
-        return colors, None
+        return colors, back_colors
     front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()
-    back = front[..., :3] * light.back
+    back = (front[..., :3] if back_colors is None else back_colors) * light.back
     front[..., :3] *= light.front
     return front, back

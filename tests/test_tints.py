@@ -20,6 +20,7 @@ from addon.placement import Placement
 from addon.scene.describe import Described, describe_materials
 from addon.scene.extract import Geometry, extract
 from addon.scene.flatten import RANDOM, flatten
+from addon.scene.light import Light
 from addon.scene.tints import Islands, tints
 
 TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
@@ -152,6 +153,57 @@ def test_what_no_tint_says_of_places_is_told() -> None:
     for matrix, told in ((np.eye(4), False), (high, True)):
         said = " ".join(describe_materials(geometry, (), matrix).messages)
         assert ("islands or places make more of its leaves than a tint" in said) == told
+
+
+@pytest.mark.parametrize(
+    ("front", "back"),
+    [((0.2, 0.4, 0.1), (0.6, 0.5, 0.3)), (RED, BLUE)],
+    ids=["tint", "in between"],
+)
+def test_a_back_of_another_colour(front: tuple[float, ...], back: tuple[float, ...]) -> None:
+    """Seen by the core from above and from below; a back that is no tint of the front is one of their mean."""
+    material, principled, tree = new_material()
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    mix.inputs[6].default_value, mix.inputs[7].default_value = (*front, 1.0), (*back, 1.0)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, None)
+    assert len(part.messages) == 1
+    for height, color in ((1.0, front), (-1.0, back)):
+        codes = leafcloud.render([part.foliage()], (0.0, 0.0, height), 16, centre=[0.5, 0.5, 0.0], radius=0.5)[8, 8, :3]
+        linear = np.where(codes <= 10, codes / 255.0 / 12.92, ((codes / 255.0 + 0.055) / 1.055) ** 2.4)
+        np.testing.assert_allclose(linear, color, atol=0.01)
+
+
+def test_each_side_has_its_own_light() -> None:
+    """The back is three times the front, and lit by ½ where the front is lit by ¼."""
+    material, principled, tree = new_material()
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    mix.inputs[6].default_value, mix.inputs[7].default_value = (0.2, 0.2, 0.2, 1.0), (0.6, 0.6, 0.6, 1.0)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    light = Light(np.full((2, 3, 3), 0.25, np.float32), np.full((2, 3, 3), 0.5, np.float32))
+    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, light)
+    assert part.colors is not None
+    assert part.back_colors is not None
+    np.testing.assert_allclose(part.colors[..., :3], 0.25, atol=1e-3)
+    np.testing.assert_allclose(part.back_colors, 1.5, atol=1e-2)
+
+
+def test_a_back_of_another_pattern_is_told() -> None:
+    """Even in front; on the back one half is darker than the other."""
+    material, principled, tree = new_material()
+    half = [(0.2, 0.2, 0.2, 1.0)] * 32 + [(0.6, 0.6, 0.6, 1.0)] * 32
+    image = texture_node(tree, new_image("i", [half] * 64, is_float=True))
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(image.outputs["Color"], mix.inputs[7])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    messages = describe_materials(leaves_with(material, [0.5])).messages
+    assert any("its back is more than a tint of its front" in message for message in messages)
 
 
 def test_an_island_has_one_random_number() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypedDict
 
 import bpy
@@ -16,7 +16,7 @@ from .flatten import USUAL_LOOK, Flattened, Light, Look, flatten
 from .node_links import shown_nodes
 from .shading import read_shading
 from .surface import Rgb, Surface, Texture, read_surface
-from .tints import Islands, are_tints, nearest_tints, typical_looks
+from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
 
 Pixels = NDArray[np.uint8]
@@ -51,11 +51,13 @@ class MaterialDescription(TypedDict):
 @dataclass(frozen=True)
 class Described:
     """materials: by their number in the geometry, and behind those further looks of them. colors: (t, 3, 4) linear
-    factors by corner, `None` for white. material_ids: (t,) into `materials`, whose numbers in the geometry are
-    `owners`."""
+    factors by corner, `None` for white; back_colors: (t, 3, 3) in their place on the back, `None` for the same.
+    material_ids: (t,) into `materials`, whose numbers in the geometry are `owners`.
+    """
 
     materials: list[MaterialDescription]
     colors: NDArray[np.float32] | None
+    back_colors: NDArray[np.float32] | None
     messages: list[str]
     material_ids: NDArray[np.int32]
     owners: tuple[int, ...]
@@ -91,9 +93,10 @@ def describe_materials(
     materials, owners = [description for description, _, _ in described], list(range(len(described)))
     messages = [message for _, messages, _ in described for message in messages]
     colors, material_ids = geometry.colors, geometry.material_ids.copy()
+    sides = np.ones((2, len(material_ids), 3, 3), np.float32)
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
         chosen = geometry.material_ids == number
-        if material is None or flat is None or not flat.varies or not chosen.any():
+        if material is None or flat is None or not (flat.varies or flat.by_side) or not chosen.any():
             continue
         randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
         places = world_positions(geometry, np.eye(4) if matrix is None else matrix).astype(np.float32)
@@ -108,31 +111,53 @@ def describe_materials(
         materials += more
         owners += [number] * len(more)
         flats = [each for _, _, each in rendered if each is not None]
-        numbers = np.array([look.random for look in looks], np.float32)
-        which, factors = nearest_tints(material, flat, flats, numbers, leaves)
-        material_ids[chosen] = ids[which]
-        if np.abs(factors - 1.0).max() < _SEEN:
-            continue
-        colors = np.ones((len(chosen), 3, 4), np.float32) if colors is None else colors.copy()
-        colors[chosen, :, :3] *= factors
-    return Described(materials, colors, messages, material_ids, tuple(owners))
+        found = nearest_tints(material, flats, leaves)
+        material_ids[chosen] = ids[found.which]
+        factors = np.stack([found.front, found.back])
+        if np.abs(factors - 1.0).max() >= _SEEN:
+            sides[:, chosen] *= factors
+    front, back = sides
+    if colors is not None or np.abs(front - 1.0).max(initial=0.0) >= _SEEN:
+        colors = np.ones((*front.shape[:2], 4), np.float32) if colors is None else colors.copy()
+        colors[..., :3] *= front
+    same = np.abs(back - front).max(initial=0.0) < _SEEN
+    back_colors = None if same else back if geometry.colors is None else back * geometry.colors[..., :3]
+    return Described(materials, colors, back_colors, messages, material_ids, tuple(owners))
 
 
 def _looks(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
     """The looks for which a material is to be rendered so that tints say the rest, and what there is to say of it."""
-    if are_tints(material, flat, leaves):
-        return [USUAL_LOOK], []
+    flat, said = _between_sides(material, flat)
+    if not flat.varies or are_tints(material, flat, leaves):
+        return [flat.look], said
     if not flat.by_random:
-        return [USUAL_LOOK], [
+        return [flat.look], [
+            *said,
             f"material {material.name!r}: islands or places make more of its leaves than a tint, which is all that is "
-            f"kept of it; let Object Info > Random tell them apart, for it is rendered for several random numbers"
+            f"kept of it; let Object Info > Random tell them apart, for it is rendered for several random numbers",
         ]
-    looks, count = typical_looks(leaves), len(np.unique(leaves.randoms))
+    looks, count = typical_looks(leaves, flat.look.side), len(np.unique(leaves.randoms))
     side = min(looks[0].largest, len(flat.pixels))
     return looks, [
+        *said,
         f"material {material.name!r}: Object Info > Random makes more of its leaves than a tint, so it is rendered for "
-        f"{len(looks)} of {count} random numbers, to images of {side} texels a side"
+        f"{len(looks)} of {count} random numbers, to images of {side} texels a side",
     ]
+
+
+def _between_sides(material: bpy.types.Material, front: Flattened) -> tuple[Flattened, list[str]]:
+    """A rendering of which both sides of the leaves are tints: that of the front, if it is one, or of what lies between
+    them; and what there is to say where neither is."""
+    if not front.by_side:
+        return front, []
+    back = flatten(material, front.light, replace(front.look, side=1.0))
+    if is_tint(back, front):
+        return front, []
+    between = flatten(material, front.light, replace(front.look, side=0.5))
+    if is_tint(back, between) and is_tint(front, between):
+        return between, []
+    said = f"material {material.name!r}: its back is more than a tint of its front, which is all that is kept of it"
+    return front, [f"{said}; give both sides the same pattern"]
 
 
 def _described(

@@ -33,6 +33,9 @@ SAMPLES = 4
 RANDOM = "leafcloud_random"
 """The attribute that stands for the Random of the Object Info node."""
 
+SIDE = "leafcloud_side"
+"""The attribute that stands for the Backfacing of the Geometry node: 0 in front, 1 on the back."""
+
 SHINE = "Leafcloud Shine"
 """The node that emits, in materials that shine."""
 
@@ -50,9 +53,11 @@ _PLACE: dict[str, set[str] | None] = {
 }
 """Outputs by which leaves differ, and which are known: by object, by place or island."""
 
+_SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
+
 _LOST = {
     "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
-    "NEW_GEOMETRY": {"Backfacing", "Tangent", "Parametric", "Incoming", "Pointiness"},
+    "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
     "TEX_COORD": {"Camera", "Window", "Reflection"},
     "PARTICLE_INFO": None,
     "HAIR_INFO": None,
@@ -60,6 +65,21 @@ _LOST = {
     "ATTRIBUTE": None,
 }
 """Outputs of which one value stands for all leaves; `None`: all of them."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One of the looks of a material: on an object with this random number, on at most so many texels a side.
+
+    side: 0 for the front, 1 for the back, ½ for what lies between.
+    """
+
+    random: float = 0.5
+    side: float = 0.0
+    largest: int = LARGEST
+
+
+USUAL_LOOK = Look()
 
 
 @dataclass(frozen=True)
@@ -71,25 +91,17 @@ class Flattened:
     """Whether leaves differ by the random number of their object."""
     by_place: bool
     """Whether they differ by where they are, or by the random number of their island."""
+    by_side: bool
+    """Whether their backs differ from their fronts."""
     lost: tuple[str, ...]
     """The nodes that tell leaves apart by what is not known here."""
-    light: Light = "all"
+    light: Light
+    look: Look
 
     @property
     def varies(self) -> bool:
         """Whether leaves differ by anything that is known."""
         return self.by_random or self.by_place
-
-
-@dataclass(frozen=True)
-class Look:
-    """One of the looks of a material: on an object with this random number, on at most so many texels a side."""
-
-    random: float = 0.5
-    largest: int = LARGEST
-
-
-USUAL_LOOK = Look()
 
 
 def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
@@ -99,7 +111,7 @@ def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USU
     """
     nodes = shown_nodes(material.node_tree)
     with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
-        mesh = _square(nodes, look.random)
+        mesh = _square(nodes, look)
         mesh.materials.append(flat)
         try:
             pixels = _rendered(scene, mesh, min(_side(nodes), look.largest))
@@ -108,7 +120,8 @@ def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USU
     lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
     by_random = any(_gives(node, _RANDOM) for node in nodes)
     by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
-    return Flattened(pixels, by_random, by_place, tuple(lost), light)
+    by_side = any(_gives(node, _SIDES) for node in nodes)
+    return Flattened(pixels, by_random, by_place, by_side, tuple(lost), light, look)
 
 
 def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
@@ -151,6 +164,7 @@ def flat_material(
         _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
             _read_randoms(tree)
+            _read(tree, "NEW_GEOMETRY", "Backfacing", SIDE)
         _replace_shaders(copy.node_tree, light, opaque=opaque)
         yield copy
     finally:
@@ -236,10 +250,15 @@ def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> N
 
 def _read_randoms(tree: bpy.types.NodeTree) -> None:
     """The random numbers of objects come from an attribute: all leaves are one object here."""
-    for info in [node for node in tree.nodes if node.type == "OBJECT_INFO"]:
+    _read(tree, "OBJECT_INFO", "Random", RANDOM)
+
+
+def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
+    """What comes from an output of nodes of a kind comes from the attribute instead."""
+    for node in [node for node in tree.nodes if node.type == kind]:
         attribute = tree.nodes.new("ShaderNodeAttribute")
-        attribute.attribute_name = RANDOM
-        for link in list(info.outputs["Random"].links):
+        attribute.attribute_name = name
+        for link in list(node.outputs[output].links):
             tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
@@ -248,13 +267,14 @@ def _side(nodes: list[bpy.types.Node]) -> int:
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def _square(nodes: list[bpy.types.Node], random: float) -> bpy.types.Mesh:
+def _square(nodes: list[bpy.types.Node], look: Look) -> bpy.types.Mesh:
     """[0, 1]² under all names of texture coordinates that the nodes ask for."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
     add_layers(mesh, nodes, np.array(corners, np.float32))
-    mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, random, np.float32))
+    for name, value in ((RANDOM, look.random), (SIDE, look.side)):
+        mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.full(4, value, np.float32))
     return mesh
 
 

@@ -4,7 +4,7 @@ All leaves are looked at in one place of the UV map, where the rendering is opaq
 they show there over what the rendering shows is their tint. For what multiplies (brightness, a tint) that is exact, and
 one rendering does. Where it is not, as for a turn of the hue or for leaves that are red or blue, a material is rendered
 for several random numbers of objects, and a leaf's tint is what it shows over the rendering that is most like it.
-Cycles bakes what leaves show to the corners.
+Cycles bakes what leaves show to the corners. What their backs show is a tint of the same rendering.
 
 Known limits: what islands and places make of leaves is always a tint; alpha that differs is not followed; islands have
 random numbers of the same distribution as in Blender, not the same ones, for they follow the order of vertices;
@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .flatten import RANDOM, Flattened, Light, Look, add_layers, cycles_errors, flat_material, scratch_scene
+from .flatten import RANDOM, SIDE, Flattened, Light, Look, add_layers, cycles_errors, flat_material, scratch_scene
 from .node_links import shown_nodes
 
 GREATEST = 8.0
@@ -53,56 +53,78 @@ class Islands:
     triangles: NDArray[np.int32]
     randoms: NDArray[np.float32]
 
+    def of(self, chosen: NDArray[np.generic]) -> Islands:
+        """With these triangles only, chosen by a mask or by numbers."""
+        return Islands(self.positions, self.triangles[chosen], self.randoms[chosen])
+
 
 def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDArray[np.float32]:
     """(t, 3, 3) factors of the rendering's linear colours, by corner."""
-    return nearest_tints(material, flat, [flat], np.array([0.5], np.float32), leaves)[1]
+    return nearest_tints(material, [flat], leaves).front
 
 
-def nearest_tints(
-    material: bpy.types.Material,
-    flat: Flattened,
-    looks: Sequence[Flattened],
-    randoms: NDArray[np.float32],
-    leaves: Islands,
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """(t,) which of the `looks`, rendered for `randoms` (k,), is most like each triangle; (t, 3, 3) factors of it.
+@dataclass(frozen=True)
+class Tints:
+    """which: (t,) the rendering that is most like each triangle. front, back: (t, 3, 3) factors of it, by corner."""
 
-    Leaves with one random number have one look. `flat` says where in the UV map they are compared.
-    """
-    place, _ = _places(flat.pixels)
-    seen = _seen(material, flat.light, leaves, place)
-    shown = _shown(material, looks, randoms, leaves, place)
+    which: NDArray[np.int64]
+    front: NDArray[np.float32]
+    back: NDArray[np.float32]
+
+
+def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands) -> Tints:
+    """How leaves differ from renderings of their material. Those with one random number have one rendering."""
+    first = flats[0]
+    place, _ = _places(first.pixels)
+    seen = _seen(material, first.light, leaves, place)
+    shown = _shown(material, flats, leaves, place)
+    randoms = np.array([flat.look.random for flat in flats], np.float32)
     numbers, of_triangle = np.unique(leaves.randoms, return_inverse=True)
     counts = np.bincount(of_triangle)
     colors = np.stack([np.bincount(of_triangle, channel) for channel in seen.mean(axis=1).T], axis=1) / counts[:, None]
     # Colours tell on which side of a threshold a leaf is; where they are alike the random numbers do.
     apart = np.abs(colors[:, None] - shown).sum(axis=2) + np.abs(numbers[:, None] - randoms)
     which = np.argmin(apart, axis=1)[of_triangle]
-    return which, _ratio(seen, shown[which][:, None])
+    front = _ratio(seen, shown[which][:, None])
+    if not first.by_side:
+        return Tints(which, front, front)
+    return Tints(which, front, _ratio(_seen(material, first.light, leaves, place, side=1.0), shown[which][:, None]))
+
+
+def is_tint(other: Flattened, flat: Flattened) -> bool:
+    """Whether one rendering of a material is another one times some factors, as large as tints can be."""
+    colors, shown = (each.pixels[..., :3].mean(axis=(0, 1)) for each in (other, flat))
+    opacity = max(float(flat.pixels[..., 3].mean()), 1e-9)
+    if not _reaches(shown / opacity, colors / opacity):
+        return False
+    off = np.abs(other.pixels[..., :3] - _ratio(colors, shown) * flat.pixels[..., :3]).mean(axis=(0, 1))
+    return bool((off <= SAME * colors.max() + LEAST * opacity).all())
 
 
 def are_tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> bool:
     """Whether factors of the rendering's colours say how the leaves differ, as far as some of them tell."""
     few = _some(leaves)
     first, second = _places(flat.pixels)
-    half = np.array([0.5], np.float32)
-    shown, shown_there = (_shown(material, [flat], half, leaves, place) for place in (first, second))
+    shown, shown_there = (_shown(material, [flat], leaves, place) for place in (first, second))
     seen = _seen(material, flat.light, few, first)
-    if (np.where(shown > LEAST, seen > GREATEST * shown, seen > 2.0 * LEAST)).any():
+    if not _reaches(shown, seen):
         return False
     other = _seen(material, flat.light, few, second)
     off = np.abs(other - _ratio(seen, shown) * shown_there)
     return bool((off <= SAME * other.max(axis=2, keepdims=True) + LEAST).all())
 
 
-def typical_looks(leaves: Islands) -> list[Look]:
+def typical_looks(leaves: Islands, side: float) -> list[Look]:
     """For all random numbers of the leaves, or for quantiles of them if they are many."""
     numbers = np.unique(leaves.randoms)
     if len(numbers) > MOST_LOOKS:
         numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
-    side = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
-    return [Look(float(number), side) for number in numbers]
+    largest = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
+    return [Look(float(number), side, largest) for number in numbers]
+
+
+def _reaches(shown: NDArray[np.float32], seen: NDArray[np.float32]) -> bool:
+    return not np.where(shown > LEAST, seen > GREATEST * shown, seen > 2.0 * LEAST).any()
 
 
 def _some(leaves: Islands) -> Islands:
@@ -111,11 +133,11 @@ def _some(leaves: Islands) -> Islands:
     _, first = np.unique(leaves.randoms, return_index=True)
     first = first[np.linspace(0, len(first) - 1, min(len(first), _FEW)).astype(int)]
     chosen = np.union1d(first, np.linspace(0, count - 1, min(count, _FEW)).astype(int))
-    return Islands(leaves.positions, leaves.triangles[chosen], leaves.randoms[chosen])
+    return leaves.of(chosen)
 
 
 def _ratio(seen: NDArray[np.float32], shown: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(t, 3, 3) what is seen over what the rendering shows, 1 where that is black."""
+    """(…, 3) what is seen over what the rendering shows, 1 where that is black."""
     shown = np.broadcast_to(shown, seen.shape)
     return np.clip(np.divide(seen, shown, out=np.ones_like(seen), where=shown > LEAST), 0.0, GREATEST)
 
@@ -139,21 +161,19 @@ def _places(pixels: NDArray[np.float32]) -> tuple[Place, Place]:
 
 
 def _shown(
-    material: bpy.types.Material,
-    looks: Sequence[Flattened],
-    randoms: NDArray[np.float32],
-    leaves: Islands,
-    place: Place,
+    material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands, place: Place
 ) -> NDArray[np.float32]:
-    """(k, 3) the colours of renderings for `randoms` there, at most 1 as an image can have them.
+    """(k, 3) the colours of renderings there, at most 1 as an image can have them.
 
-    Where random numbers are all that varies, points are compared with points; else texels have to do.
+    Where leaves do not vary by place, points are compared with points; else texels have to do.
     """
-    if looks[0].by_place:
-        return np.minimum([_texel(look.pixels, place) for look in looks], 1.0)
+    first = flats[0]
+    if first.by_place:
+        return np.minimum([_texel(flat.pixels, place) for flat in flats], 1.0)
+    randoms = np.array([flat.look.random for flat in flats], np.float32)
     corners = np.arange(3 * len(randoms), dtype=np.int32).reshape(-1, 3)
     copies = Islands(np.tile(leaves.positions[leaves.triangles[0]], (len(randoms), 1)), corners, randoms)
-    return np.minimum(_seen(material, looks[0].light, copies, place).mean(axis=1), 1.0)
+    return np.minimum(_seen(material, first.light, copies, place, first.look.side).mean(axis=1), 1.0)
 
 
 def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
@@ -163,9 +183,11 @@ def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
     return texel[:3] / max(float(texel[3]), 1e-3)
 
 
-def _seen(material: bpy.types.Material, light: Light, leaves: Islands, place: Place) -> NDArray[np.float32]:
-    """(t, 3, 3) what the corners show there."""
-    mesh = _mesh(leaves, shown_nodes(material.node_tree), place)
+def _seen(
+    material: bpy.types.Material, light: Light, leaves: Islands, place: Place, side: float = 0.0
+) -> NDArray[np.float32]:
+    """(t, 3, 3) what the corners show there, on this side."""
+    mesh = _mesh(leaves, shown_nodes(material.node_tree), place, side)
     try:
         shines = flat_material(material, light, opaque=True)
         with cycles_errors(material), shines as shown, scratch_scene() as scene:
@@ -175,7 +197,7 @@ def _seen(material: bpy.types.Material, light: Light, leaves: Islands, place: Pl
         bpy.data.meshes.remove(mesh)
 
 
-def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place) -> bpy.types.Mesh:
+def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place, side: float) -> bpy.types.Mesh:
     count = len(leaves.triangles)
     mesh = bpy.data.meshes.new("leafcloud tints")
     mesh.vertices.add(len(leaves.positions))
@@ -186,6 +208,7 @@ def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place) -> bpy.typ
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     add_layers(mesh, nodes, np.tile(np.array(place, np.float32), (3 * count, 1)))
     mesh.attributes.new(RANDOM, "FLOAT", "FACE").data.foreach_set("value", leaves.randoms)
+    mesh.attributes.new(SIDE, "FLOAT", "FACE").data.foreach_set("value", np.full(count, side, np.float32))
     mesh.color_attributes.active_color = mesh.color_attributes.new("leafcloud tints", "FLOAT_COLOR", "CORNER")
     mesh.update(calc_edges=True)
     return mesh
