@@ -43,6 +43,8 @@ class Prepared:
     wind: Wind | None = None
     wood_part: Part | None = None
     """Of which the levels' own wood is made."""
+    owners: tuple[int, ...] = ()
+    """The number, among the leaves' own, of each material that the core knows."""
     predicted: leafcloud.Prediction | None = None
     """What a cost curve that was measured before says of these settings."""
 

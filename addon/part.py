@@ -21,11 +21,14 @@ from .scene.light import Light
 @dataclass(frozen=True)
 class Part:
     """A geometry and how it looks. `colors` (t, 3, 4) multiply the base colours, and `back_colors` (t, 3, 3) in their
-    place on the back; None of either is white, or the same. `messages`: what had to be left aside of the materials."""
+    place on the back; None of either is white, or the same. `materials` are numbered by `material_ids` (t,), and
+    `owners` are their numbers in the geometry (see `Described`). `messages`: what had to be left aside of them."""
 
     geometry: Geometry
     placement: Placement
     materials: tuple[leafcloud.Material, ...]
+    material_ids: NDArray[np.int32]
+    owners: tuple[int, ...]
     colors: NDArray[np.float32] | None = None
     back_colors: NDArray[np.float32] | None = None
     messages: tuple[str, ...] = ()
@@ -40,7 +43,7 @@ class Part:
             normals=placement.wind(placement.normals_to_world(geometry.normals)),
             colors=placement.wind(self.colors),
             back_colors=placement.wind(self.back_colors),
-            material_ids=geometry.material_ids,
+            material_ids=self.material_ids,
             materials=list(self.materials),
             protected=geometry.protected,
         )
@@ -50,6 +53,7 @@ class Part:
         return replace(
             self,
             geometry=gathered(self.geometry, corners),
+            material_ids=self.material_ids[corners[:, 0] // 3],
             colors=None if self.colors is None else per_corner(self.colors, corners),
             back_colors=None if self.back_colors is None else per_corner(self.back_colors, corners),
         )
@@ -60,18 +64,19 @@ def described_part(
 ) -> Part:
     """The geometry under `light`, if any; `channels` and `share` of its materials as in `describe_materials`."""
     described = describe_materials(geometry, channels, placement.matrix, share)
-    front, back = _colors(described.colors, light)
+    front, back = _colors(described.colors, described.back_colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
-    return Part(geometry, placement, materials, front, back, tuple(described.messages))
+    messages = tuple(described.messages)
+    return Part(geometry, placement, materials, described.material_ids, described.owners, front, back, messages)
 
 
 def _colors(
-    colors: NDArray[np.float32] | None, light: Light | None
+    colors: NDArray[np.float32] | None, back_colors: NDArray[np.float32] | None, light: Light | None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
     """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
     if light is None:
-        return colors, None
+        return colors, back_colors
     front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()
-    back = front[..., :3] * light.back
+    back = (front[..., :3] if back_colors is None else back_colors) * light.back
     front[..., :3] *= light.front
     return front, back

@@ -150,6 +150,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         light,
         blowing,
         woods,
+        leaves.owners,
     )
 
 
@@ -256,6 +257,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
         grazing_fade=bool(is_on(prepared.effects, "grazing_fade")),
+        owners=prepared.owners,
     )
     with removed_on_failure():
         collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)

@@ -109,8 +109,13 @@ def test_colours_are_linear_and_only_where_a_material_asks() -> None:
     assert (colors[1] == 1.0).all()
     node.layer_name = "gone"
     tree = read()
-    assert tree.leaves.colors is None
-    assert tree.warnings == ["object 'leaf' has no colour attribute 'gone' for 'tinted': white stands for it"]
+    assert tree.leaves.colors is not None
+    np.testing.assert_array_equal(tree.leaves.colors[0], [(0.0, 0.0, 0.0, 1.0)] * 3)
+    assert (tree.leaves.colors[1] == 1.0).all()
+    assert tree.warnings == [
+        "object 'leaf' has no colour attribute 'gone' for 'tinted': black stands for it, alpha 0, as in Blender; "
+        "give it that attribute"
+    ]
 
 
 def test_texture_coordinates_through_a_mapping(tmp_path: Path) -> None:

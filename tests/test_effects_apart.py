@@ -51,7 +51,6 @@ EFFECTS_APART = {
             "addon.build.morphs:Transition",
             "addon.build.fading:add_fade",
             "addon.build.fading:fading_copy",
-            "addon.export.plain_materials:materials_of_meshes",
         ),
         ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
     ),

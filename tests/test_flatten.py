@@ -59,6 +59,24 @@ def test_what_a_node_makes_of_an_image_is_kept() -> None:
     assert "; it is rendered to an image of 64 texels a side;" in message
 
 
+def test_a_factor_above_one_is_rendered() -> None:
+    """An image of a linear quarter and of a half, three times: ¾, and 1, where it is cut."""
+    material, principled, tree = new_material()
+    dark, bright = (0.25, 0.25, 0.25, 1.0), (0.5, 0.5, 0.5, 1.0)
+    texels = [[dark] * 32 + [bright] * 32] * 64
+    image, mix = texture_node(tree, new_image("i", texels, is_float=True)), tree.nodes.new("ShaderNodeMix")
+    mix.data_type, mix.blend_type = "RGBA", "MULTIPLY"
+    mix.inputs[0].default_value, mix.inputs[7].default_value = 1.0, (3.0, 3.0, 3.0, 1.0)
+    tree.links.new(image.outputs["Color"], mix.inputs[6])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    description, (message,) = describe_material(material)
+    assert description["base_color"] == (1.0, 1.0, 1.0, 1.0)
+    assert description["image"] is not None
+    # sRGB's code of ¾ is 225.
+    assert description["image"][32, [16, 48], 0].tolist() == [225, 255]
+    assert "its base colour has the factor (3, 3, 3), part of which lies outside of [0, 1]; it is rendered" in message
+
+
 def test_shaders_are_mixed_as_far_as_they_cover() -> None:
     """A quarter of transparent, three of (half diffuse red, half translucent green): alpha ¾, (½, ½, 0)."""
     material, principled, tree = new_material()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,9 +12,15 @@ from node_trees import new_image, new_material, texture_node
 from renders import render
 from scenes import SQUARE, add_mesh
 
-from addon.scene.describe import describe_materials
+import leafcloud
+from addon.build.cloud_mesh import read_own_randoms
+from addon.build.wood import geometry_mesh
+from addon.part import described_part
+from addon.placement import Placement
+from addon.scene.describe import Described, describe_materials
 from addon.scene.extract import Geometry, extract
-from addon.scene.flatten import flatten
+from addon.scene.flatten import RANDOM, flatten
+from addon.scene.light import Light
 from addon.scene.tints import Islands, tints
 
 TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
@@ -42,6 +49,161 @@ def test_an_object_has_its_random_number() -> None:
     brightness = factors * flat.pixels[0, 0, :3]
     np.testing.assert_allclose(brightness[:2], 0.25, atol=1e-3)
     np.testing.assert_allclose(brightness[2:], 0.75, atol=1e-3)
+
+
+RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def red_or_blue() -> bpy.types.Material:
+    """Blue where the random number of the object is above a half."""
+    material, principled, tree = new_material()
+    info, above, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "Math", "Mix"))
+    above.operation, above.inputs[1].default_value, mix.data_type = "GREATER_THAN", 0.5, "RGBA"
+    mix.inputs[6].default_value, mix.inputs[7].default_value = (*RED, 1.0), (*BLUE, 1.0)
+    tree.links.new(info.outputs["Random"], above.inputs[0])
+    tree.links.new(above.outputs[0], mix.inputs[0])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    return material
+
+
+def leaves_with(material: bpy.types.Material, randoms: list[float]) -> Geometry:
+    """A square for each random number."""
+    objects = [add_mesh(f"leaf {i}", SQUARE, [(0, 1, 2, 3)], materials=[material]) for i in range(len(randoms))]
+    for obj in objects:
+        obj.data.uv_layers.new()
+    names = [obj.name for obj in objects]
+    geometry = extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=names).leaves
+    return replace(geometry, randoms=np.repeat(np.array(randoms, np.float32), 2))
+
+
+def shown(described: Described, row: int, column: int) -> np.ndarray:
+    """(t, 3) linear colours of the first corners with their material's texel."""
+    images = [material["image"] for material in described.materials]
+    codes = np.array([image[row, column, :3] / 255.0 for image in images if image is not None])
+    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)[described.material_ids]
+    return linear if described.colors is None else linear * described.colors[:, 0, :3]
+
+
+@pytest.mark.parametrize("count", [2, 12, 40])
+def test_leaves_of_two_colours(count: int) -> None:
+    """Neither is a tint of the other: there are renderings of both, and few of them for many numbers."""
+    randoms = ((np.arange(count) * 0.618 + 0.3) % 1.0).tolist()
+    described = describe_materials(leaves_with(red_or_blue(), randoms))
+    expected = np.repeat([BLUE if random > 0.5 else RED for random in randoms], 2, axis=0)
+    np.testing.assert_allclose(shown(described, 5, 5), expected, atol=0.01)
+    assert len(described.materials) == min(count, 16)
+    assert described.owners == (0,) * len(described.materials)
+    told = f"so it is rendered for {min(count, 16)} of {count} random numbers, to images of 512 texels a side"
+    assert told in described.messages[-1]
+
+
+def test_the_core_sees_each_look_on_its_leaves() -> None:
+    """The square of each random number by itself, from above: all red, all blue."""
+    geometry = leaves_with(red_or_blue(), [0.25, 0.75])
+    part = described_part(geometry, Placement(np.eye(4)), (), 0.0, None)
+    for leaf, expected in enumerate(((255, 0, 0, 255), (0, 0, 255, 255))):
+        own = part.of(np.arange(6 * leaf, 6 * leaf + 6).reshape(2, 3)).foliage()
+        pixels = leafcloud.render([own], (0.0, 0.0, 1.0), 16, centre=[0.5, 0.5, 0.0], radius=0.5)
+        assert pixels[8, 8].tolist() == list(expected)
+
+
+def test_a_turn_of_the_hue_holds_all_over_the_leaf() -> None:
+    """A third of the circle on: what is red becomes green, what is green blue; and a third back."""
+    material, principled, tree = new_material()
+    left, right = (0.5, 0.0, 0.0, 1.0), (0.0, 0.5, 0.0, 1.0)
+    image = texture_node(tree, new_image("i", [[left] * 32 + [right] * 32] * 64, is_float=True))
+    info, hue = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeHueSaturation")
+    tree.links.new(image.outputs["Color"], hue.inputs["Color"])
+    tree.links.new(info.outputs["Random"], hue.inputs["Hue"])
+    tree.links.new(hue.outputs[0], principled.inputs["Base Color"])
+    described = describe_materials(leaves_with(material, [0.5, 0.5 + 1.0 / 3.0, 0.5 - 1.0 / 3.0]))
+    red, green, blue = 0.5 * np.eye(3)
+    np.testing.assert_allclose(shown(described, 32, 16)[::2], [red, green, blue], atol=0.01)
+    np.testing.assert_allclose(shown(described, 32, 48)[::2], [green, blue, red], atol=0.01)
+
+
+def test_brightness_needs_one_rendering_whatever_the_image() -> None:
+    """Texels that all differ, times the random number: the tints are twice that, for the rendering has a half."""
+    material, principled, tree = new_material()
+    values = np.random.default_rng(1).uniform(0.2, 0.9, (64, 64, 3))
+    texels = [[(*color, 1.0) for color in row] for row in values.tolist()]
+    image = texture_node(tree, new_image("i", texels, is_float=True))
+    info, scale = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeVectorMath")
+    scale.operation = "SCALE"
+    tree.links.new(image.outputs["Color"], scale.inputs[0])
+    tree.links.new(info.outputs["Random"], scale.inputs["Scale"])
+    tree.links.new(scale.outputs[0], principled.inputs["Base Color"])
+    described = describe_materials(leaves_with(material, [0.1, 0.4, 0.9]))
+    assert described.owners == (0,)
+    assert len(described.messages) == 1
+    assert described.colors is not None
+    np.testing.assert_allclose(described.colors[::2, 0, :3], [[0.2] * 3, [0.8] * 3, [1.8] * 3], rtol=1e-3)
+
+
+def test_what_no_tint_says_of_places_is_told() -> None:
+    """Red on the ground, blue at a height of one."""
+    material = red_or_blue()
+    tree = material.node_tree
+    info = next(node for node in tree.nodes if node.type == "OBJECT_INFO")
+    place, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(place.outputs["Position"], parts.inputs[0])
+    tree.links.new(parts.outputs["Z"], info.outputs["Random"].links[0].to_socket)
+    geometry, high = leaves_with(material, [0.5]), np.eye(4)
+    high[2, 3] = 1.0
+    for matrix, told in ((np.eye(4), False), (high, True)):
+        said = " ".join(describe_materials(geometry, (), matrix).messages)
+        assert ("islands or places make more of its leaves than a tint" in said) == told
+
+
+@pytest.mark.parametrize(
+    ("front", "back"),
+    [((0.2, 0.4, 0.1), (0.6, 0.5, 0.3)), (RED, BLUE)],
+    ids=["tint", "in between"],
+)
+def test_a_back_of_another_colour(front: tuple[float, ...], back: tuple[float, ...]) -> None:
+    """Seen by the core from above and from below; a back that is no tint of the front is one of their mean."""
+    material, principled, tree = new_material()
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    mix.inputs[6].default_value, mix.inputs[7].default_value = (*front, 1.0), (*back, 1.0)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, None)
+    assert len(part.messages) == 1
+    for height, color in ((1.0, front), (-1.0, back)):
+        codes = leafcloud.render([part.foliage()], (0.0, 0.0, height), 16, centre=[0.5, 0.5, 0.0], radius=0.5)[8, 8, :3]
+        linear = np.where(codes <= 10, codes / 255.0 / 12.92, ((codes / 255.0 + 0.055) / 1.055) ** 2.4)
+        np.testing.assert_allclose(linear, color, atol=0.01)
+
+
+def test_each_side_has_its_own_light() -> None:
+    """The back is three times the front, and lit by ½ where the front is lit by ¼."""
+    material, principled, tree = new_material()
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    mix.inputs[6].default_value, mix.inputs[7].default_value = (0.2, 0.2, 0.2, 1.0), (0.6, 0.6, 0.6, 1.0)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    light = Light(np.full((2, 3, 3), 0.25, np.float32), np.full((2, 3, 3), 0.5, np.float32))
+    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, light)
+    assert part.colors is not None
+    assert part.back_colors is not None
+    np.testing.assert_allclose(part.colors[..., :3], 0.25, atol=1e-3)
+    np.testing.assert_allclose(part.back_colors, 1.5, atol=1e-2)
+
+
+def test_a_back_of_another_pattern_is_told() -> None:
+    """Even in front; on the back one half is darker than the other."""
+    material, principled, tree = new_material()
+    half = [(0.2, 0.2, 0.2, 1.0)] * 32 + [(0.6, 0.6, 0.6, 1.0)] * 32
+    image = texture_node(tree, new_image("i", [half] * 64, is_float=True))
+    side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(image.outputs["Color"], mix.inputs[7])
+    tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
+    messages = describe_materials(leaves_with(material, [0.5])).messages
+    assert any("its back is more than a tint of its front" in message for message in messages)
 
 
 def test_an_island_has_one_random_number() -> None:
@@ -156,6 +318,45 @@ def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
     assert geometry.randoms is not None
     assert sorted(set(geometry.randoms.tolist())) == pytest.approx(sorted([first, second]), abs=2e-3)
     assert abs(first - second) > 0.01
+
+
+def test_joined_leaves_keep_their_own_numbers(tmp_path: Path) -> None:
+    """Two squares that shine with their numbers do so as one object; a group that asks does not change."""
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    inside = bpy.data.node_groups.new("random", "ShaderNodeTree")
+    inside.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    info, end = inside.nodes.new("ShaderNodeObjectInfo"), inside.nodes.new("NodeGroupOutput")
+    inside.links.new(info.outputs["Random"], end.inputs[0])
+    group, shine = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeEmission")
+    group.node_tree = inside
+    tree.links.new(group.outputs[0], shine.inputs["Color"])
+    tree.links.new(shine.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    objects = [add_mesh(name, SQUARE, [(0, 1, 2, 3)], materials=[material]) for name in ("one", "two")]
+    objects[1].location.x = 1.0
+    bpy.context.view_layer.update()
+    view = {"width": 2.0, "size": (16, 8), "samples": 1}
+    expected = render(tmp_path, (1.0, 0.5, 2.0), **view)
+    geometry = extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=["one", "two"]).leaves
+    joined = bpy.data.objects.new("all", geometry_mesh("all", geometry))
+    bpy.context.scene.collection.objects.link(joined)
+    for obj in objects:
+        obj.hide_render = True
+    before = render(tmp_path, (1.0, 0.5, 2.0), **view)
+    read_own_randoms(joined)
+    assert joined.data.materials[0] == material
+    assert len(inside.nodes) == 2
+    np.testing.assert_allclose(render(tmp_path, (1.0, 0.5, 2.0), **view), expected, atol=2e-3)
+    assert abs(before - expected).max() > 0.05
+
+
+def test_only_materials_that_ask_for_random_numbers_are_copied() -> None:
+    material, _, _ = new_material()
+    mesh = geometry_mesh("all", colored_geometry(material, 2))
+    joined = bpy.data.objects.new("all", mesh)
+    read_own_randoms(joined)
+    assert RANDOM not in mesh.attributes
+    assert joined.material_slots[0].material == material
 
 
 @pytest.mark.parametrize("uses", [True, False])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..placement import Placement
 from ..scene.extract import Geometry
+from ..scene.flatten import RANDOM, asks_for_random, copy_for_joined
 from ..versions import set_corner_normals
 
 UV_NAME = "UVMap"
@@ -28,7 +29,7 @@ class Surface:
 
     positions (v, 3); corners (c,) the vertex of each corner, face by face; sizes (f,) corners of each face;
     material_ids (f,); uvs (c, 2), normals (c, 3) unit vectors, colors (c, 4) linear, or None. Without normals
-    faces are flat.
+    faces are flat. randoms (f,) of the objects that the faces were part of, or None.
     """
 
     positions: NDArray[np.float32]
@@ -38,6 +39,7 @@ class Surface:
     uvs: NDArray[np.float32] | None = None
     normals: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
+    randoms: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
         uvs=per_corner(geometry.uvs),
         normals=per_corner(geometry.normals),
         colors=per_corner(geometry.colors),
+        randoms=None if geometry.randoms is None else geometry.randoms[order],
     )
 
 
@@ -141,7 +144,7 @@ def create_mesh(
     materials: Sequence[bpy.types.Material | None],
     layers: LayerNames = LayerNames(),
 ) -> bpy.types.Mesh:
-    """A new mesh of `surface`, its faces in the same order."""
+    """A new mesh of `surface`, its faces in the same order. It has `randoms` only for materials that ask for them."""
     mesh = bpy.data.meshes.new(name)
     starts = np.concatenate([[0], np.cumsum(surface.sizes[:-1])]).astype(np.int32)
     mesh.vertices.add(len(surface.positions))
@@ -160,12 +163,31 @@ def create_mesh(
         for layer in layers.colors:
             attribute = mesh.color_attributes.new(layer, "FLOAT_COLOR", "CORNER")
             attribute.data.foreach_set("color", surface.colors.ravel())
+    if surface.randoms is not None and any(map(_asks_for_random, materials)):
+        mesh.attributes.new(RANDOM, "FLOAT", "FACE").data.foreach_set("value", surface.randoms)
     mesh.update(calc_edges=True)
     if surface.normals is not None:
         set_corner_normals(mesh, surface.normals)
     else:
         mesh.polygons.foreach_set("use_smooth", np.zeros(len(surface.sizes), bool))
     return mesh
+
+
+def read_own_randoms(obj: bpy.types.Object) -> None:
+    """Lets each face have the random number that its mesh keeps, instead of that of the object.
+
+    The object gets materials of its own for that; the artist's stay the mesh's, for files.
+    """
+    if RANDOM not in obj.data.attributes:
+        return
+    for slot in obj.material_slots:
+        if _asks_for_random(slot.material):
+            material = slot.material
+            slot.link, slot.material = "OBJECT", copy_for_joined(material)
+
+
+def _asks_for_random(material: bpy.types.Material | None) -> bool:
+    return material is not None and material.node_tree is not None and asks_for_random(material.node_tree)
 
 
 def add_uv_map(mesh: bpy.types.Mesh, name: str, uvs: NDArray[np.float32]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -22,7 +22,15 @@ from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from . import morphs
 from .baked_light import add_light, lit_material, unlit_material
-from .cloud_mesh import Surface, create_mesh, fan_surface, fans, split_vertices, triangle_surface
+from .cloud_mesh import (
+    Surface,
+    create_mesh,
+    fan_surface,
+    fans,
+    read_own_randoms,
+    split_vertices,
+    triangle_surface,
+)
 from .contrast import contrast_material
 from .fading import add_fade, fading_copy
 from .grazing_nodes import WIDTH, add_grazing_fade, add_grazing_modifier
@@ -98,6 +106,8 @@ class Plan:
     wind: WindSettings | None = None
     """What blows, and on what; when levels take over is the plan's."""
     grazing_fade: bool = False
+    owners: tuple[int, ...] = ()
+    """The number, among the leaves' own, of each material that a leaf map knows; empty: they are the same."""
 
     @property
     def follows_camera(self) -> bool:
@@ -149,11 +159,12 @@ def build_levels(
         woods = _woods(tree, chain, plan, costs)
         levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, woods[0], plan, costs)]
         behind = chain.levels
+        own = [tree.leaves.materials[owner] for owner in plan.owners] or tree.leaves.materials
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
             obj = _cloud_object(level, _cloud_or_none(following), number, plan, costs)
             if level.leaf_uv is not None and level.leaf_id is not None:
                 with costs.spent_on("leaf_map", _own_bytes(level, level.leaf_uv) + _own_bytes(level, level.leaf_id)):
-                    _add_leaf_map(obj, level.leaf_uv, level.leaf_id, tree)
+                    _add_leaf_map(obj, level.leaf_uv, level.leaf_id, own)
             built = _add_level(collection, obj, number, woods[number], plan, costs)
             if level.two_sided:
                 built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
@@ -190,6 +201,8 @@ def _add_level(
         members[wooden] = wood_reach(plan.reaches, number)
     for member, reach in members.items():
         collection.objects.link(member)
+        if number == 0 or member is wooden:
+            read_own_randoms(member)
         if reach.fades and (number == 0 or member is wooden):
             with costs.spent_on("transitions", 0):
                 _let_fade(member)
@@ -379,11 +392,13 @@ def _own_bytes(level: leafcloud.Level, pixels: NDArray[np.uint8]) -> int:
     return round(pixels.nbytes * level.page_share)
 
 
-def _add_leaf_map(obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], tree: Tree) -> None:
+def _add_leaf_map(
+    obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], own: Sequence[bpy.types.Material | None]
+) -> None:
     """Gives the level's material what it needs to show another season: the chain's leaf map."""
     uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
     leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
-    add_leaf_map(obj.data.materials[0], uv_image, leaf_image, tree.leaves.materials)
+    add_leaf_map(obj.data.materials[0], uv_image, leaf_image, own)
 
 
 def _with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:

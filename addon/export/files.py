@@ -114,11 +114,8 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
     with ExitStack() as changes:
         changes.enter_context(gltf.engine_attributes(tree.levels, settings.engine))
         changes.enter_context(gltf.masked_leaves(tree.levels, blended_leaves(settings, facts)))
-        for effect, change in (
-            ("baked_light", mean_light),
-            ("contrast", plain_colors),
-            ("transitions", materials_of_meshes),
-        ):
+        changes.enter_context(materials_of_meshes(tree.levels))
+        for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):
             if is_on(tree.effects, effect):
                 changes.enter_context(change(tree.levels))
         yield

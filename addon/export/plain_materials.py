@@ -1,7 +1,7 @@
 """Materials without what only Blender's node groups feed, while files are written.
 
 Exporters read an image that is linked to Base Color, not one behind a Mix node; and leaves and wood have the artist's
-materials in files, though Blender fades copies of them.
+materials in files, though Blender shows copies of them that fade, or read each leaf's own random number.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 @contextmanager
 def materials_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Shows leaves and wood in the materials of their meshes, instead of those that fade."""
+    """Shows leaves and wood in the materials of their meshes, instead of the object's own."""
     objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
     own = [slot for obj in objects for slot in obj.material_slots if slot.link == "OBJECT"]
     for slot in own:

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .extract import Geometry, world_positions
-from .flatten import Flattened, Light, flatten
+from .flatten import USUAL_LOOK, Flattened, Light, Look, flatten
 from .images import check_readable
 from .node_links import shown_nodes
 from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes
 from .shading import Shading, read_shading
 from .surface import Rgb, Surface, Texture, read_surface
-from .tints import Islands, tints
+from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
 
 Pixels = NDArray[np.uint8]
@@ -52,11 +52,17 @@ class MaterialDescription(TypedDict):
 
 @dataclass(frozen=True)
 class Described:
-    """materials: by their number in the geometry. colors: (t, 3, 4) linear factors by corner, `None` for white."""
+    """materials: by their number in the geometry, and behind those further looks of them. colors: (t, 3, 4) linear
+    factors by corner, `None` for white; back_colors: (t, 3, 3) in their place on the back, `None` for the same.
+    material_ids: (t,) into `materials`, whose numbers in the geometry are `owners`.
+    """
 
     materials: list[MaterialDescription]
     colors: NDArray[np.float32] | None
+    back_colors: NDArray[np.float32] | None
     messages: list[str]
+    material_ids: NDArray[np.int32]
+    owners: tuple[int, ...]
 
 
 def describe_material(
@@ -91,20 +97,93 @@ def describe_materials(
         _described(material, channels, share, partial(sizes, number))
         for number, material in enumerate(geometry.materials)
     ]
-    colors = geometry.colors
+    materials, owners = [description for description, _, _ in described], list(range(len(described)))
+    messages = [message for _, messages, _ in described for message in messages]
+    material_ids = geometry.material_ids.copy()
+    sides: NDArray[np.float32] | None = None
     for number, (material, (_, _, flat)) in enumerate(zip(geometry.materials, described, strict=True)):
         chosen = geometry.material_ids == number
-        if material is None or flat is None or not flat.varies or not chosen.any():
+        if material is None or flat is None or not (flat.varies or flat.by_side) or not chosen.any():
             continue
         randoms = np.full(len(chosen), 0.5, np.float32) if geometry.randoms is None else geometry.randoms
         places = world_positions(geometry, world).astype(np.float32)
-        factors = tints(material, flat, Islands(places, geometry.triangles[chosen], randoms[chosen]))
-        if np.abs(factors - 1.0).max() < _SEEN:
-            continue
-        colors = np.ones((len(chosen), 3, 4), np.float32) if colors is None else colors.copy()
-        colors[chosen, :, :3] *= factors
-    messages = [message for _, messages, _ in described for message in messages]
-    return Described([description for description, _, _ in described], colors, messages)
+        leaves = Islands(places, geometry.triangles[chosen], randoms[chosen])
+        looks, said = _looks(material, flat, leaves)
+        messages += said
+        rendered = [described[number]]
+        if looks != [USUAL_LOOK]:
+            rendered = [_described(material, (), share, partial(sizes, number), look) for look in looks]
+            for description, _, _ in rendered:
+                _share_shading(materials[number], description)
+        materials[number], *more = [description for description, _, _ in rendered]
+        ids = np.array([number, *range(len(materials), len(materials) + len(more))], np.int32)
+        materials += more
+        owners += [number] * len(more)
+        flats = [each for _, _, each in rendered if each is not None]
+        found = nearest_tints(material, flats, leaves)
+        material_ids[chosen] = ids[found.which]
+        factors = np.stack([found.front, found.back])
+        if np.abs(factors - 1.0).max() >= _SEEN:
+            sides = np.ones((2, len(chosen), 3, 3), np.float32) if sides is None else sides
+            sides[:, chosen] *= factors
+    front, back = _tinted(geometry.colors, sides)
+    return Described(materials, front, back, messages, material_ids, tuple(owners))
+
+
+def _tinted(
+    colors: NDArray[np.float32] | None, sides: NDArray[np.float32] | None
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """The colours of both sides by corner, of colours (t, 3, 4) and tints (2, t, 3, 3) of fronts and backs; `None` of backs
+    that are as the fronts."""
+    if sides is None:
+        return colors, None
+    front, back = sides
+    tinted = np.ones((*front.shape[:2], 4), np.float32) if colors is None else colors.copy()
+    tinted[..., :3] *= front
+    if np.abs(back - front).max(initial=0.0) < _SEEN:
+        return tinted, None
+    return tinted, back if colors is None else back * colors[..., :3]
+
+
+def _share_shading(of: MaterialDescription, description: MaterialDescription) -> None:
+    """Gives a description the gloss and the normals of another."""
+    description["normal"], description["gloss"] = of["normal"], of["gloss"]
+    description["roughness"], description["metallic"] = of["roughness"], of["metallic"]
+
+
+def _looks(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
+    """The looks for which a material is to be rendered so that tints say the rest, and what there is to say of it."""
+    flat, said = _between_sides(material, flat)
+    if not flat.varies or are_tints(material, flat, leaves):
+        return [flat.look], said
+    if not flat.by_random:
+        return [flat.look], [
+            *said,
+            f"material {material.name!r}: islands or places make more of its leaves than a tint, which is all that is "
+            f"kept of it; let Object Info > Random tell them apart, for it is rendered for several random numbers",
+        ]
+    looks, count = typical_looks(leaves, flat.look.side), len(np.unique(leaves.randoms))
+    side = min(looks[0].largest, len(flat.pixels))
+    return looks, [
+        *said,
+        f"material {material.name!r}: Object Info > Random makes more of its leaves than a tint, so it is rendered for "
+        f"{len(looks)} of {count} random numbers, to images of {side} texels a side",
+    ]
+
+
+def _between_sides(material: bpy.types.Material, front: Flattened) -> tuple[Flattened, list[str]]:
+    """A rendering of which both sides of the leaves are tints: that of the front, if it is one, or of what lies between
+    them; and what there is to say where neither is."""
+    if not front.by_side:
+        return front, []
+    back = flatten(material, front.light, replace(front.look, side=1.0))
+    if is_tint(back, front):
+        return front, []
+    between = flatten(material, front.light, replace(front.look, side=0.5))
+    if is_tint(back, between) and is_tint(front, between):
+        return between, []
+    said = f"material {material.name!r}: its back is more than a tint of its front, which is all that is kept of it"
+    return front, [f"{said}; give both sides the same pattern"]
 
 
 def _unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> Callable[[int], float | None]:
@@ -116,7 +195,11 @@ def _unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> Callable[[in
 
 
 def _described(
-    material: bpy.types.Material | None, channels: Collection[str], share: float, size: Callable[[], float | None]
+    material: bpy.types.Material | None,
+    channels: Collection[str],
+    share: float,
+    size: Callable[[], float | None],
+    look: Look = USUAL_LOOK,
 ) -> tuple[MaterialDescription, list[str], Flattened | None]:
     """What it is, what there is to say of it, and its rendering where there is one.
 
@@ -143,7 +226,7 @@ def _described(
     flat = None
     shown = replace(surface, gaps=(through.gap,), layout=through.texture) if through.gap else surface
     if shown.gaps and material is not None:
-        flat, said = _flat(material, shown, "reflected" if through.share > 0.0 else "all")
+        flat, said = _flat(material, shown, "reflected" if through.share > 0.0 else "all", look)
         messages.append(said)
         if flat is not None:
             description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
@@ -151,7 +234,7 @@ def _described(
             description["alpha_mode"] = surface.alpha_mode  # which is understood
     if through.share > 0.0:
         assert material is not None  # which is opaque
-        messages += _part_light(description, material, through, share)
+        messages += _part_light(description, material, through, share, look)
     if material is not None and channels:
         messages += _shade(description, material, read_shading(material, surface.texture), channels, size)
     return description, messages, flat
@@ -186,7 +269,7 @@ class _Flat(TypedDict, total=False):
     alpha_cutoff: float
 
 
-def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple[Flattened | None, str]:
+def _flat(material: bpy.types.Material, surface: Surface, light: Light, look: Look) -> tuple[Flattened | None, str]:
     """The material as Cycles renders it, if it can, and what there is to say of it."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
     if surface.layout is None:
@@ -198,13 +281,14 @@ def _flat(material: bpy.types.Material, surface: Surface, light: Light) -> tuple
     for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
             check_readable(node.image, surface.name)
-    flat = flatten(material, light)
+    flat = flatten(material, light, look)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
     # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
     lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
     if lost:
         said += f", so what the nodes {' and '.join(lost)} say of single leaves is lost"
-    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it"
+    alike = ", alike for all leaves" if flat.varies else ""
+    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it{alike}"
 
 
 def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
@@ -236,7 +320,7 @@ def opacity_of(surface: Surface) -> NDArray[np.float64]:
 
 
 def _part_light(
-    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float
+    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float, look: Look
 ) -> list[str]:
     """Parts the light of a translucent material by the `share` of the tree's leaves, and says what has no room.
 
@@ -244,7 +328,7 @@ def _part_light(
     """
     red, green, blue, alpha = description["base_color"]
     reflected = _brightened((red, green, blue), description["image"], through.reflected / (1.0 - share))
-    shining = _brightened(through.color, _translucency_image(material, through.texture), 1.0 / share)
+    shining = _brightened(through.color, _translucency_image(material, through.texture, look), 1.0 / share)
     description["base_color"], description["image"] = (*reflected.factor, alpha), reflected.image
     description["translucency"], description["translucency_image"] = shining.factor, shining.image
     limits = [(reflected.cut, "reflects", 1.0 - share), (shining.cut, "lets through", share)]
@@ -256,11 +340,11 @@ def _part_light(
     ]
 
 
-def _translucency_image(material: bpy.types.Material, texture: Texture | None) -> Pixels | None:
+def _translucency_image(material: bpy.types.Material, texture: Texture | None, look: Look) -> Pixels | None:
     if texture is None:
         return None
     if texture.image is None:
-        return _straight(flatten(material, "transmitted").pixels)
+        return _straight(flatten(material, "transmitted", look).pixels)
     return _pixels(texture.image, material.name)
 
 

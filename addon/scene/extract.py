@@ -235,7 +235,10 @@ class _Reader:
             self._warn(copies, f"uses {texture.words} ({mode}) outside of [0, 1], where it will repeat")
 
     def _colors(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
-        """The attributes' red, green and blue where they multiply the colour, their alpha where they multiply alpha."""
+        """The attributes' red, green and blue where they multiply the colour, their alpha where they multiply alpha.
+
+        Where an attribute is missing, Blender shows 0.
+        """
         result: NDArray[np.float32] | None = None
         for i in indices:
             surface = self.surfaces[copies.materials[i]]
@@ -245,13 +248,14 @@ class _Reader:
                 values = copies.colors(attribute)
                 if values is None:
                     self._warn(
-                        copies, f"has no colour attribute {attribute!r} for {surface.name!r}: white stands for it"
+                        copies,
+                        f"has no colour attribute {attribute!r} for {surface.name!r}: black stands for it, alpha 0, "
+                        f"as in Blender; give it that attribute",
                     )
-                    continue
                 if result is None:
                     result = np.ones((len(copies.triangles), 3, 4), np.float32)
                 of_slot = copies.slots == i
-                result[of_slot, :, channels] = values[of_slot, :, channels]
+                result[of_slot, :, channels] = 0.0 if values is None else values[of_slot, :, channels]
         return result
 
     def _warn(self, copies: Copies, words: str) -> None:

@@ -34,6 +34,9 @@ SAMPLES = 4
 RANDOM = "leafcloud_random"
 """The attribute that stands for the Random of the Object Info node."""
 
+SIDE = "leafcloud_side"
+"""The attribute that stands for the Backfacing of the Geometry node: 0 in front, 1 on the back."""
+
 SHINE = "Leafcloud Shine"
 """The node that emits, in materials that shine."""
 
@@ -43,16 +46,19 @@ WHITE = "leafcloud_white"
 Light = Literal["all", "reflected", "transmitted"]
 """Whose colour is shown. What is transmitted has the alpha of all: that says where the leaf is."""
 
-_KEPT = {
-    "OBJECT_INFO": {"Random"},
+_RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
+
+_PLACE: dict[str, set[str] | None] = {
     "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
     "TEX_COORD": {"Generated", "Normal", "Object"},
 }
-"""Outputs that differ from leaf to leaf, and are known."""
+"""Outputs by which leaves differ, and which are known: by object, by place or island."""
+
+_SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
 
 _LOST = {
     "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
-    "NEW_GEOMETRY": {"Backfacing", "Tangent", "Parametric", "Incoming", "Pointiness"},
+    "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
     "TEX_COORD": {"Camera", "Window", "Reflection"},
     "PARTICLE_INFO": None,
     "HAIR_INFO": None,
@@ -63,38 +69,66 @@ _LOST = {
 
 
 @dataclass(frozen=True)
+class Look:
+    """One of the looks of a material: on an object with this random number, on at most so many texels a side.
+
+    side: 0 for the front, 1 for the back, ½ for what lies between.
+    """
+
+    random: float = 0.5
+    side: float = 0.0
+    largest: int = LARGEST
+
+
+USUAL_LOOK = Look()
+
+
+@dataclass(frozen=True)
 class Flattened:
     """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top."""
 
     pixels: NDArray[np.float32]
-    varies: bool
-    """Whether leaves differ by where they are, or by the random number of their island or object."""
+    by_random: bool
+    """Whether leaves differ by the random number of their object."""
+    by_place: bool
+    """Whether they differ by where they are, or by the random number of their island."""
+    by_side: bool
+    """Whether their backs differ from their fronts."""
     lost: tuple[str, ...]
     """The nodes that tell leaves apart by what is not known here."""
-    light: Light = "all"
+    light: Light
+    look: Look
+
+    @property
+    def varies(self) -> bool:
+        """Whether leaves differ by anything that is known."""
+        return self.by_random or self.by_place
 
 
-def flatten(material: bpy.types.Material, light: Light = "all") -> Flattened:
+def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
     """Renders a material that can be (see `can_render`). The scenes and materials of the file stay as they are.
 
     Raises `SceneError` when Cycles does not.
     """
     nodes = shown_nodes(material.node_tree)
     with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
-        mesh = square(nodes)
+        mesh = square(nodes, look=look)
         mesh.materials.append(flat)
         try:
-            pixels = rendered(scene, mesh, side_of(nodes))
+            pixels = rendered(scene, mesh, min(side_of(nodes), look.largest))
         finally:
             bpy.data.meshes.remove(mesh)
     lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
-    varies = any(_gives(node, _KEPT) or _is_generated(node) for node in nodes)
-    return Flattened(pixels, varies, tuple(lost), light)
+    by_random = any(_gives(node, _RANDOM) for node in nodes)
+    by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
+    by_side = any(_gives(node, _SIDES) for node in nodes)
+    return Flattened(pixels, by_random, by_place, by_side, tuple(lost), light, look)
 
 
 def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
     """What the nodes are called that tell leaves apart, each once."""
-    apart = (node for node in nodes if _gives(node, _LOST) or _gives(node, _KEPT) or _is_generated(node))
+    known = (_LOST, _RANDOM, _PLACE)
+    apart = (node for node in nodes if any(_gives(node, each) for each in known) or _is_generated(node))
     return sorted({node.bl_label for node in apart})
 
 
@@ -146,11 +180,32 @@ def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
         _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
             _read_randoms(tree)
+            _read(tree, "NEW_GEOMETRY", "Backfacing", SIDE)
         yield copy
     finally:
         bpy.data.materials.remove(copy)
         for group in groups:
             bpy.data.node_groups.remove(group)
+
+
+def asks_for_random(tree: bpy.types.NodeTree) -> bool:
+    """Whether a tree, or a group in it, does anything with the random number of objects."""
+    return any(
+        _gives(node, _RANDOM)
+        or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
+        for node in tree.nodes
+    )
+
+
+def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
+    """A copy for leaves that are one object: the random number of each comes from the attribute `RANDOM`."""
+    copy = material.copy()
+    copy.name = f"{material.name}_joined"
+    groups: list[bpy.types.NodeTree] = []
+    _own_groups(copy.node_tree, groups)
+    for tree in (copy.node_tree, *groups):
+        _read_randoms(tree)
+    return copy
 
 
 def shining_copy(
@@ -210,10 +265,15 @@ def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> N
 
 def _read_randoms(tree: bpy.types.NodeTree) -> None:
     """The random numbers of objects come from an attribute: all leaves are one object here."""
-    for info in [node for node in tree.nodes if node.type == "OBJECT_INFO"]:
+    _read(tree, "OBJECT_INFO", "Random", RANDOM)
+
+
+def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
+    """What comes from an output of nodes of a kind comes from the attribute instead."""
+    for node in [node for node in tree.nodes if node.type == kind]:
         attribute = tree.nodes.new("ShaderNodeAttribute")
-        attribute.attribute_name = RANDOM
-        for link in list(info.outputs["Random"].links):
+        attribute.attribute_name = name
+        for link in list(node.outputs[output].links):
             tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
@@ -223,7 +283,9 @@ def side_of(nodes: list[bpy.types.Node]) -> int:
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def square(nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform) -> bpy.types.Mesh:
+def square(
+    nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform, look: Look = USUAL_LOOK
+) -> bpy.types.Mesh:
     """[0, 1]² under all names of texture coordinates that the nodes ask for, or what a `Texture.transform` carries
     there."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -232,7 +294,8 @@ def square(nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.tra
     linear, moved = np.split(np.reshape(transform, (2, 3)), [2], axis=1)
     places = np.linalg.solve(linear, np.transpose(corners) - moved).T
     add_layers(mesh, nodes, np.ascontiguousarray(places, np.float32))
-    mesh.attributes.new(RANDOM, "FLOAT", "POINT").data.foreach_set("value", np.full(4, 0.5, np.float32))
+    for name, value in ((RANDOM, look.random), (SIDE, look.side)):
+        mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.full(4, value, np.float32))
     return mesh
 
 

@@ -203,6 +203,7 @@ def _shaders(shader: Output) -> Iterator[Output]:
 def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
     try:
         product = color_product(principled.input("Base Color"))
+        _check_factor(product)
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "base colour", reason, tree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
@@ -211,6 +212,7 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
 def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
     try:
         product, cutoff = _alpha_product(targets)
+        _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base colour use different texture coordinates")
     except NotUnderstoodError as reason:
@@ -229,6 +231,13 @@ def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree
         alpha_mode=mode,
         alpha_cutoff=0.5 if cutoff is None else cutoff,
     )
+
+
+def _check_factor(product: Product) -> None:
+    """No surface reflects or covers more than all."""
+    if not all(0.0 <= part <= 1.0 for part in product.factor):
+        shown = ", ".join(f"{part:.3g}" for part in product.factor)
+        raise NotUnderstoodError(f"has the factor ({shown}), part of which lies outside of [0, 1]")
 
 
 def laid_alike(first: Texture, second: Texture) -> bool:

@@ -1,26 +1,48 @@
 """How leaves differ from the rendering of their material: by island, by object, by where they are.
 
 All leaves are looked at in one place of the UV map, where the rendering is opaque and has about its mean colour; what
-they show there over what the rendering shows is their tint. For what multiplies (brightness, a tint) that is exact, for
-a turn of the hue it is right about the mean colour. Cycles bakes it to the corners.
+they show there over what the rendering shows is their tint. For what multiplies (brightness, a tint) that is exact, and
+one rendering does. Where it is not, as for a turn of the hue or for leaves that are red or blue, a material is rendered
+for several random numbers of objects, and a leaf's tint is what it shows over the rendering that is most like it.
+Cycles bakes what leaves show to the corners. What their backs show is a tint of the same rendering.
 
-Known limits: alpha that differs is not followed; islands have random numbers of the same distribution as in Blender,
-not the same ones, for they follow the order of vertices; Generated and Object coordinates are those of all leaves.
+Known limits: what islands and places make of leaves is always a tint; alpha that differs is not followed; islands have
+random numbers of the same distribution as in Blender, not the same ones, for they follow the order of vertices;
+Generated and Object coordinates are those of all leaves.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .flatten import RANDOM, Flattened, add_layers, cycles_errors, flat_material, scratch_scene
+from .flatten import RANDOM, SIDE, Flattened, Light, Look, add_layers, cycles_errors, flat_material, scratch_scene
 from .node_links import shown_nodes
 
 GREATEST = 8.0
 """Tints are cut there: where the rendering is nearly black, a ratio says nothing."""
+
+LEAST = 1e-3
+"""What is darker is black: no factor makes anything of it."""
+
+SAME = 0.05
+"""Of a leaf's brightest channel: so far from what it shows may a tint be at another place."""
+
+MOST_LOOKS = 16
+"""Random numbers for which a material is rendered."""
+
+TEXELS = 2048
+"""Side of all renderings of one material together, if they are several."""
+
+_FEW = 64
+"""Leaves that are asked whether tints say how they differ."""
+
+Place = tuple[float, float]
+"""(u, v)"""
 
 
 @dataclass(frozen=True)
@@ -31,33 +53,151 @@ class Islands:
     triangles: NDArray[np.int32]
     randoms: NDArray[np.float32]
 
+    def of(self, chosen: NDArray[np.generic]) -> Islands:
+        """With these triangles only, chosen by a mask or by numbers."""
+        return Islands(self.positions, self.triangles[chosen], self.randoms[chosen])
+
 
 def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDArray[np.float32]:
     """(t, 3, 3) factors of the rendering's linear colours, by corner."""
-    place, expected = _typical(flat.pixels)
-    mesh = _mesh(leaves, shown_nodes(material.node_tree), place)
+    return nearest_tints(material, [flat], leaves).front
+
+
+@dataclass(frozen=True)
+class Tints:
+    """which: (t,) the rendering that is most like each triangle. front, back: (t, 3, 3) factors of it, by corner."""
+
+    which: NDArray[np.int64]
+    front: NDArray[np.float32]
+    back: NDArray[np.float32]
+
+
+def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands) -> Tints:
+    """How leaves differ from renderings of their material. Those with one random number have one rendering."""
+    first = flats[0]
+    place, _ = _places(first.pixels)
+    seen = _seen(material, first.light, leaves, place)
+    shown = _shown(material, flats, leaves, place)
+    randoms = np.array([flat.look.random for flat in flats], np.float32)
+    numbers, of_triangle = np.unique(leaves.randoms, return_inverse=True)
+    counts = np.bincount(of_triangle)
+    colors = np.stack([np.bincount(of_triangle, channel) for channel in seen.mean(axis=1).T], axis=1) / counts[:, None]
+    # Colours tell on which side of a threshold a leaf is; where they are alike the random numbers do.
+    apart = np.abs(colors[:, None] - shown).sum(axis=2) + np.abs(numbers[:, None] - randoms)
+    which = np.argmin(apart, axis=1)[of_triangle]
+    front = _ratio(seen, shown[which][:, None])
+    if not first.by_side:
+        return Tints(which, front, front)
+    return Tints(which, front, _ratio(_seen(material, first.light, leaves, place, side=1.0), shown[which][:, None]))
+
+
+def is_tint(other: Flattened, flat: Flattened) -> bool:
+    """Whether one rendering of a material is another one times some factors, as large as tints can be."""
+    colors, shown = (each.pixels[..., :3].mean(axis=(0, 1)) for each in (other, flat))
+    opacity = max(float(flat.pixels[..., 3].mean()), 1e-9)
+    if not _reaches(shown / opacity, colors / opacity):
+        return False
+    off = np.abs(other.pixels[..., :3] - _ratio(colors, shown) * flat.pixels[..., :3]).mean(axis=(0, 1))
+    return bool((off <= SAME * colors.max() + LEAST * opacity).all())
+
+
+def are_tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> bool:
+    """Whether factors of the rendering's colours say how the leaves differ, as far as some of them tell."""
+    few = _some(leaves)
+    first, second = _places(flat.pixels)
+    shown, shown_there = (_shown(material, [flat], leaves, place) for place in (first, second))
+    seen = _seen(material, flat.light, few, first)
+    if not _reaches(shown, seen):
+        return False
+    other = _seen(material, flat.light, few, second)
+    off = np.abs(other - _ratio(seen, shown) * shown_there)
+    return bool((off <= SAME * other.max(axis=2, keepdims=True) + LEAST).all())
+
+
+def typical_looks(leaves: Islands, side: float) -> list[Look]:
+    """For all random numbers of the leaves, or for quantiles of them if they are many."""
+    numbers = np.unique(leaves.randoms)
+    if len(numbers) > MOST_LOOKS:
+        numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
+    largest = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
+    return [Look(float(number), side, largest) for number in numbers]
+
+
+def _reaches(shown: NDArray[np.float32], seen: NDArray[np.float32]) -> bool:
+    return not np.where(shown > LEAST, seen > GREATEST * shown, seen > 2.0 * LEAST).any()
+
+
+def _some(leaves: Islands) -> Islands:
+    """A triangle of each random number if they are few, and some from all over."""
+    count = len(leaves.triangles)
+    _, first = np.unique(leaves.randoms, return_index=True)
+    first = first[np.linspace(0, len(first) - 1, min(len(first), _FEW)).astype(int)]
+    chosen = np.union1d(first, np.linspace(0, count - 1, min(count, _FEW)).astype(int))
+    return leaves.of(chosen)
+
+
+def _ratio(seen: NDArray[np.float32], shown: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(…, 3) what is seen over what the rendering shows, 1 where that is black."""
+    shown = np.broadcast_to(shown, seen.shape)
+    return np.clip(np.divide(seen, shown, out=np.ones_like(seen), where=shown > LEAST), 0.0, GREATEST)
+
+
+def _places(pixels: NDArray[np.float32]) -> tuple[Place, Place]:
+    """Where in the UV map the rendering is opaque, even, and nearest to its mean colour; and where farthest from that.
+
+    Even, because a texel is a mean, and a leaf shows a point.
+    """
+    alpha = pixels[..., 3]
+    mean = pixels[..., :3].sum((0, 1)) / max(float(alpha.sum()), 1e-9)
+    steps = sum(np.abs(slope).sum(axis=2) for slope in np.gradient(pixels, axis=(0, 1)))
+    bad = 4.0 * (1.0 - alpha) + 4.0 * steps
+
+    def best(off: NDArray[np.float32]) -> Place:
+        row, column = np.unravel_index(int(np.argmin(off)), off.shape)
+        return (float(column) + 0.5) / off.shape[1], 1.0 - (float(row) + 0.5) / off.shape[0]
+
+    first = best(np.abs(pixels[..., :3] - mean).sum(axis=2) + bad)
+    return first, best(bad - np.abs(pixels[..., :3] - _texel(pixels, first)).sum(axis=2))
+
+
+def _shown(
+    material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands, place: Place
+) -> NDArray[np.float32]:
+    """(k, 3) the colours of renderings there, at most 1 as an image can have them.
+
+    Where leaves do not vary by place, points are compared with points; else texels have to do.
+    """
+    first = flats[0]
+    if first.by_place:
+        return np.minimum([_texel(flat.pixels, place) for flat in flats], 1.0)
+    randoms = np.array([flat.look.random for flat in flats], np.float32)
+    corners = np.arange(3 * len(randoms), dtype=np.int32).reshape(-1, 3)
+    copies = Islands(np.tile(leaves.positions[leaves.triangles[0]], (len(randoms), 1)), corners, randoms)
+    return np.minimum(_seen(material, first.light, copies, place, first.look.side).mean(axis=1), 1.0)
+
+
+def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
+    """(3,) the colour of a rendering there."""
+    height, width = pixels.shape[:2]
+    texel = pixels[int((1.0 - place[1]) * height), int(place[0] * width)]
+    return texel[:3] / max(float(texel[3]), 1e-3)
+
+
+def _seen(
+    material: bpy.types.Material, light: Light, leaves: Islands, place: Place, side: float = 0.0
+) -> NDArray[np.float32]:
+    """(t, 3, 3) what the corners show there, on this side."""
+    mesh = _mesh(leaves, shown_nodes(material.node_tree), place, side)
     try:
-        shines = flat_material(material, flat.light, opaque=True)
+        shines = flat_material(material, light, opaque=True)
         with cycles_errors(material), shines as shown, scratch_scene() as scene:
             mesh.materials.append(shown)
-            seen = _baked(scene, mesh)
+            return _baked(scene, mesh).reshape(-1, 3, 3)
     finally:
         bpy.data.meshes.remove(mesh)
-    ratio = np.divide(seen, expected, out=np.ones_like(seen), where=expected > 1e-3)
-    return np.clip(ratio, 0.0, GREATEST).reshape(-1, 3, 3)
 
 
-def _typical(pixels: NDArray[np.float32]) -> tuple[tuple[float, float], NDArray[np.float32]]:
-    """Where in the UV map the rendering is most opaque and nearest to its mean colour; and its own colour there."""
-    height, width = pixels.shape[:2]
-    mean = pixels[..., :3].sum((0, 1)) / max(float(pixels[..., 3].sum()), 1e-9)
-    off = np.abs(pixels[..., :3] - mean).sum(axis=2) + 4.0 * (1.0 - pixels[..., 3])
-    row, column = np.unravel_index(int(np.argmin(off)), off.shape)
-    place = ((float(column) + 0.5) / width, 1.0 - (float(row) + 0.5) / height)
-    return place, pixels[row, column, :3] / max(float(pixels[row, column, 3]), 1e-3)
-
-
-def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: tuple[float, float]) -> bpy.types.Mesh:
+def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place, side: float) -> bpy.types.Mesh:
     count = len(leaves.triangles)
     mesh = bpy.data.meshes.new("leafcloud tints")
     mesh.vertices.add(len(leaves.positions))
@@ -68,6 +208,7 @@ def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: tuple[float, floa
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     add_layers(mesh, nodes, np.tile(np.array(place, np.float32), (3 * count, 1)))
     mesh.attributes.new(RANDOM, "FLOAT", "FACE").data.foreach_set("value", leaves.randoms)
+    mesh.attributes.new(SIDE, "FLOAT", "FACE").data.foreach_set("value", np.full(count, side, np.float32))
     mesh.color_attributes.active_color = mesh.color_attributes.new("leafcloud tints", "FLOAT_COLOR", "CORNER")
     mesh.update(calc_edges=True)
     return mesh
