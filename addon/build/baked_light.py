@@ -6,9 +6,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.flatten import SHINE, shining_copy
+from ..scene.flatten import shining_copy
 from ..scene.light import Light
 from ..scene.node_links import output_of
+from ..scene.shader_sums import SHINE
 from .materials import PAGE_NODE, hide_back_in_cycles, shown_share
 
 FRONT, BACK = "leafcloud_light", "leafcloud_light_back"

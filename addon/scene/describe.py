@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .extract import Geometry, world_positions
-from .flatten import USUAL_LOOK, Flattened, Light, Look, flatten
+from .flatten import USUAL_LOOK, Flattened, Look, flatten
 from .images import check_readable
 from .node_links import shown_nodes
 from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes
+from .shader_sums import Light
 from .shading import Shading, read_shading
 from .surface import Rgb, Surface, Texture, read_surface
 from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
@@ -133,7 +134,7 @@ def describe_materials(
 def _tinted(
     colors: NDArray[np.float32] | None, sides: NDArray[np.float32] | None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """The colours of both sides by corner, of colours (t, 3, 4) and tints (2, t, 3, 3) of fronts and backs; `None` of backs
+    """The colours of both sides by corner, of colours (t, 3, 4) and tints (2, t, 3, 3) of either; `None` of backs
     that are as the fronts."""
     if sides is None:
         return colors, None

@@ -20,19 +20,18 @@ from numpy.typing import NDArray
 
 from .extract import Geometry, texture_uvs, world_positions
 from .flatten import (
-    Builder,
     cycles_errors,
     of_single_leaves,
     own_copy,
     rendered,
     scratch_scene,
-    shining,
     show,
     side_of,
     square,
 )
 from .images import check_readable
 from .node_links import Input, Output, follow, nodes_behind
+from .shader_sums import Builder, shining
 from .surface import NotUnderstoodError, Texture, principled_of, texture_of
 
 GLOSS = ("Roughness", "Metallic")

@@ -20,8 +20,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .flatten import RANDOM, SIDE, Flattened, Light, Look, add_layers, cycles_errors, flat_material, scratch_scene
+from .flatten import RANDOM, SIDE, Flattened, Look, add_layers, cycles_errors, flat_material, scratch_scene
 from .node_links import shown_nodes
+from .shader_sums import Light
 
 GREATEST = 8.0
 """Tints are cut there: where the rendering is nearly black, a ratio says nothing."""

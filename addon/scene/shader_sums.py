@@ -1,0 +1,173 @@
+"""What shaders say of base colour and alpha: a node tree gets nodes that compute both, and one that shines with them.
+
+A Mix Shader mixes both, an Add Shader adds them, a Transparent BSDF has no alpha, all others have their colour, or the
+part of it that is reflected or shines through. Groups hand them out by sockets more.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import bpy
+
+SHINE = "Leafcloud Shine"
+"""The node that emits, in materials that shine."""
+
+Light = Literal["all", "reflected", "transmitted"]
+"""Whose colour is shown. What is transmitted has the alpha of all: that says where the leaf is."""
+
+
+def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> bpy.types.Node:
+    """A shader that emits a premultiplied colour and lets through what alpha leaves."""
+    tree = builder.tree
+    emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
+    emission.name, emission.inputs["Strength"].default_value = SHINE, strength
+    builder.connect(color, emission.inputs["Color"])
+    builder.connect(builder.math("SUBTRACT", 1.0, alpha), clear.inputs["Color"])
+    tree.links.new(emission.outputs[0], both.inputs[0])
+    tree.links.new(clear.outputs[0], both.inputs[1])
+    return both
+
+
+_BLACK = (0.0, 0.0, 0.0, 1.0)
+
+
+class Builder:
+    """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
+
+    def __init__(
+        self, tree: bpy.types.NodeTree, light: Light = "all", outside: tuple[Builder, bpy.types.Node] | None = None
+    ) -> None:
+        self.tree = tree
+        self.light = light
+        self.outside = outside
+        """Of a group's tree: who builds around it, and the group's node there."""
+
+    def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """Of what feeds a shader input."""
+        link = next((link for link in target.links if not link.is_muted), None)
+        if link is None:
+            return _BLACK, 0.0
+        node, source = link.from_node, link.from_socket
+        if node.mute:
+            passed = next((inner.from_socket for inner in node.internal_links if inner.to_socket == source), None)
+            return (_BLACK, 0.0) if passed is None else self.color_and_alpha(passed)
+        match node.type:
+            case "REROUTE":
+                return self.color_and_alpha(node.inputs[0])
+            case "GROUP":
+                return self._of_group(node, source)
+            case "GROUP_INPUT":
+                return self._from_outside(node, source)
+            case "MIX_SHADER":
+                return self._mixed(node)
+            case "ADD_SHADER":
+                (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[:2])
+                return self.vector("ADD", c1, c2), self.math("MINIMUM", self.math("ADD", a1, a2), 1.0)
+            case "BSDF_TRANSPARENT" | "HOLDOUT":
+                return _BLACK, 0.0
+        return self._of_shader(node)
+
+    def _mixed(self, node: bpy.types.Node) -> tuple[Any, Any]:
+        (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[1:3])
+        share = self.math("MINIMUM", self.math("MAXIMUM", self.read(node.inputs[0]), 0.0), 1.0)
+        rest = self.math("SUBTRACT", 1.0, share)
+        color = self.vector("ADD", self.scaled(c1, rest), self.scaled(c2, share))
+        return color, self.math("ADD", self.math("MULTIPLY", a1, rest), self.math("MULTIPLY", a2, share))
+
+    def _of_shader(self, node: bpy.types.Node) -> tuple[Any, Any]:
+        color = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
+        if color is None:
+            return _BLACK, 1.0
+        shown = self._part(node, self.read(color))
+        if node.type != "BSDF_PRINCIPLED":
+            return shown, 1.0
+        alpha = self.read(node.inputs["Alpha"])
+        return self.scaled(shown, alpha), alpha
+
+    def _part(self, node: bpy.types.Node, color: Any) -> Any:
+        """Of a shader's colour what belongs to the light that is looked at."""
+        if self.light == "all":
+            return color
+        through = self._through(node)
+        return self.scaled(color, through if self.light == "transmitted" else self.math("SUBTRACT", 1.0, through))
+
+    def _through(self, node: bpy.types.Node) -> Any:
+        """The share of a shader's light that shines through, as `translucency` reads it."""
+        if node.type == "BSDF_PRINCIPLED":
+            clear, inside = (self.read(node.inputs[f"{name} Weight"]) for name in ("Transmission", "Subsurface"))
+            back = self.math("SUBTRACT", 1.0, self.math("MULTIPLY", 0.5, inside))
+            return self.math("SUBTRACT", 1.0, self.math("MULTIPLY", self.math("SUBTRACT", 1.0, clear), back))
+        return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(node.type, 0.0)
+
+    def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """The same inside the group, handed out by two sockets more."""
+        if node.node_tree is None:
+            return _BLACK, 0.0
+        tree = node.node_tree
+        end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
+        if end is None:
+            return _BLACK, 0.0
+        inside = Builder(tree, self.light, (self, node))
+        inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
+        values = inside.color_and_alpha(inner)
+        color, alpha = values
+        return inside.handed_out(node, color, "NodeSocketColor"), inside.handed_out(node, alpha, "NodeSocketFloat")
+
+    def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
+        """A value of this tree, which is that of a group's node, by a socket more of that."""
+        identifier = self.tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
+        end = next(node for node in self.tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output)
+        self.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
+        return next(socket for socket in group.outputs if socket.identifier == identifier)
+
+    def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
+        """Of a shader that is handed into a group: handed in by two sockets more."""
+        if self.outside is None:
+            return _BLACK, 0.0
+        outer, group = self.outside
+        entry = next(socket for socket in group.inputs if socket.identifier == source.identifier)
+        handed = []
+        for value, kind in zip(outer.color_and_alpha(entry), ("NodeSocketColor", "NodeSocketFloat"), strict=True):
+            identifier = self.tree.interface.new_socket("leafcloud", in_out="INPUT", socket_type=kind).identifier
+            outer.connect(value, next(socket for socket in group.inputs if socket.identifier == identifier))
+            handed.append(next(socket for socket in start.outputs if socket.identifier == identifier))
+        return handed[0], handed[1]
+
+    def read(self, target: bpy.types.NodeSocket) -> Any:
+        """What feeds an input: a socket, or its own value."""
+        link = next((link for link in target.links if not link.is_muted), None)
+        if link is not None:
+            return link.from_socket
+        value = target.default_value
+        return value if isinstance(value, float) else tuple(value)
+
+    def connect(self, value: Any, target: bpy.types.NodeSocket) -> None:
+        if isinstance(value, bpy.types.NodeSocket):
+            self.tree.links.new(value, target)
+        elif isinstance(target.default_value, float):
+            target.default_value = value
+        else:
+            size = len(target.default_value)
+            values = (value,) * 3 if isinstance(value, float) else value[:3]
+            target.default_value = (*values, 1.0)[:size]
+
+    def math(self, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        return self._operation("ShaderNodeMath", operation, first, second)
+
+    def vector(self, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        return self._operation("ShaderNodeVectorMath", operation, first, second)
+
+    def scaled(self, color: Any, factor: Any) -> bpy.types.NodeSocket:
+        node = self.tree.nodes.new("ShaderNodeVectorMath")
+        node.operation = "SCALE"
+        self.connect(color, node.inputs[0])
+        self.connect(factor, node.inputs["Scale"])
+        return node.outputs["Vector"]
+
+    def _operation(self, kind: str, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
+        node = self.tree.nodes.new(kind)
+        node.operation = operation
+        self.connect(first, node.inputs[0])
+        self.connect(second, node.inputs[1])
+        return node.outputs[0]
