@@ -182,7 +182,8 @@ def test_pages_keep_how_far_they_are_seen_through() -> None:
     [level] = leafcloud.build_chain(foliage, blended=True, **options).levels
     assert len(level.corners) == 1
     assert level.alpha_cutoff == 0.0
-    assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * ALPHA, abs=1)
+    # It moves a little, so that as much is covered as by the leaves, whose rims lie between samples.
+    assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * ALPHA, rel=0.05)
     assert level.for_engines()[1] == 0.0
     assert np.array_equal(level.for_engines()[0], level.base_color)
     [cut] = leafcloud.build_chain(foliage, **options).levels
