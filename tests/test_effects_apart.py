@@ -86,7 +86,7 @@ EFFECTS_APART = {
         (
             "addon.export.translucency",
             "addon.build.materials:_shine_through",
-            "addon.build.levels:_with_opaque_parts",
+            "addon.build.levels:with_opaque_parts",
             "addon.scene.describe:_part_light",
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),

@@ -37,7 +37,7 @@ from .grazing_nodes import WIDTH, add_grazing_fade, add_grazing_modifier
 from .leaf_map import add_leaf_map
 from .leaf_moves import LeafMoves, leaf_moves
 from .lod_nodes import LodSettings, add_lod_modifier
-from .materials import Page, atlas_image, atlas_material, layer_names
+from .materials import Page, atlas_image, atlas_material, layer_names, with_opaque_parts
 from .morphs import Pruning, Transition
 from .node_laws import NEVER
 from .prune_tables import PREFIX_STEPS, area_shares, prefix_table
@@ -378,7 +378,7 @@ def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Cos
             page = replace(page, gloss=image, occluded=plan.occlusion)
     if (translucency := level.translucency) is not None:
         with costs.spent_on("translucency", _own_bytes(level, translucency)):
-            pixels = _with_opaque_parts(translucency, level.base_color)
+            pixels = with_opaque_parts(translucency, level.base_color)
             image = atlas_image(f"{name}_translucency", pixels)
             page = replace(page, translucency=image, share=plan.share, opaque_parts=bool((pixels[..., 3] == 0).any()))
     if (visibility := level.visibility) is not None:
@@ -399,12 +399,6 @@ def _add_leaf_map(
     uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
     leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
     add_leaf_map(obj.data.materials[0], uv_image, leaf_image, own)
-
-
-def _with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The page with alpha 0 where something is seen and no light shines through it: the wood of the cross, say."""
-    opaque = (base_color[..., 3] > 0) & ~translucency[..., :3].any(axis=2)
-    return np.dstack([translucency[..., :3], np.where(opaque, 0, 255).astype(np.uint8)])
 
 
 def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:

@@ -255,3 +255,9 @@ def layer_names(materials: Sequence[bpy.types.Material | None]) -> LayerNames:
         uv_maps=tuple(dict.fromkeys(name or UV_NAME for name in uv_maps)) or (UV_NAME,),
         colors=tuple(dict.fromkeys(name or COLOR_NAME for name in colors if name is not None)) or (COLOR_NAME,),
     )
+
+
+def with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The page with alpha 0 where something is seen and no light shines through it: the wood of the cross, say."""
+    opaque = (base_color[..., 3] > 0) & ~translucency[..., :3].any(axis=2)
+    return np.dstack([translucency[..., :3], np.where(opaque, 0, 255).astype(np.uint8)])
