@@ -172,14 +172,17 @@ def test_a_rendering_lies_like_the_colours() -> None:
 
 
 @pytest.mark.parametrize(
-    ("turn", "scale", "expected"),
+    ("turn", "scale", "strength", "expected"),
     [
-        (np.pi / 2, (1.0, 1.0), (0.0, 0.6, 0.8)),
-        (0.0, (-1.0, 1.0), (-0.6, 0.0, 0.8)),
-        (0.0, (3.0, 3.0), (0.6, 0.0, 0.8)),
+        (np.pi / 2, (1.0, 1.0), 1.0, (0.0, 0.6, 0.8)),
+        (np.pi / 2, (1.0, 1.0), 0.999, (0.0, 0.6, 0.8)),
+        (0.0, (-1.0, 1.0), 1.0, (-0.6, 0.0, 0.8)),
+        (0.0, (3.0, 3.0), 0.999, (0.6, 0.0, 0.8)),
     ],
 )
-def test_a_mapping_turns_normals(turn: float, scale: tuple[float, float], expected: tuple[float, ...]) -> None:
+def test_a_mapping_turns_normals(
+    turn: float, scale: tuple[float, float], strength: float, expected: tuple[float, ...]
+) -> None:
     """Blender's are those of the UV map; the core's axes are those in which the image lies."""
     _, principled, tree = new_material()
     moved = tree.nodes.new("ShaderNodeMapping")
@@ -191,7 +194,7 @@ def test_a_mapping_turns_normals(turn: float, scale: tuple[float, float], expect
     for node in (colors, image):
         tree.links.new(moved.outputs[0], node.inputs["Vector"])
     tree.links.new(colors.outputs["Color"], principled.inputs["Base Color"])
-    description, _ = described(principled, normal_map(tree, image.outputs["Color"], 0.999).outputs["Normal"])
+    description, _ = described(principled, normal_map(tree, image.outputs["Color"], strength).outputs["Normal"])
     assert_codes(description["normal"], codes_of(expected), off=2)
 
 

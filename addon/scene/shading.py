@@ -1,8 +1,8 @@
 """What a material's nodes say of gloss and normals: the Principled BSDF's Roughness, Metallic and Normal.
 
 Understood are constants, one image of occlusion, roughness and metallic taken apart by a Separate Color node (as
-Blender's glTF importer builds it), and a tangent-space Normal Map. All else is rendered (see `rendered_shading`). What
-cannot be is said in a warning, and the leaf counts as rough and smooth there.
+Blender's glTF importer builds it), and a tangent-space Normal Map that no Mapping node turns. All else is rendered (see
+`rendered_shading`). What cannot be is said in a warning, and the leaf counts as rough and smooth there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ import bpy
 
 from .node_links import Input, Output, follow
 from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
-from .surface import NotUnderstoodError, Texture, laid_alike, number_at, principled_of, read_surface, texture_of
+from .surface import (
+    NotUnderstoodError,
+    Texture,
+    laid_alike,
+    number_at,
+    principled_of,
+    read_surface,
+    texture_of,
+    transform_matrix,
+)
 
 
 @dataclass(frozen=True)
@@ -130,7 +139,7 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
     node = source.node
     if node.type == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
         image = _understood(follow(source.input("Color")))
-        if image is not None and laid_like(colors, image):
+        if image is not None and laid_like(colors, image) and _is_upright(image):
             return replace(shading, normal=image)
     return replace(shading, normal=_rendered_normal(principled, node, colors))
 
@@ -144,6 +153,12 @@ def _rendered_normal(principled: Output, node: bpy.types.Node, colors: Texture |
         return rendering_of(principled, NORMAL, colors)
     except NotUnderstoodError as reason:
         raise NotUnderstoodError(f"normal {reason}; smooth stands for it") from reason
+
+
+def _is_upright(image: Texture) -> bool:
+    """Whether the image's axes are those of the UV map. A Normal Map's are, whatever Mapping nodes do."""
+    (along_u, across_u, _), (across_v, along_v, _) = transform_matrix(image)
+    return bool(along_u > 0.0 and along_v > 0.0 and across_u == across_v == 0.0)
 
 
 def laid_like(colors: Texture | None, texture: Texture) -> bool:
