@@ -206,6 +206,18 @@ def test_translucency_that_is_added_is_told() -> None:
     assert messages == ["material 'm' mixes several shaders: only its Principled BSDF 'Principled BSDF' is read"]
 
 
+@pytest.mark.parametrize(("strength", "color", "told"), [(2.0, 1.0, True), (0.0, 1.0, False), (2.0, 0.0, False)])
+def test_emission_is_told(strength: float, color: float, *, told: bool) -> None:
+    material, principled, _ = new_material()
+    principled.inputs["Emission Strength"].default_value = strength
+    principled.inputs["Emission Color"].default_value = (color, color, color, 1.0)
+    _, messages = describe_material(material)
+    assert messages == told * [
+        "material 'm' emits light, which its billboards do not: they have its base colour only; set the Emission "
+        "Strength to 0 if the leaves need not shine from near by, either"
+    ]
+
+
 def test_a_material_without_a_shader_has_the_viewport_colour() -> None:
     material, principled, tree = new_material()
     material.diffuse_color = (0.25, 0.5, 0.125, 1.0)

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .emission import emission_warnings
 from .extract import Geometry, world_positions
 from .flatten import USUAL_LOOK, Flattened, Look, flatten
 from .images import check_readable
@@ -224,6 +225,7 @@ def _described(
     )
     # A mix whose translucency is read is read whole.
     messages = [] if through.share > 0.0 else list(surface.warnings)
+    messages += [] if material is None else emission_warnings(material)
     flat = None
     shown = replace(surface, gaps=(through.gap,), layout=through.texture) if through.gap else surface
     if shown.gaps and material is not None:
