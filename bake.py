@@ -229,11 +229,16 @@ def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console:
 
 @contextmanager
 def _refusing(directory: Path) -> Iterator[None]:
-    """Turns what the system says while `directory` is written to into a `Refusal`."""
+    """Turns what the system or Blender says while `directory` is written to into a `Refusal`."""
+    from addon.export.errors import ExportError
+
     try:
         yield
     except (FileExistsError, NotADirectoryError) as error:
         raise Refusal(f"cannot write to {directory}: {error.filename} is not a folder; choose another --out") from error
+    except ExportError as error:
+        remedy = "make room there, or try File > Export > glTF 2.0 in Blender to see what it cannot write"
+        raise Refusal(f"cannot write to {directory}: {error}; {remedy}") from error
     except OSError as error:
         remedy = "make room there, or choose another folder with --out"
         raise Refusal(f"cannot write to {directory}: {error.strerror or error}; {remedy}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from node_trees import math_node, new_image, new_material, texture_node
 from scenes import SQUARE, add_mesh
+from small_glb import png
 
 from addon.scene import SceneError
 from addon.scene.describe import describe_material
@@ -36,6 +38,29 @@ def fields(pixels: np.ndarray) -> np.ndarray:
 
 def to_surface(tree: Any, shader: bpy.types.Node) -> None:
     tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+
+
+@pytest.mark.parametrize(
+    ("pattern", "first", "second"),
+    [("a.<UDIM>.png", "a.1001.png", "a.1012.png"), ("a.<UVTILE>.png", "a.u1_v1.png", "a.u2_v2.png")],
+)
+def test_a_tiled_image_needs_all_its_files(tmp_path: Path, pattern: str, first: str, second: str) -> None:
+    for name in (first, second):
+        (tmp_path / name).write_bytes(png([[(255, 0, 0, 255)] * 8] * 8))
+    image = bpy.data.images.load(str(tmp_path / first))
+    image.source, image.filepath = "TILED", str(tmp_path / pattern)
+    image.name = "tiles"
+    image.tiles.new(tile_number=1012)
+    material, principled, tree = new_material()
+    tree.links.new(texture_node(tree, image).outputs["Color"], principled.inputs["Base Color"])
+    assert describe_material(material)[0]["image"] is not None
+    (tmp_path / second).unlink()
+    with pytest.raises(SceneError) as caught:
+        describe_material(material)
+    assert str(caught.value) == (
+        f"texture 'tiles' of material 'm' cannot be read: {tmp_path / second}; "
+        f"put the file there, or pack it into the .blend"
+    )
 
 
 def test_what_a_node_makes_of_an_image_is_kept() -> None:
