@@ -58,7 +58,7 @@ INTRODUCTION = f"""# Fidelity
 Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, seen from {VIEWS} directions by Cycles,
 flat-lit, orthographic, on a grid of samples in each pixel: so many along its side (for cross and sloppy, which are far
 off, half as many). FLIP is the mean within four pixels of either silhouette, over grey. Beside it what one might use
-instead, made from the same leaves.
+instead, made from the same leaves. Trees of more than {TREE_LIMIT:,} triangles are left out: they are there for speed.
 
 - *literal*: the published algorithm (ε = {EPSILON} R, N = {CANDIDATES}), rectangles, one front texture each,
   {TEXELS / 1e6:.1f} M texels.

@@ -56,7 +56,8 @@ times the share of the sun that occlusion and visibility textures say reaches a 
 the billboards cast upon one another in Cycles. *Exact*: every place of the billboards as bright as it is on its leaf:
 what is left is where leaves lie, which no texture mends that has each leaf's own light. The luminance error is the mean
 difference over what either covers, over the mean luminance of the leaves: at 128², and of the same pictures at 32². A
-black picture has 1: normals alone, which light what is in shadow, may have more.
+black picture has 1: normals alone, which light what is in shadow, may have more. Files of more than 10 MB are left out:
+they are there for speed.
 """
 
 

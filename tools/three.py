@@ -48,7 +48,8 @@ Made by `make three` (see `tools/three.py`): level 1 in three.js, unlit, from 8 
 bounding sphere fills the picture. *PNG*: the engine makes the mip levels, by plain means. *KTX2*: it takes those of the
 file, which keep coverage (`--engine three`). *Coverage*, *luminance*: level 1's over that of the leaves, which are seen
 without mip levels at 1024². *Texels*: on a pixel's side. Where that is less than 1, texels are magnified, and the level
-before is still drawn. Level 2, which is left out here, would take over where the crown is some 115 pixels large.
+before is still drawn. Level 2, which is left out here, would take over where the crown is some 115 pixels large. Files
+of more than 10 MB are left out: they are there for speed.
 """
 
 

@@ -705,7 +705,11 @@ def write_png(path: str, image: NDArray[np.uint8]) -> None:
 
 def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:
     """The foliage of a .glb or .gltf file, without Blender: meshes and materials whose node, mesh or material name
-    contains one of ``names`` (default: leaf, leaves, foliage, needle, frond). Z up."""
+    contains one of ``names`` (default: leaf, leaves, foliage, needle, frond). Z up.
+
+    Read are the first UV set, colours, normals, and of materials base colour, alpha, gloss and normal map. Textures
+    repeat, whatever the file's samplers say, and are not moved. What a file says beyond that (other UV sets, emission,
+    extensions) is left to Blender's importer and ``bake.py``."""
 
 def keep(distance: float, start: float, half: float = 0.5) -> float:
     """λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at ``distance``; ``start`` d₀ > 0, ``half`` h in
