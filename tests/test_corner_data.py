@@ -91,6 +91,27 @@ def test_vertex_colours_of_a_glb(tmp_path: Path) -> None:
     assert by_corner == {(x, -0.0, y): color for (x, y, _), color in zip(SQUARE, colors, strict=True)}
 
 
+@pytest.mark.parametrize("place", ["POINT", "CORNER"])
+def test_a_named_attribute_may_be_the_texture_coordinates(place: str) -> None:
+    """As geometry nodes store them, looked up by an Attribute node; the map that renders is another."""
+    shader = material("leaf")
+    use_nodes(shader)
+    tree = shader.node_tree
+    image, attribute = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeAttribute")
+    image.image, attribute.attribute_name = bpy.data.images.new("i", 4, 4), "stored"
+    tree.links.new(attribute.outputs["Vector"], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    obj = add_mesh("leaf", TRIANGLE, [(0, 1, 2)], materials=[shader])
+    obj.data.uv_layers.new(name="UVMap")
+    expected = [(0.125, 0.5), (0.75, 0.25), (0.5, 1.0)]
+    stored = obj.data.attributes.new("stored", "FLOAT2", place)
+    stored.data.foreach_set("vector", np.array(expected, np.float32).ravel())
+    tree_read = read()
+    assert tree_read.leaves.uvs is not None
+    np.testing.assert_array_equal(tree_read.leaves.uvs[0], expected)
+    assert tree_read.warnings == []
+
+
 def test_colours_are_linear_and_only_where_a_material_asks() -> None:
     obj = add_mesh("leaf", TRIANGLE, [(0, 1, 2)], materials=[material("plain")])
     attribute = obj.data.color_attributes.new("Col", "BYTE_COLOR", "POINT")
@@ -107,6 +128,13 @@ def test_colours_are_linear_and_only_where_a_material_asks() -> None:
     assert colors is not None
     np.testing.assert_allclose(colors[0], [(0.5029, 0.0, 1.0, 1.0)] * 3, atol=1e-4)
     assert (colors[1] == 1.0).all()
+    for place, kind, field in [("FACE", "FLOAT_COLOR", "color"), ("POINT", "FLOAT_VECTOR", "vector")]:
+        node.layer_name = place
+        stored = obj.data.attributes.new(place, kind, place)
+        stored.data.foreach_set(field, [0.125, 0.5, 0.25, 1.0][: 4 if field == "color" else 3] * len(stored.data))
+        colors = read().leaves.colors
+        assert colors is not None
+        np.testing.assert_array_equal(colors[0], [(0.125, 0.5, 0.25, 1.0)] * 3)
     node.layer_name = "gone"
     tree = read()
     assert tree.leaves.colors is not None

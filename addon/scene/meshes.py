@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -22,6 +22,14 @@ PROTECT = "Leafcloud Protect"
 """The vertex group, or attribute of points, corners or faces: an artist paints there what is never pruned."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
 """The types of that attribute."""
+_COMPONENTS = {
+    **dict.fromkeys(_NUMBERS, ("value", 1)),
+    "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3),
+    "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4),
+}
+"""By type: the property of an attribute's items that is read, and how wide it is."""
 _PLACES = {"POINT": "triangles", "CORNER": "loops", "FACE": "faces"}
 """What of `Copies` has each triangle's places in its domain."""
 
@@ -89,19 +97,37 @@ class Copies:
         return _read(self.mesh.corner_normals, "vector", 3, np.float32)[self.loops]
 
     def uvs(self, name: str) -> NDArray[np.float32] | None:
-        """(t, 3, 2) the UV map of this name, else the one that renders; `None` where the mesh has none."""
-        layers = self.mesh.uv_layers
-        layer = layers.get(name) or next((layer for layer in layers if layer.active_render), None)
+        """(t, 3, 2) the UV map or vectors of this name, else the map that renders; `None` where the mesh has none."""
+        named = self._spread(self.mesh.attributes.get(name), ("FLOAT2", "FLOAT_VECTOR"))
+        if named is not None:
+            return named[..., :2]
+        layer = next((layer for layer in self.mesh.uv_layers if layer.active_render), None)
         return None if layer is None else _read(layer.uv, "vector", 2, np.float32)[self.loops]
 
     def colors(self, name: str) -> NDArray[np.float32] | None:
-        """(t, 3, 4) a colour attribute, linear; for an empty name the one that renders; `None` where there is none."""
-        attributes = self.mesh.color_attributes
-        attribute = attributes.get(name or attributes.default_color_name)
-        if attribute is None:
+        """(t, 3, 4) an attribute as a colour, linear, a number as a grey; for an empty name the colour attribute that
+        renders; `None` where there is none."""
+        attributes = self.mesh.attributes
+        values = self._spread(attributes.get(name or self.mesh.color_attributes.default_color_name), tuple(_COMPONENTS))
+        if values is None:
             return None
-        colors = _read(attribute.data, "color", 4, np.float32)
-        return colors[self.triangles if attribute.domain == "POINT" else self.loops]
+        colors = np.ones((*values.shape[:2], 4), np.float32)
+        match values.shape[2]:
+            case 1:
+                colors[..., :3] = values
+            case 2:
+                colors[..., :2], colors[..., 2] = values, 0.0
+            case width:
+                colors[..., :width] = values
+        return colors
+
+    def _spread(self, attribute: bpy.types.Attribute | None, types: Sequence[str]) -> NDArray[np.float32] | None:
+        """(t, 3, width) an attribute of points, corners or faces at the triangles' corners, if it is of these types."""
+        if attribute is None or attribute.domain not in _PLACES or attribute.data_type not in types:
+            return None
+        values = _read(attribute.data, *_COMPONENTS[attribute.data_type], np.float32)
+        found = values[getattr(self, _PLACES[attribute.domain])]
+        return np.broadcast_to(found, (len(found), 3, values.shape[1]))
 
     def protected(self) -> NDArray[np.bool_] | None:
         """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
