@@ -93,6 +93,21 @@ def test_an_even_alpha_is_seen_through_as_far_as_it_is_one(alpha: float, on: boo
     assert plan_of(add_crown(principled("leaf", Alpha=alpha)))["blend_order"].on is on
 
 
+@pytest.mark.parametrize(("alphas", "on"), [((0.5, 0.5), True), ((1.0, 1.0), False), ((0.0, 1.0), False)])
+def test_corners_that_are_half_clear_are_seen_through(alphas: tuple[float, float], on: bool) -> None:
+    """Two corners of each card of either."""
+    material, surface, tree = new_material()
+    attribute = tree.nodes.new("ShaderNodeVertexColor")
+    attribute.layer_name = "Col"
+    tree.links.new(attribute.outputs["Alpha"], surface.inputs["Alpha"])
+    crown = add_crown(material)
+    colors = crown.data.color_attributes.new("Col", "FLOAT_COLOR", "POINT")
+    codes = np.ones((len(crown.data.vertices), 4), np.float32)
+    codes[:, 3] = np.repeat(np.tile(alphas, len(codes) // 4), 2)
+    colors.data.foreach_set("color", codes.ravel())
+    assert plan_of(crown)["blend_order"].on is on
+
+
 def test_soft_edges_of_narrow_leaves_are_edges() -> None:
     """Needles three texels wide, with as much of a soft edge again."""
     row = [(0.2, 0.5, 0.1, shade) for shade in (0.0, 0.3, 0.7, 1.0, 1.0, 1.0, 0.7, 0.3, 0.0, 0.0)]

@@ -2,8 +2,8 @@
 
 Importers and artists leave a material blended wherever its image has alpha and nobody asked for a cutoff; most such
 leaves have edges, and nothing is seen through them. So texels are looked at: what lies between opaque and clear, and is
-no soft edge of something opaque, has to be more than what is opaque. Known limits: alpha of corners counts as full, and
-of a material whose alpha has to be rendered nothing is known.
+no soft edge of something opaque, has to be more than what is opaque; where corners have alpha, as often as they have
+it. Known limit: of a material whose alpha has to be rendered nothing is known.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ from .surface import read_surface
 LEAST_SHARE = 0.1
 """Of the leaves' area: fewer leaves are cut out with the others, which would all be blended for their sake."""
 _CLEAR, _OPAQUE = 0.02, 0.85
+_ALPHAS = 9
+"""Of corners that are looked at."""
 _EDGE = 2
 """Texels that a soft edge is wide."""
 
 
 def see_through(leaves: Geometry, blended: Sequence[bpy.types.Material]) -> tuple[str, ...]:
     """The names of those of the `blended` materials, if enough of the leaves have them."""
-    found = [material for material in blended if is_see_through(material)]
+    found = [material for material in blended if is_see_through(material, _corner_alphas(leaves, material))]
     a, b, c = np.moveaxis(leaves.positions[leaves.triangles].astype(np.float64), 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     numbers = [number for number, material in enumerate(leaves.materials) if material in found]
@@ -36,8 +38,11 @@ def see_through(leaves: Geometry, blended: Sequence[bpy.types.Material]) -> tupl
     return tuple(material.name for material in found) if share >= LEAST_SHARE else ()
 
 
-def is_see_through(material: bpy.types.Material) -> bool:
-    """Whether what is behind a material is seen through most of it, as far as its nodes and its image say."""
+def is_see_through(material: bpy.types.Material, corners: Sequence[float] = (1.0,)) -> bool:
+    """Whether what is behind a material is seen through most of it, as far as its nodes and its image say.
+
+    `corners`: alphas by which its leaves multiply that, each as often as the others.
+    """
     surface = read_surface(material)
     if surface.alpha_mode != "BLEND" or any(not gap.startswith("its base colour ") for gap in surface.gaps):
         return False
@@ -45,9 +50,20 @@ def is_see_through(material: bpy.types.Material) -> bool:
         opacity = opacity_of(surface)
     except SceneError:  # An image that is missing is told when it is baked.
         return False
-    opaque = opacity >= _OPAQUE
-    between = (opacity > _CLEAR) & ~_grown(opaque)
-    return bool(between.sum() > opaque.sum())
+    more = 0
+    for alpha in corners:
+        opaque = alpha * opacity >= _OPAQUE
+        between = (alpha * opacity > _CLEAR) & ~_grown(opaque)
+        more += int(between.sum()) - int(opaque.sum())
+    return more > 0
+
+
+def _corner_alphas(leaves: Geometry, material: bpy.types.Material) -> Sequence[float]:
+    """Some of the alphas that corners of a material's leaves have, evenly from the least to the greatest."""
+    if leaves.colors is None or read_surface(material).alpha_attribute is None:
+        return (1.0,)
+    alphas = leaves.colors[leaves.material_ids == leaves.materials.index(material), :, 3]
+    return tuple(np.quantile(alphas, np.linspace(0.0, 1.0, _ALPHAS)).tolist())
 
 
 def _grown(texels: NDArray[np.bool_]) -> NDArray[np.bool_]:
