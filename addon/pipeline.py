@@ -240,6 +240,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
         roughness=prepared.gloss.roughness,
         metallic=prepared.gloss.metallic,
+        specular=prepared.gloss.specular,
         share=prepared.translucent.share,
         occlusion=bool(is_on(prepared.effects, "occlusion")),
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),

@@ -20,12 +20,13 @@ def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
 
 def test_the_atlas_material_is_cut_out_by_alpha() -> None:
     image = atlas_image("page", np.full((2, 2, 4), 255, np.uint8))
-    material = atlas_material("page", Page(image), alpha_cutoff=0.375, double_sided=False)
+    material = atlas_material("page", Page(image, specular=0.25), alpha_cutoff=0.375, double_sided=False)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     threshold = surface.inputs["Alpha"].links[0].from_node
     assert (threshold.operation, threshold.inputs[1].default_value) == ("GREATER_THAN", 0.375)
     assert surface.inputs["Base Color"].links[0].from_node.image == image
     assert material.use_backface_culling
+    assert surface.inputs["Specular IOR Level"].default_value == 0.25
 
 
 def tree_groups(material: bpy.types.Material) -> list[bpy.types.Node]:

@@ -106,6 +106,46 @@ def test_what_is_no_plain_image_is_to_be_rendered(kind: str) -> None:
     assert shading.warnings == ()
 
 
+def test_gloss_is_cut_as_blender_cuts_it() -> None:
+    material, principled, tree = new_material()
+    value = tree.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = 1.7
+    tree.links.new(value.outputs[0], principled.inputs["Roughness"])
+    assert describe_material(material, CHANNELS)[0]["roughness"] == 1.0
+
+
+def test_the_specular_level_is_the_materials_mean() -> None:
+    materials = []
+    for level in (0.0, 0.0, 0.75):
+        material, principled, _ = new_material()
+        principled.inputs["Specular IOR Level"].default_value = level
+        principled.inputs["Roughness"].default_value = 0.25
+        materials.append(material)
+    assert gloss_of(materials[:2]) == Gloss(0.25, 0.0, None, specular=0.0)
+    differing = gloss_of(materials)
+    assert differing.specular == 0.25
+    assert differing.warnings == (
+        "the leaf materials' Specular IOR Levels (0, 0.75) differ: the clouds have one, 0.25",
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("normals", "normals come from the node 'Diffuse BSDF'; smooth stands for it, use a Principled BSDF"),
+        ("gloss", "highlights come from the node 'Glossy BSDF'; rough stands for it, use a Principled BSDF"),
+    ],
+)
+def test_what_other_shaders_say_is_told(kind: str, said: str) -> None:
+    material, principled, tree = new_material()
+    tree.nodes.remove(principled)
+    shader = tree.nodes.new("ShaderNodeBsdfDiffuse" if kind == "normals" else "ShaderNodeBsdfGlossy")
+    tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    if kind == "normals":
+        tree.links.new(tree.nodes.new("ShaderNodeBump").outputs["Normal"], shader.inputs["Normal"])
+    assert read_shading(material, None).warnings == (f"material 'm': its {said}",)
+
+
 def test_leaves_that_are_all_alike_need_no_texture() -> None:
     materials = []
     for roughness in (0.25, 0.25, 0.5):

@@ -20,6 +20,7 @@ from ..plan.reach import Reach, wood_reach
 from ..plan.thinning import Thinning
 from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
+from ..scene.shading import USUAL_SPECULAR
 from . import morphs
 from .baked_light import add_light, lit_material, unlit_material
 from .cloud_mesh import (
@@ -73,8 +74,8 @@ class Plan:
 
     centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
     for each level with the leaves first, are in world units. roughness and metallic are the leaves' where no texture
-    says how glossy they are; share is what of the light shines through them, where there is a texture of it. light, if
-    it is baked, is that of the leaves, to be multiplied by light_strength.
+    says how glossy they are, specular is their Specular IOR Level; share is what of the light shines through them,
+    where there is a texture of it. light, if it is baked, is that of the leaves, to be multiplied by light_strength.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Plan:
     """Of the leaves as they are seen, linear."""
     roughness: float = 1.0
     metallic: float = 0.0
+    specular: float = USUAL_SPECULAR
     occlusion: bool = False
     share: float = 0.0
     light: Light | None = None
@@ -368,7 +370,7 @@ def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Cos
     # The first level is what a bake is for.
     with costs.spent_on("far_levels", _own_bytes(level, base_color)) if number > 1 else nullcontext():
         image = atlas_image(name, base_color)
-    page = Page(image, roughness=plan.roughness, metallic=plan.metallic)
+    page = Page(image, roughness=plan.roughness, metallic=plan.metallic, specular=plan.specular)
     if (normal := level.normal) is not None:
         with costs.spent_on("normals", _own_bytes(level, normal)):
             page = replace(page, normal=atlas_image(f"{name}_normal", normal, data=True))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..scene.shading import USUAL_SPECULAR
 from ..scene.surface import read_surface
 from .cloud_mesh import COLOR_NAME, UV_NAME, LayerNames
 
@@ -44,6 +45,8 @@ class Page:
     roughness: float = 1.0
     metallic: float = 0.0
     """Both where there is no image of them."""
+    specular: float = USUAL_SPECULAR
+    """Specular IOR Level."""
 
 
 def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
@@ -85,6 +88,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Roughness"].default_value = page.roughness
     surface.inputs["Metallic"].default_value = page.metallic
+    surface.inputs["Specular IOR Level"].default_value = page.specular
     texture = _image_node(tree, page.base_color, 300.0)
     texture.name = PAGE_NODE
     opacity = shown_share(tree, texture, alpha_cutoff)

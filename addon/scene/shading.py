@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Input, Output, follow
+from .node_links import Input, Output, follow, shown_nodes
 from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
 from .surface import (
     NotUnderstoodError,
@@ -24,6 +24,9 @@ from .surface import (
     texture_of,
     transform_matrix,
 )
+
+USUAL_SPECULAR = 0.5
+"""The Specular IOR Level of an index of refraction of 1.5, which glTF has by default."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Shading:
     metallic: float = 0.0
     gloss: Texture | None = None
     normal: Texture | None = None
+    specular: float = USUAL_SPECULAR
+    """Specular IOR Level."""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -54,7 +59,9 @@ class Gloss:
     varies: str | None
     """The first glossy material among several that differ, or one with an image or a rendering."""
     warnings: tuple[str, ...] = ()
-    """What can be neither read nor rendered of any."""
+    """What can be neither read nor rendered of any, or has no room."""
+    specular: float = USUAL_SPECULAR
+    """The mean over the materials."""
 
 
 def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
@@ -63,21 +70,28 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     first = shadings[0]
     alike = {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}
     warnings = tuple(dict.fromkeys(warning for shading in shadings for warning in shading.warnings))
+    specular = sum(s.specular for s in shadings) / len(shadings)
+    if any(s.specular != first.specular for s in shadings):
+        shown = ", ".join(sorted({f"{s.specular:.3g}" for s in shadings}))
+        said = f"the leaf materials' Specular IOR Levels ({shown}) differ: the clouds have one, {specular:.3g}"
+        warnings = (*warnings, said)
     if alike:
-        return Gloss(first.roughness, first.metallic, None, warnings)
+        return Gloss(first.roughness, first.metallic, None, warnings, specular)
     names = [
         material.name for material, s in zip(materials, shadings, strict=True) if material is not None and s.glossy
     ]
-    return Gloss(1.0, 0.0, next(iter(names), None), warnings)
+    return Gloss(1.0, 0.0, next(iter(names), None), warnings, specular)
 
 
 def read_shading(material: bpy.types.Material | None, colors: Texture | None) -> Shading:
     """Reads a material's nodes; images have to be laid on the mesh like `colors`, when there are any."""
     principled = None if material is None else principled_of(material)
-    if material is None or principled is None:
+    if material is None:
         return Shading()
+    if principled is None:
+        return Shading(warnings=tuple(_unread(material)))
     shading = Shading()
-    for read in (_with_gloss, _with_normal):
+    for read in (_with_gloss, _with_specular, _with_normal):
         try:
             shading = read(shading, principled, colors)
         except NotUnderstoodError as reason:
@@ -85,9 +99,29 @@ def read_shading(material: bpy.types.Material | None, colors: Texture | None) ->
     return shading
 
 
+def _unread(material: bpy.types.Material) -> list[str]:
+    """What is said of gloss and normals by shaders that are not Principled."""
+    nodes = [] if material.node_tree is None else shown_nodes(material.node_tree)
+    turned = [node.name for node in nodes if (normal := node.inputs.get("Normal")) and normal.is_linked]
+    shiny = [node.name for node in nodes if node.type == "BSDF_GLOSSY"]
+    said = f"material {material.name!r}: its"
+    return [
+        f"{said} {what} come from the node {names[0]!r}; {instead} stands for it, use a Principled BSDF"
+        for what, instead, names in (("normals", "smooth", turned), ("highlights", "rough", shiny))
+        if names
+    ]
+
+
+def _with_specular(shading: Shading, principled: Output, _: Texture | None) -> Shading:
+    specular = _within(number_at(principled.input("Specular IOR Level")))
+    if specular is None:
+        raise NotUnderstoodError(f"Specular IOR Level varies; {USUAL_SPECULAR} stands for it")
+    return replace(shading, specular=specular)
+
+
 def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
     rough, metal = (principled.input(name) for name in ("Roughness", "Metallic"))
-    roughness, metallic = number_at(rough), number_at(metal)
+    roughness, metallic = (_within(number_at(target)) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
     found = {
@@ -104,6 +138,11 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
         metallic=1.0 if metallic is None else metallic,
         gloss=image,
     )
+
+
+def _within(number: float | None) -> float | None:
+    """Blender cuts what lies outside of [0, 1]."""
+    return None if number is None else min(max(number, 0.0), 1.0)
 
 
 def _rendered_gloss(principled: Output, colors: Texture | None) -> Texture:
