@@ -58,6 +58,9 @@ def test_without_nodes_the_viewport_colour_is_the_material() -> None:
         (lambda tree, alpha: math_node(tree, "ROUND", alpha), 0.5),
         (lambda tree, alpha: math_node(tree, "GREATER_THAN", alpha, 0.25), 0.25),
         (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.75, alpha), 0.75),
+        (lambda tree, alpha: math_node(tree, "GREATER_THAN", alpha, 0.0), 0.5 / 255.0),
+        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.0, alpha), 0.5 / 255.0),
+        (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.0)), 0.0),
         (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.125)), 0.125),
         (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "GREATER_THAN", 0.875, alpha)), 0.875),
     ],
@@ -90,8 +93,21 @@ def test_opacity_in_an_image_of_its_own_and_another_size() -> None:
     description, messages = describe_material(material)
     assert messages == []
     assert description["image"] is not None
-    red, gone = [255, 0, 0, 255], [255, 0, 0, 0]
-    assert description["image"].tolist() == [[red, red, gone, gone]] * 2
+    # Texels of twice the size, between whose middles renderers look; images repeat.
+    dense, thin = [255, 0, 0, 191], [255, 0, 0, 64]
+    assert description["image"].tolist() == [[dense, dense, thin, thin]] * 2
+
+
+def test_a_mask_keeps_its_detail_over_a_palette() -> None:
+    material, principled, tree = new_material()
+    color = texture_node(tree, new_image("color", [[(1, 0, 0, 1)]]))
+    stripes = [[(1, 1, 1, x % 2) for x in range(8)]] * 4
+    tree.links.new(color.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(texture_node(tree, new_image("mask", stripes)).outputs["Alpha"], principled.inputs["Alpha"])
+    description, messages = describe_material(material)
+    assert messages == []
+    assert description["image"] is not None
+    assert description["image"].tolist() == [[[255, 0, 0, 255 * (x % 2)] for x in range(8)]] * 4
 
 
 def test_opacity_as_grey_is_read_as_blender_does() -> None:
@@ -206,15 +222,70 @@ def test_translucency_that_is_added_is_told() -> None:
     assert messages == ["material 'm' mixes several shaders: only its Principled BSDF 'Principled BSDF' is read"]
 
 
+def test_two_principled_shaders_are_mixed() -> None:
+    """A quarter of one and three quarters of the other."""
+    material, principled, tree = new_material()
+    mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfPrincipled")
+    principled.inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
+    other.inputs["Base Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    mix.inputs[0].default_value = 0.75
+    for number, shader in enumerate((principled, other), 1):
+        tree.links.new(shader.outputs[0], mix.inputs[number])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    description, (message,) = describe_material(material)
+    assert message.startswith(
+        "material 'm': its surface mixes several shaders at the node 'Mix Shader'; it is rendered"
+    )
+    assert description["image"] is not None
+    # sRGB of 0.25 and 0.75 by the standard's formula.
+    assert np.abs(description["image"].astype(int) - [137, 225, 0, 255]).max() <= 1
+    assert description["alpha_mode"] == "OPAQUE"
+
+
+def test_a_cut_out_the_other_way_round() -> None:
+    """Transparent where the factor is 1."""
+    material, principled, tree = new_material()
+    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    mask = texture_node(tree, new_image("mask", [[(1, 1, 1, x // 4) for x in range(8)]] * 8))
+    mask.interpolation = "Closest"
+    tree.links.new(math_node(tree, "SUBTRACT", 1.0, mask.outputs["Alpha"]), mix.inputs[0])
+    tree.links.new(principled.outputs[0], mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    description, _ = describe_material(material)
+    assert description["alpha_mode"] == "MASK"
+    assert description["image"] is not None
+    half = description["image"].shape[1] // 2
+    assert (description["image"][:, :half, 3] == 0).all()
+    assert (description["image"][:, half:, 3] == 255).all()
+
+
+EMITS = (
+    "material 'm' emits light, which its billboards do not: they have its colour only, which has to be lit; set the "
+    "Emission Strength to 0 if the leaves need not shine from near by, either"
+)
+
+
 @pytest.mark.parametrize(("strength", "color", "told"), [(2.0, 1.0, True), (0.0, 1.0, False), (2.0, 0.0, False)])
 def test_emission_is_told(strength: float, color: float, *, told: bool) -> None:
     material, principled, _ = new_material()
     principled.inputs["Emission Strength"].default_value = strength
     principled.inputs["Emission Color"].default_value = (color, color, color, 1.0)
-    _, messages = describe_material(material)
-    assert messages == told * [
-        "material 'm' emits light, which its billboards do not: they have its base colour only; set the Emission "
-        "Strength to 0 if the leaves need not shine from near by, either"
+    assert describe_material(material)[1] == told * [EMITS]
+
+
+def test_what_is_not_in_the_clouds_is_told() -> None:
+    material, principled, tree = new_material()
+    principled.inputs["Coat Weight"].default_value = 0.5
+    tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], tree.nodes["Material Output"].inputs[2])
+    add, emission = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(principled.outputs[0], add.inputs[0])
+    tree.links.new(emission.outputs[0], add.inputs[1])
+    tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    assert [message for message in describe_material(material)[1] if "rendered" not in message] == [
+        EMITS,
+        "material 'm': its displacement is not in the clouds; put a Bump node into the Normal of its shader",
+        "material 'm': no Coat is in the clouds, which have one gloss; set the weight to 0",
     ]
 
 
@@ -236,7 +307,8 @@ def test_a_shader_that_is_no_principled_is_rendered() -> None:
     shader = tree.nodes.new("ShaderNodeEmission")
     shader.inputs["Color"].default_value = (0.0, 1.0, 0.0, 1.0)
     tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-    description, (message,) = describe_material(material)
+    description, (emits, message) = describe_material(material)
+    assert emits == EMITS
     assert description["image"] is not None
     assert (description["image"] == (0, 255, 0, 255)).all()
     assert "its surface comes from the node 'Emission', without a Principled BSDF; it is rendered" in message

@@ -186,7 +186,10 @@ def test_the_image_says_which_uv_map_counts() -> None:
     tree.links.new(image.outputs["Color"], mix.inputs[6])
     tree.links.new(gradient.outputs["Color"], mix.inputs[7])
     tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
-    assert read_surface(material).texture == Texture(None)
+    # The image repeats, the gradient does not.
+    assert read_surface(material).texture == Texture(None, extension="MIXED")
+    _, (message,) = describe_material(material)
+    assert "texels a side, as if its UV maps (the active one and 'gradient') were all the active one;" in message
 
 
 def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

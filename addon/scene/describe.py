@@ -11,19 +11,17 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .emission import emission_warnings
 from .extract import Geometry, world_positions
 from .flatten import USUAL_LOOK, Flattened, Look, flatten
-from .images import check_readable
+from .images import Pixels, as_bytes, check_readable, decoded, encoded, pixels_of, resized
+from .losses import losses
 from .node_links import shown_nodes
-from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes
+from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes, uv_maps
 from .shader_sums import Light
 from .shading import Shading, read_shading
 from .surface import Rgb, Surface, Texture, read_surface
 from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
-
-Pixels = NDArray[np.uint8]
 
 _SEEN = 1.0 / 512.0
 """Tints that differ less from white tell no leaves apart."""
@@ -225,7 +223,7 @@ def _described(
     )
     # A mix whose translucency is read is read whole.
     messages = [] if through.share > 0.0 else list(surface.warnings)
-    messages += [] if material is None else emission_warnings(material)
+    messages += [] if material is None else losses(material)
     flat = None
     shown = replace(surface, gaps=(through.gap,), layout=through.texture) if through.gap else surface
     if shown.gaps and material is not None:
@@ -286,6 +284,11 @@ def _flat(material: bpy.types.Material, surface: Surface, light: Light, look: Lo
             check_readable(node.image, surface.name)
     flat = flatten(material, light, look)
     said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
+    maps = sorted(uv_maps(shown_nodes(material.node_tree)))
+    if len(maps) > 1:
+        named = " and ".join(repr(name) if name else "the active one" for name in maps)
+        laid = repr(surface.layout.uv_map) if surface.layout.uv_map else "the active one"
+        said += f", as if its UV maps ({named}) were all {laid}"
     # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
     lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
     if lost:
@@ -303,7 +306,7 @@ def _straight(pixels: NDArray[np.float32]) -> Pixels:
     """A rendering in sRGB with straight alpha."""
     alpha = pixels[..., 3:]
     color = np.divide(pixels[..., :3], alpha, out=np.zeros_like(pixels[..., :3]), where=alpha > 1e-4)
-    return _bytes(np.concatenate([_encoded(color), alpha], axis=2))
+    return as_bytes(np.concatenate([encoded(color), alpha], axis=2))
 
 
 def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"]:
@@ -348,7 +351,7 @@ def _translucency_image(material: bpy.types.Material, texture: Texture | None, l
         return None
     if texture.image is None:
         return _straight(flatten(material, "transmitted", look).pixels)
-    return _pixels(texture.image, material.name)
+    return pixels_of(texture.image, material.name)
 
 
 @dataclass(frozen=True)
@@ -366,10 +369,10 @@ def _brightened(factor: Rgb, image: Pixels | None, by: float) -> _Brightened:
     if most <= 1.0 + 1e-6 or image is None:
         return _Brightened((min(red, 1.0), min(green, 1.0), min(blue, 1.0)), image, most > 1.0 + 1e-6)
     rest = (red / most, green / most, blue / most)
-    color, alpha = most * _decoded(image[..., :3].astype(np.float32) / 255.0), image[..., 3:]
+    color, alpha = most * decoded(image[..., :3].astype(np.float32) / 255.0), image[..., 3:]
     drawn = alpha[..., 0] > 0
     cut = bool((color[drawn] * rest > 1.0).any(axis=1).mean() > _FEW) if drawn.any() else False
-    return _Brightened(rest, np.concatenate([_bytes(_encoded(color)), alpha], axis=2), cut)
+    return _Brightened(rest, np.concatenate([as_bytes(encoded(color)), alpha], axis=2), cut)
 
 
 def _data(
@@ -382,7 +385,7 @@ def _data(
     if texture is None:
         return None, []
     if texture.image is not None:
-        return _pixels(texture.image, material.name, data=True), []
+        return pixels_of(texture.image, material.name, data=True), []
     unit = size()
     if unit is None:
         said = f"material {material.name!r}: its gloss or normals have to be rendered over a UV map, and its leaves"
@@ -392,18 +395,26 @@ def _data(
 
 
 def _image(surface: Surface) -> Pixels | None:
-    """The colours of one image and the alpha of the same or another, white or opaque where there is none."""
+    """The colours of one image and the alpha of the same or another, white or opaque where there is none.
+
+    As large as the larger of both: a mask keeps its detail over a palette.
+    """
     color, alpha = surface.color_texture, surface.alpha_texture
     if color is None and alpha is None:
         return None
-    pixels = {texture.image: _pixels(texture.image, surface.name) for texture in (color, alpha) if texture is not None}
+    pixels = {
+        texture.image: pixels_of(texture.image, surface.name) for texture in (color, alpha) if texture is not None
+    }
     opacity = None if alpha is None else _opacity(pixels[alpha.image], alpha, surface.alpha_channel)
     if color is not None:
         result = pixels[color.image].copy()
     else:
         assert opacity is not None  # there is one for colour or for alpha
         result = np.full((*opacity.shape, 4), 255, np.uint8)
-    result[..., 3] = 255 if opacity is None else _resized(opacity, result.shape[0], result.shape[1])
+    if opacity is not None:
+        height, width = (max(sides) for sides in zip(result.shape[:2], opacity.shape, strict=True))
+        result, opacity = resized(result, height, width), resized(opacity[..., None], height, width)[..., 0]
+    result[..., 3] = 255 if opacity is None else opacity
     return result
 
 
@@ -412,68 +423,4 @@ def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "lumina
     if channel == "alpha":
         return pixels[..., 3]
     values = pixels[..., :3].astype(np.float32) / 255.0
-    return _bytes(_decoded(values) @ _LUMINANCE)
-
-
-def _pixels(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
-    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
-    check_readable(image, material_name)
-    width, height = image.size
-    values = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(values)
-    rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
-    if data:
-        # Blender shades with linear values: data in an image that is marked as colours are decoded, too.
-        values = rgba[..., :3] if _is_linear(image) else _decoded(rgba[..., :3])
-        return _bytes(np.concatenate([values, np.ones_like(rgba[..., 3:])], axis=2))
-    color, alpha = rgba[..., :3], rgba[..., 3:]
-    if image.alpha_mode == "NONE":
-        alpha = np.ones_like(alpha)
-    elif _is_premultiplied(image):
-        color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
-    if _is_linear(image):
-        color = _encoded(color)
-    return _bytes(np.concatenate([color, alpha], axis=2))
-
-
-def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(h, w, 4) from grey, grey and alpha, RGB or RGBA."""
-    channels = values.shape[2]
-    color = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    alpha = values[..., -1:] if channels in (2, 4) else np.ones_like(values[..., :1])
-    return np.concatenate([color, alpha], axis=2)
-
-
-def _is_premultiplied(image: bpy.types.Image) -> bool:
-    """Blender premultiplies float images unless alpha is a channel of its own, and leaves byte images as they are."""
-    return image.alpha_mode == "PREMUL" or (image.is_float and image.alpha_mode == "STRAIGHT")
-
-
-def _is_linear(image: bpy.types.Image) -> bool:
-    """Whether the pixels are linear: float images are turned to linear when read, byte images stay in their space."""
-    space = image.colorspace_settings
-    return image.is_float or space.is_data or space.name.startswith("Linear")
-
-
-def _encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """sRGB from linear values."""
-    positive = np.clip(linear, 0.0, None)
-    return np.where(positive <= 0.0031308, 12.92 * positive, 1.055 * positive ** (1.0 / 2.4) - 0.055).astype(np.float32)
-
-
-def _decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear values from sRGB."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-def _bytes(values: NDArray[np.float32]) -> Pixels:
-    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def _resized(values: Pixels, height: int, width: int) -> Pixels:
-    """(height, width) the nearest values, for an opacity image of another size than the colours."""
-    if values.shape == (height, width):
-        return values
-    rows = (np.arange(height) * values.shape[0]) // height
-    columns = (np.arange(width) * values.shape[1]) // width
-    return values[np.ix_(rows, columns)]
+    return as_bytes(decoded(values) @ _LUMINANCE)

@@ -58,7 +58,7 @@ _LOST = {
     "PARTICLE_INFO": None,
     "HAIR_INFO": None,
     "VERTEX_COLOR": None,
-    "ATTRIBUTE": None,
+    "ATTRIBUTE": {"Color", "Fac", "Alpha"},
 }
 """Outputs of which one value stands for all leaves; `None`: all of them."""
 
@@ -298,8 +298,9 @@ def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: ND
     """Texture coordinates `places` (corners, 2), and white colours, under all names that nodes ask for."""
     nodes = list(nodes)
     asking = {"UVMAP", "NORMAL_MAP", "TANGENT"}
-    names = sorted({node.uv_map for node in nodes if node.type in asking} - {""}) or ["UVMap"]
-    for name in names:
+    names = {node.uv_map for node in nodes if node.type in asking} - {""}
+    names |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE" and node.outputs["Vector"].is_linked}
+    for name in sorted(names) or ["UVMap"]:
         mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
     colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
     colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}

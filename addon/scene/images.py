@@ -1,12 +1,16 @@
-"""Whether images have pixels."""
+"""Images as arrays of codes: whether they have pixels, and which."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from . import SceneError
+
+Pixels = NDArray[np.uint8]
 
 
 def check_readable(image: bpy.types.Image, material_name: str) -> None:
@@ -39,3 +43,72 @@ def _origin(image: bpy.types.Image) -> str:
     if image.packed_file is not None:
         return "its packed data are no image"
     return bpy.path.abspath(image.filepath, library=image.library) or "it has no file"
+
+
+def pixels_of(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
+    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
+    check_readable(image, material_name)
+    width, height = image.size
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
+    if data:
+        # Blender shades with linear values: data in an image that is marked as colours are decoded, too.
+        values = rgba[..., :3] if _is_linear(image) else decoded(rgba[..., :3])
+        return as_bytes(np.concatenate([values, np.ones_like(rgba[..., 3:])], axis=2))
+    color, alpha = rgba[..., :3], rgba[..., 3:]
+    if image.alpha_mode == "NONE":
+        alpha = np.ones_like(alpha)
+    elif _is_premultiplied(image):
+        color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
+    if _is_linear(image):
+        color = encoded(color)
+    return as_bytes(np.concatenate([color, alpha], axis=2))
+
+
+def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w, 4) from grey, grey and alpha, RGB or RGBA."""
+    channels = values.shape[2]
+    color = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
+    alpha = values[..., -1:] if channels in (2, 4) else np.ones_like(values[..., :1])
+    return np.concatenate([color, alpha], axis=2)
+
+
+def _is_premultiplied(image: bpy.types.Image) -> bool:
+    """Blender premultiplies float images unless alpha is a channel of its own, and leaves byte images as they are."""
+    return image.alpha_mode == "PREMUL" or (image.is_float and image.alpha_mode == "STRAIGHT")
+
+
+def _is_linear(image: bpy.types.Image) -> bool:
+    """Whether the pixels are linear: float images are turned to linear when read, byte images stay in their space."""
+    space = image.colorspace_settings
+    return image.is_float or space.is_data or space.name.startswith("Linear")
+
+
+def encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """sRGB from linear values."""
+    positive = np.clip(linear, 0.0, None)
+    return np.where(positive <= 0.0031308, 12.92 * positive, 1.055 * positive ** (1.0 / 2.4) - 0.055).astype(np.float32)
+
+
+def decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Linear values from sRGB."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def as_bytes(values: NDArray[np.float32]) -> Pixels:
+    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def resized(pixels: Pixels, height: int, width: int) -> Pixels:
+    """(height, width, channels) of (h, w, channels): the same where they are as many, else between the codes, as
+    renderers look between texels; images repeat."""
+    values = pixels.astype(np.float32)
+    for axis, count in ((0, height), (1, width)):
+        before = values.shape[axis]
+        if before != count:
+            at = (np.arange(count) + 0.5) * before / count - 0.5
+            first = np.floor(at).astype(int)
+            share = np.expand_dims((at - first).astype(np.float32), tuple({0, 1, 2} - {axis}))
+            values = (1.0 - share) * values.take(first % before, axis) + share * values.take((first + 1) % before, axis)
+    return np.rint(values).astype(np.uint8)

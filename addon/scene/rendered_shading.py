@@ -32,7 +32,7 @@ from .flatten import (
 from .images import check_readable
 from .node_links import Input, Output, follow, nodes_behind
 from .shader_sums import Builder, shining
-from .surface import NotUnderstoodError, Texture, principled_of, texture_of
+from .surface import NotUnderstoodError, Texture, principled_of, repeats, texture_of
 
 GLOSS = ("Roughness", "Metallic")
 NORMAL = ("Normal",)
@@ -62,7 +62,7 @@ def rendering_over(nodes: Sequence[bpy.types.Node], colors: Texture | None) -> T
     missing = [node.name for node in images if node.image is None]
     if missing:
         raise NotUnderstoodError(f"depends on the node {missing[0]!r}, which has no image")
-    others = sorted(_uv_maps(nodes) - {layout.uv_map})
+    others = sorted(uv_maps(nodes) - {layout.uv_map})
     if others:
         raise NotUnderstoodError(f"lies on {_named(others[0])} and the base colour on {_named(layout.uv_map)}")
     moved = layout.transform != Texture.transform
@@ -70,13 +70,14 @@ def rendering_over(nodes: Sequence[bpy.types.Node], colors: Texture | None) -> T
         raise NotUnderstoodError("and the base colour go through different Mapping nodes")
     if np.linalg.det(np.reshape(layout.transform, (2, 3))[:, :2]) == 0.0:
         raise NotUnderstoodError("goes through a Mapping node of scale 0")
-    repeats = all(node.extension == "REPEAT" for node in images)
-    repeats &= moved or not any(node.type == "MAPPING" for node in nodes)
-    return replace(layout, extension="REPEAT" if repeats else "MIXED")
+    plain = repeats(nodes) and (moved or not any(node.type == "MAPPING" for node in nodes))
+    return replace(layout, extension="REPEAT" if plain else "MIXED")
 
 
-def _uv_maps(nodes: Sequence[bpy.types.Node]) -> set[str]:
+def uv_maps(nodes: Sequence[bpy.types.Node]) -> set[str]:
+    """The names of the UV maps that nodes look at, "" for the active one."""
     named = {node.uv_map for node in nodes if node.type == "UVMAP"}
+    named |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE" and node.outputs["Vector"].is_linked}
     active = any(
         (node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked)
         or (node.type == "TEX_COORD" and node.outputs["UV"].is_linked)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Output, can_render, follow, shown_nodes
+from .node_links import Input, Output, can_render, follow, output_of, shown_nodes
 
 Rgb = tuple[float, float, float]
 ACTIVE = ""
@@ -112,12 +112,15 @@ def read_surface(material: bpy.types.Material | None) -> Surface:
     if not _has_nodes(material):
         return viewport
     try:
-        principled, opacity, partial = _find_principled(material.node_tree)
+        principled, opacity, shader = _find_principled(material.node_tree)
+        mixed = principled.node != shader.node
+        if mixed and not _lets_light_through(shader) and can_render(material.node_tree):
+            raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "surface", reason, material.node_tree)
     surface = _with_color(viewport, principled, material.node_tree)
     surface = _with_alpha(surface, [principled.input("Alpha"), *opacity], material.node_tree)
-    if partial:
+    if mixed:
         only = f"only its Principled BSDF {principled.node.name!r} is read"
         warning = f"material {material.name!r} mixes several shaders: {only}"
         surface = replace(surface, warnings=(*surface.warnings, warning))
@@ -155,18 +158,19 @@ def shader_of(material: bpy.types.Material) -> Output | None:
         return None
 
 
-def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], bool]:
-    """The Principled BSDF upstream of the active output, inputs that multiply its alpha, whether others mix in."""
+def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], Output]:
+    """The Principled BSDF upstream of the active output, inputs that multiply its alpha, and the shader that they cut
+    out: itself, or what mixes it with others."""
     shader, opacity = _behind_cut_outs(tree)
     for found in _shaders(shader):
         if found.node.type == "BSDF_PRINCIPLED":
-            return found, opacity, found.node != shader.node
+            return found, opacity, shader
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
 def _behind_cut_outs(tree: bpy.types.NodeTree) -> tuple[Output, list[Input]]:
     """The shader upstream of the active output, and the inputs that cut it out."""
-    output = next(filter(None, map(tree.get_output_node, ("ALL", "EEVEE", "CYCLES"))), None)
+    output = output_of(tree)
     shader = follow(Input(output.inputs["Surface"])) if output is not None else None
     if not isinstance(shader, Output):
         raise NotUnderstoodError("has no shader")
@@ -187,6 +191,13 @@ def _is_cut_out(shader: Output) -> bool:
         return False
     clear = follow(shader.inputs()[1])
     return isinstance(clear, Output) and clear.node.type == "BSDF_TRANSPARENT"
+
+
+def _lets_light_through(shader: Output) -> bool:
+    """Whether it mixes a Principled and a Translucent BSDF, whose base colour is the former's (see `translucency`)."""
+    behind = [follow(target) for target in shader.inputs() if target.socket.type == "SHADER"]
+    types = sorted(source.node.type for source in behind if isinstance(source, Output))
+    return types == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
 def _shaders(shader: Output) -> Iterator[Output]:
@@ -255,8 +266,32 @@ def _layout(tree: bpy.types.NodeTree) -> Texture:
     nodes = shown_nodes(tree)
     images = [node for node in nodes if node.type == "TEX_IMAGE"]
     maps = [_map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]
-    plain = all(node.extension == "REPEAT" for node in images) and not any(node.type == "MAPPING" for node in nodes)
+    plain = repeats(nodes) and not any(node.type == "MAPPING" for node in nodes)
     return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")
+
+
+def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
+    """Whether what nodes show over [0, 1]² goes on like that, but for what Mapping nodes do."""
+    images = all(node.extension == "REPEAT" for node in nodes if node.type == "TEX_IMAGE")
+    return images and all(
+        link.to_node.type in {"TEX_IMAGE", "MAPPING", "REROUTE"}
+        for node in nodes
+        for output in node.outputs
+        if gives_uvs(node, output.name)
+        for link in output.links
+    )
+
+
+def gives_uvs(node: bpy.types.Node, output: str) -> bool:
+    """Whether an output is a UV map; a vector of a named attribute counts as one."""
+    match node.type:
+        case "UVMAP":
+            return True
+        case "TEX_COORD":
+            return output == "UV"
+        case "ATTRIBUTE":
+            return str(node.attribute_type) == "GEOMETRY" and output == "Vector"
+    return False
 
 
 def _map_behind(image: bpy.types.Node) -> str:
@@ -266,6 +301,8 @@ def _map_behind(image: bpy.types.Node) -> str:
         node = target.links[0].from_node
         if node.type == "UVMAP":
             return str(node.uv_map)
+        if node.type == "ATTRIBUTE":
+            return str(node.attribute_name)
         if node.type not in {"MAPPING", "REROUTE"}:
             break
         target = node.inputs[0]
@@ -347,12 +384,17 @@ def _cut(target: Input) -> tuple[Input, float | None]:
         case "ROUND":
             return first, 0.5
         case "GREATER_THAN" if b is not None:
-            return first, b
+            return first, _above(b)
         case "LESS_THAN" if a is not None:
-            return second, a
+            return second, _above(a)
         case "SUBTRACT" if a == 1.0:
             return _cut_below(second) or (target, None)
     return target, None
+
+
+def _above(limit: float) -> float:
+    """The cut-off of what has to be greater: half a code above 0, where it matters."""
+    return max(limit, 0.5 / 255.0)
 
 
 def _cut_below(target: Input) -> tuple[Input, float] | None:
@@ -388,6 +430,8 @@ def _laid(texture: Texture, coordinates: Input) -> Texture:
     node = source.node
     if node.type == "UVMAP":
         return replace(texture, uv_map=node.uv_map)
+    if node.type == "ATTRIBUTE" and gives_uvs(node, source.socket.name):
+        return replace(texture, uv_map=node.attribute_name)
     if node.type == "TEX_COORD" and source.socket.name == "UV":
         return texture
     if node.type == "MAPPING" and node.vector_type == "POINT":
