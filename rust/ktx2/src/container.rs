@@ -63,18 +63,18 @@ pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u
 /// One basic block: UASTC with RGBA, 4 × 4 pixels, straight alpha; no bytes per plane, for the levels are supercompressed.
 fn data_format_descriptor(codes: Codes) -> Vec<u8> {
     const UASTC: u8 = 166;
-    const BT709: u8 = 1;
     const RGBA: u8 = 3;
-    let transfer: u8 = match codes {
-        Codes::Linear => 1,
-        Codes::Srgb => 2,
+    // Data have no primaries; colours have those of BT.709.
+    let (primaries, transfer) = match codes {
+        Codes::Linear => (0u8, 1u8),
+        Codes::Srgb => (1, 2),
     };
     let mut bytes = Vec::with_capacity(44);
     bytes.extend(44u32.to_le_bytes());
     bytes.extend(0u32.to_le_bytes()); // Khronos' basic descriptor
     bytes.extend(2u16.to_le_bytes()); // its version 1.3
     bytes.extend(40u16.to_le_bytes());
-    bytes.extend([UASTC, BT709, transfer, 0]);
+    bytes.extend([UASTC, primaries, transfer, 0]);
     bytes.extend([3, 3, 0, 0]); // a block's sides, less one
     bytes.extend([0u8; 8]);
     // One sample: from bit 0, 128 bits long, of the whole range.

@@ -92,9 +92,12 @@ fn the_header_is_that_of_the_specification() {
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap());
     assert_eq!(&file[..12], b"\xABKTX 20\xBB\r\n\x1A\n");
     assert_eq!([12, 16, 20, 24, 28, 32, 36, 40, 44].map(word), [0, 1, 8, 8, 0, 0, 1, 4, 2]);
-    // The descriptor lies behind the index of four levels; its colour model is UASTC, its transfer sRGB.
+    // The descriptor lies behind the index of four levels; its colour model is UASTC, its primaries BT.709, its transfer sRGB.
     assert_eq!([48, 52].map(word), [80 + 4 * 24, 44]);
     assert_eq!(file[176 + 12..176 + 16], [166, 1, 2, 0]);
+    // KHR_texture_basisu: data are linear, and their primaries are unspecified.
+    let data = encode(&levels(&chain), Codes::Linear).unwrap();
+    assert_eq!(data[176 + 12..176 + 16], [166, 0, 1, 0]);
     // Levels lie from the smallest to the largest, without gaps, up to the end.
     let long = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap());
     let index: Vec<[u64; 3]> = (0..4).map(|i| [0, 8, 16].map(|field| long(80 + 24 * i + field))).collect();

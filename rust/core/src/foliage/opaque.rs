@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use glam::{DVec2, DVec3, Vec2};
 use rayon::prelude::*;
 
-use super::surface::Surface;
+use super::surface::{Surface, a_hair_less};
 use super::texel_mask::TexelMask;
 use super::{AlphaMode, Foliage, Material};
 use crate::geometry::convex_hull;
@@ -141,11 +141,11 @@ impl<'a> Masks<'a> {
     }
 }
 
-/// The least alpha that belongs to the hull, a hair less than what is tested, for a filter's weights sum to 1 only nearly.
+/// The least alpha that belongs to the hull.
 fn least_alpha(material: &Material) -> f32 {
     match material.alpha_mode {
         AlphaMode::Opaque => 0.0,
-        AlphaMode::Mask(cutoff) => cutoff * (1.0 - 1e-5),
+        AlphaMode::Mask(cutoff) => a_hair_less(cutoff),
         AlphaMode::Blend => FAINTEST,
     }
 }

@@ -82,7 +82,7 @@ impl<'a> Surface<'a> {
                 let from_far = even && !pyramid::is_near(footprint);
                 match (if from_far { foliage.coverage(triangle).level(footprint) } else { None }, mode) {
                     (Some(level), _) => Alpha::Level(level),
-                    (None, AlphaMode::Mask(cutoff)) => Alpha::Cut(image, cutoff),
+                    (None, AlphaMode::Mask(cutoff)) => Alpha::Cut(image, a_hair_less(cutoff)),
                     (None, _) => Alpha::Share(image),
                 }
             }
@@ -142,7 +142,7 @@ impl<'a> Surface<'a> {
             Alpha::Share(image) => self.factor(weights).w * Texels::at(image, uv).alpha() > threshold,
             Alpha::Level(level) => f32::from(nearest(level, uv)) > threshold * 255.0,
             Alpha::Flat => match self.material.alpha_mode {
-                AlphaMode::Mask(cutoff) => self.factor(weights).w >= cutoff,
+                AlphaMode::Mask(cutoff) => self.factor(weights).w >= a_hair_less(cutoff),
                 _ => self.factor(weights).w > threshold,
             },
         }
@@ -232,10 +232,16 @@ fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
     let image = material.image.as_ref()?;
     match material.alpha_mode {
         AlphaMode::Opaque => None,
-        // Filtering rounds: a hair less. A cutoff of 0 draws everything, also at a factor of 0.
-        AlphaMode::Mask(cutoff) => Some((image, (cutoff / material.base_color.w).max(0.0) * 255.0 * (1.0 - 1e-5))),
+        // A cutoff of 0 draws everything, also at a factor of 0.
+        AlphaMode::Mask(cutoff) => Some((image, a_hair_less((cutoff / material.base_color.w).max(0.0) * 255.0))),
         AlphaMode::Blend => Some((image, 1.0)),
     }
+}
+
+/// A cutoff below which nothing is drawn: the weights of filters and corners sum to 1 only nearly, and what is as opaque as the cutoff
+/// everywhere has no holes.
+pub(super) fn a_hair_less(cutoff: f32) -> f32 {
+    cutoff * (1.0 - 1e-5)
 }
 
 /// How many texels of an image lie between neighbouring points, the geometric mean of both axes.

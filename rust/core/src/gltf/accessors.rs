@@ -25,19 +25,22 @@ pub fn check_references(root: &gltf::json::Root) -> Result<(), String> {
     lost.map_or(Ok(()), |image| Err(format!("image {image} has neither a URI nor a buffer view with its type")))
 }
 
-/// Checks everything that will be read of a primitive.
+/// Checks everything that will be read of a primitive, with this set of texture coordinates.
 ///
 /// # Errors
 /// The first accessor that cannot be read, in words.
-pub fn check(primitive: &gltf::Primitive, source: &Source) -> Result<(), String> {
+pub fn check(primitive: &gltf::Primitive, set: u32, source: &Source) -> Result<(), String> {
     use DataType::{F32, U8, U16, U32};
     use Dimensions::{Scalar, Vec2, Vec3, Vec4};
-    let indices = primitive.indices().map(|a| ("the indices", a, &[Scalar][..], &[U8, U16, U32][..]));
-    let attributes = primitive.attributes().filter_map(|(semantic, accessor)| match semantic {
-        Semantic::Positions => Some(("POSITION", accessor, &[Vec3][..], &[F32][..])),
-        Semantic::TexCoords(0) => Some(("TEXCOORD_0", accessor, &[Vec2][..], &[F32, U8, U16][..])),
-        Semantic::Colors(0) => Some(("COLOR_0", accessor, &[Vec3, Vec4][..], &[F32, U8, U16][..])),
-        _ => None,
+    let indices = primitive.indices().map(|a| ("the indices".to_owned(), a, &[Scalar][..], &[U8, U16, U32][..]));
+    let attributes = primitive.attributes().filter_map(|(semantic, accessor)| {
+        let (dimensions, types): (&[Dimensions], &[DataType]) = match semantic {
+            Semantic::Positions | Semantic::Normals => (&[Vec3], &[F32]),
+            Semantic::TexCoords(number) if number == set => (&[Vec2], &[F32, U8, U16]),
+            Semantic::Colors(0) => (&[Vec3, Vec4], &[F32, U8, U16]),
+            _ => return None,
+        };
+        Some((semantic.to_string(), accessor, dimensions, types))
     });
     for (what, accessor, dimensions, types) in indices.into_iter().chain(attributes) {
         if !dimensions.contains(&accessor.dimensions()) || !types.contains(&accessor.data_type()) {

@@ -1,5 +1,5 @@
-//! Reads the foliage of a .glb or .gltf file: positions, normals, texture coordinates and the textures of colour, gloss and normals that use
-//! the first set of them.
+//! Reads the foliage of a .glb or .gltf file: positions, normals, the texture coordinates of base colours, and textures of colour, and of
+//! gloss and normals that use the same set of them.
 //!
 //! A part is foliage when its node's, mesh's or material's name contains one of the names asked for. Y up becomes Z up:
 //! (x, y, z) → (x, −z, y), as Blender's importer does, and v is turned to point up.
@@ -82,10 +82,10 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
     let materials = (0u32..).zip(document.materials()).map(|(i, m)| {
         let surface = m.pbr_metallic_roughness();
         let mut image = |texture: Option<(gltf::Texture, u32)>| {
-            let texture = texture.filter(|(_, set)| *set == 0 && used.contains(&i));
+            let texture = texture.filter(|(_, set)| *set == set_of(&m) && used.contains(&i));
             texture.map(|(texture, _)| source.image(&texture.source())).transpose().map_err(Error::Invalid)
         };
-        let color = image(surface.base_color_texture().map(|t| (t.texture(), 0)))?;
+        let color = image(surface.base_color_texture().map(|t| (t.texture(), t.tex_coord())))?;
         let gloss = image(surface.metallic_roughness_texture().map(|t| (t.texture(), t.tex_coord())))?;
         let normal = image(m.normal_texture().map(|t| (t.texture(), t.tex_coord())))?;
         material(&m, color, gloss, normal)
@@ -107,6 +107,11 @@ fn check_header(bytes: &[u8]) -> Result<()> {
     )))
 }
 
+/// The set of texture coordinates that a material's leaves are read with: its base colour's.
+fn set_of(material: &gltf::Material) -> u32 {
+    material.pbr_metallic_roughness().base_color_texture().map_or(0, |texture| texture.tex_coord())
+}
+
 /// Triangles as they are gathered from the primitives.
 #[derive(Default)]
 struct Soup {
@@ -117,7 +122,8 @@ struct Soup {
 
 impl Soup {
     fn add(&mut self, primitive: &gltf::Primitive, source: &Source, matrix: DMat4) -> std::result::Result<(), String> {
-        accessors::check(primitive, source)?;
+        let set = set_of(&primitive.material());
+        accessors::check(primitive, set, source)?;
         let reader = primitive.reader(|buffer| source.buffer(buffer.index()));
         let positions: Vec<[f32; 3]> = reader.read_positions().ok_or("a primitive has no positions")?.collect();
         let count = positions.len();
@@ -128,7 +134,7 @@ impl Soup {
         if let Some(index) = indices.iter().find(|&&i| i as usize >= count) {
             return Err(format!("index {index} is out of range: there are {count} vertices"));
         }
-        let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(0).map(|uvs| uvs.into_f32().collect());
+        let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(set).map(|uvs| uvs.into_f32().collect());
         let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
         let colors: Option<Vec<[f32; 4]>> = reader.read_colors(0).map(|colors| colors.into_rgba_f32().collect());
         if u32::try_from(self.positions.len() + count).is_err() {

@@ -216,7 +216,7 @@ struct Tile<'a> {
     /// Samples in a row.
     side: usize,
     depths: Vec<f32>,
-    /// Into `fronts`.
+    /// Into `drawn`.
     seen: Vec<u32>,
     drawn: Vec<Fragment<'a>>,
     pieces: Vec<Piece>,

@@ -124,6 +124,19 @@ fn masked_texels_let_through_and_do_not_tint() {
 }
 
 #[test]
+fn what_is_as_opaque_as_its_cutoff_has_no_holes() {
+    // 255/255 and 102/255, filtered and as a factor of 0.8 in 32 bits.
+    for (code, factor, cutoff) in [(255, 1.0, 1.0), (255, 0.8, 0.8), (102, 1.0, 0.4), (102, 0.5, 0.2)] {
+        let image = Image::new(7, 7, vec![[9, 9, 9, code]; 49]).unwrap();
+        let base_color = Vec4::new(1.0, 1.0, 1.0, factor);
+        let mode = AlphaMode::Mask(cutoff);
+        let material = Material { image: Some(image), alpha_mode: mode, base_color, ..Material::default() };
+        let canvas = drawn(&screen(&square(0.0, material), 64.0, 0.0), 64, 64, samples(4));
+        assert!(canvas.pixels.iter().all(|pixel| pixel.w == 1.0), "{code} {factor} {cutoff}");
+    }
+}
+
+#[test]
 fn blended_alpha_is_coverage() {
     for (count, alpha) in [(4, 0.25), (4, 0.5), (5, 0.4), (1, 1.0)] {
         let material = Material { alpha_mode: AlphaMode::Blend, ..coloured(Vec4::new(1.0, 1.0, 1.0, alpha)) };

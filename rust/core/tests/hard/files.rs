@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use leafcloud::foliage::Foliage;
 use leafcloud::gltf::{DEFAULT_NAMES, parse};
 use leafcloud::{Error, Result};
@@ -67,9 +67,8 @@ fn matrices_of_nodes() {
     .holds(expected.map(nearest).into_iter().fold(0.0, f64::max), 1000.0 * 2f64.powi(-24));
 }
 
-#[test]
-fn normals_and_gloss() {
-    // Three normals (0, 0, 1) of the glTF, Y up, behind the bytes that there are: a mirrored and stretched node turns them, too.
+/// The good document with three normals (0, 0, 1) of the glTF, Y up, in a buffer of their own.
+fn with_normals() -> String {
     let normals = "AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/";
     let text = GOOD
         .replacen(r#""attributes": {"POSITION": 0}"#, r#""attributes": {"POSITION": 0, "NORMAL": 2}"#, 1)
@@ -80,11 +79,17 @@ fn normals_and_gloss() {
         )
         .replacen(r#""byteLength": 6}]"#, r#""byteLength": 6}, {"buffer": 1, "byteLength": 36}]"#, 1);
     let end = text.rfind("}]").unwrap();
-    let text = format!(
+    format!(
         r#"{}}}, {{"byteLength": 36, "uri": "data:application/octet-stream;base64,{normals}"}}]{}"#,
         &text[..end],
         &text[end + 2..]
-    );
+    )
+}
+
+#[test]
+fn normals_and_gloss() {
+    // A mirrored and stretched node turns normals, too.
+    let text = with_normals();
     let stretched = r#"{"mesh": 0, "matrix": [-1,0,1,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "#;
     let foliage = read(&text.replacen(r#"{"mesh": 0, "#, stretched, 1)).unwrap();
     // x ↦ −x + z along, z stays: the inverse transpose takes (0, 0, 1) to (1, 0, 1), Z up (1, −1, 0).
@@ -104,6 +109,57 @@ fn normals_and_gloss() {
     ));
     case(GROUP, "a gloss texture that cannot be read is no metal", "definition: a factor of 0")
         .equals(unread.unwrap().material(0).metallic, 0.0);
+}
+
+#[test]
+fn normals_that_lie() {
+    let accessor = r#"{"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC3"}"#;
+    let with = |by: &str| {
+        let text = with_normals();
+        assert!(text.contains(accessor));
+        read(&text.replacen(accessor, by, 1))
+    };
+    let sparse =
+        r#""sparse": {"count": 1, "indices": {"bufferView": 1, "componentType": 5123}, "values": {"bufferView": 0}}"#;
+    let huge = format!(r#"{{"componentType": 5126, "count": 100000000000, "type": "VEC3", {sparse}}}"#);
+    refused("normals without a view, 10¹¹ of them", with(&huge), "2³² − 1");
+    let bytes = accessor.replace("5126", "5120");
+    refused("normals of bytes", with(&bytes), "NORMAL is Vec3 of I8");
+    let beyond = accessor.replace(r#""count""#, r#""byteOffset": 4, "count""#);
+    refused("normals beyond their view", with(&beyond), "NORMAL, accessor 2");
+}
+
+/// The second corner's texture coordinates where the base colour's texture names this set: positions stand for set 0, normals for set 1.
+fn second_uv(set: u32) -> Result<Vec2> {
+    let uvs = |view: u32| format!(r#"{{"bufferView": {view}, "componentType": 5126, "count": 3, "type": "VEC2"}}"#);
+    let text = with_normals()
+        .replacen(r#""NORMAL": 2"#, r#""TEXCOORD_0": 2, "TEXCOORD_1": 3"#, 1)
+        .replacen(
+            r#"{"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC3"}"#,
+            &format!("{}, {}", uvs(0), uvs(2)),
+            1,
+        )
+        .replacen(
+            r#""baseColorFactor""#,
+            &format!(r#""baseColorTexture": {{"index": 0, "texCoord": {set}}}, "baseColorFactor""#),
+            1,
+        )
+        .replacen(
+            r#""buffers""#,
+            &format!(r#""textures": [{{"source": 0}}], "images": [{{"uri": "{PIXEL}"}}], "buffers""#),
+            1,
+        );
+    Ok(read(&text)?.attributes().uvs[0][1])
+}
+
+/// One opaque red pixel.
+const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4z8AAAAMBAQDJ/pLvAAAAAElFTkSuQmCC";
+
+#[test]
+fn texture_coordinates_are_those_of_base_colours() {
+    // Of the floats 0 0 | 0 1 | 0 0 and 0 0 | 1 0 | 0 1 the second pair, whose v comes to point up.
+    case(GROUP, "a base colour with the first set", "literal").equals(second_uv(0).unwrap(), Vec2::new(0.0, 0.0));
+    case(GROUP, "a base colour with the second set", "literal").equals(second_uv(1).unwrap(), Vec2::new(1.0, 1.0));
 }
 
 #[test]
