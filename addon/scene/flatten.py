@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from . import SceneError
 from .node_links import output_of, shown_nodes
 from .shader_sums import Builder, Light, shining
-from .surface import Texture
+from .surface import ACTIVE, Texture, uv_maps
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""
@@ -297,9 +297,8 @@ def square(
 def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
     """Texture coordinates `places` (corners, 2), and white colours, under all names that nodes ask for."""
     nodes = list(nodes)
-    asking = {"UVMAP", "NORMAL_MAP", "TANGENT"}
-    names = {node.uv_map for node in nodes if node.type in asking} - {""}
-    names |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE" and node.outputs["Vector"].is_linked}
+    names = uv_maps(nodes) | {node.uv_map for node in nodes if node.type in {"NORMAL_MAP", "TANGENT"}}
+    names -= {ACTIVE}
     for name in sorted(names) or ["UVMap"]:
         mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
     colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}

@@ -32,7 +32,7 @@ from .flatten import (
 from .images import check_readable
 from .node_links import Input, Output, follow, nodes_behind
 from .shader_sums import Builder, shining
-from .surface import NotUnderstoodError, Texture, principled_of, repeats, texture_of
+from .surface import NotUnderstoodError, Texture, principled_of, repeats, texture_of, uv_maps
 
 GLOSS = ("Roughness", "Metallic")
 NORMAL = ("Normal",)
@@ -72,18 +72,6 @@ def rendering_over(nodes: Sequence[bpy.types.Node], colors: Texture | None) -> T
         raise NotUnderstoodError("goes through a Mapping node of scale 0")
     plain = repeats(nodes) and (moved or not any(node.type == "MAPPING" for node in nodes))
     return replace(layout, extension="REPEAT" if plain else "MIXED")
-
-
-def uv_maps(nodes: Sequence[bpy.types.Node]) -> set[str]:
-    """The names of the UV maps that nodes look at, "" for the active one."""
-    named = {node.uv_map for node in nodes if node.type == "UVMAP"}
-    named |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE" and node.outputs["Vector"].is_linked}
-    active = any(
-        (node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked)
-        or (node.type == "TEX_COORD" and node.outputs["UV"].is_linked)
-        for node in nodes
-    )
-    return named | {""} if active else named
 
 
 def _named(uv_map: str) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -277,32 +277,40 @@ def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
         link.to_node.type in {"TEX_IMAGE", "MAPPING", "REROUTE"}
         for node in nodes
         for output in node.outputs
-        if gives_uvs(node, output.name)
+        if uv_map_of(output) is not None
         for link in output.links
     )
 
 
-def gives_uvs(node: bpy.types.Node, output: str) -> bool:
-    """Whether an output is a UV map; a vector of a named attribute counts as one."""
+def uv_maps(nodes: Iterable[bpy.types.Node]) -> set[str]:
+    """The names of the UV maps that nodes look at, `ACTIVE` for the one that renders."""
+    nodes = list(nodes)
+    linked = (output for node in nodes for output in node.outputs if output.is_linked)
+    names = {name for output in linked if (name := uv_map_of(output)) is not None}
+    unlinked = any(node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked for node in nodes)
+    return names | {ACTIVE} if unlinked else names
+
+
+def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
+    """The UV map that an output is, `None` where it is something else; a vector of a named attribute counts as one."""
+    node = output.node
     match node.type:
         case "UVMAP":
-            return True
-        case "TEX_COORD":
-            return output == "UV"
-        case "ATTRIBUTE":
-            return str(node.attribute_type) == "GEOMETRY" and output == "Vector"
-    return False
+            return str(node.uv_map)
+        case "TEX_COORD" if output.name == "UV":
+            return ACTIVE
+        case "ATTRIBUTE" if output.name == "Vector" and node.attribute_type == "GEOMETRY":
+            return str(node.attribute_name)
+    return None
 
 
 def _map_behind(image: bpy.types.Node) -> str:
     """The UV map that an image is looked up by, through what moves it."""
     target = image.inputs["Vector"]
     while target.is_linked:
-        node = target.links[0].from_node
-        if node.type == "UVMAP":
-            return str(node.uv_map)
-        if node.type == "ATTRIBUTE":
-            return str(node.attribute_name)
+        node, name = target.links[0].from_node, uv_map_of(target.links[0].from_socket)
+        if name is not None:
+            return name
         if node.type not in {"MAPPING", "REROUTE"}:
             break
         target = node.inputs[0]
@@ -428,12 +436,9 @@ def _laid(texture: Texture, coordinates: Input) -> Texture:
     if isinstance(source, Input):
         return texture
     node = source.node
-    if node.type == "UVMAP":
-        return replace(texture, uv_map=node.uv_map)
-    if node.type == "ATTRIBUTE" and gives_uvs(node, source.socket.name):
-        return replace(texture, uv_map=node.attribute_name)
-    if node.type == "TEX_COORD" and source.socket.name == "UV":
-        return texture
+    name = uv_map_of(source.socket)
+    if name is not None:
+        return replace(texture, uv_map=name)
     if node.type == "MAPPING" and node.vector_type == "POINT":
         laid = _laid(texture, source.input("Vector"))
         return replace(laid, transform=_composed(_mapping(source), laid.transform))
