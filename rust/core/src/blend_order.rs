@@ -15,6 +15,7 @@ use std::collections::VecDeque;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::progress::Progress;
 
 /// How many planes are tried for a node.
 const TRIED: usize = 12;
@@ -63,8 +64,8 @@ impl BlendOrder {
     /// any more. Triangles without area show nothing and are left out.
     ///
     /// # Errors
-    /// A corner or the direction that is not finite.
-    pub fn new(triangles: &[[DVec3; 3]], toward: DVec3, most: usize) -> Result<Self> {
+    /// A corner or the direction that is not finite; [`Error::Cancelled`].
+    pub fn new(triangles: &[[DVec3; 3]], toward: DVec3, most: usize, progress: Progress) -> Result<Self> {
         if let Some(at) = triangles.iter().position(|corners| !corners.iter().all(|p| p.is_finite())) {
             return Err(Error::invalid(format!("triangle {at} has a corner that is not finite")));
         }
@@ -73,8 +74,7 @@ impl BlendOrder {
         }
         let thickness = THICKNESS * extent(triangles);
         let pieces: Vec<Piece> = (0u32..).zip(triangles).filter_map(|(i, t)| Piece::whole(i, t, thickness)).collect();
-        let partition = Partition::new(pieces, thickness, most);
-        Ok(partition.ordered(toward))
+        Ok(Partition::new(pieces, thickness, most, progress)?.ordered(toward))
     }
 
     /// The nodes from the farthest to the nearest, as an eye sees them that lies where `side` of a node's normal and offset is positive.
@@ -205,12 +205,14 @@ struct Partition {
 }
 
 impl Partition {
-    fn new(pieces: Vec<Piece>, thickness: f64, most: usize) -> Self {
+    fn new(pieces: Vec<Piece>, thickness: f64, most: usize, progress: Progress) -> Result<Self> {
         let mut partition = Self { nodes: Vec::new(), within: Vec::new() };
         let mut count = pieces.len();
         // What still has to be divided, and whose child it becomes. Planes through much of it come first: all get some of the cuts.
         let mut waiting = VecDeque::from([(pieces, None)]);
         while let Some((pieces, parent)) = waiting.pop_front() {
+            // How many cuts are to come is unknown.
+            progress.tell("order", 0.0)?;
             let Some(best) = best_plane(&pieces, thickness) else { continue };
             let Piece { normal, offset, .. } = pieces[best];
             let number = partition.add((normal, offset), parent);
@@ -233,7 +235,7 @@ impl Partition {
             }
             waiting.extend(sides.into_iter().enumerate().map(|(side, pieces)| (pieces, Some((number, side)))));
         }
-        partition
+        Ok(partition)
     }
 
     fn add(&mut self, (normal, offset): (DVec3, f64), parent: Option<(usize, usize)>) -> usize {

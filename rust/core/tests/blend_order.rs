@@ -1,6 +1,7 @@
 //! The order of blended triangles, against what rays meet: from any eye, what lies nearer is drawn later.
 
 use glam::DVec3;
+use leafcloud::Progress;
 use leafcloud::blend_order::BlendOrder;
 
 #[path = "common/random.rs"]
@@ -54,7 +55,7 @@ fn seen_from(order: &BlendOrder, eye: DVec3) -> Vec<u32> {
 fn nearer_is_drawn_later() {
     for (seed, count) in [(1, 12), (2, 40), (3, 90)] {
         let triangles = crossing(seed, count);
-        let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX).unwrap();
+        let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
         let mut random = Random(seed + 10);
         let mut compared = 0;
         for _ in 0..EYES {
@@ -80,7 +81,7 @@ fn nearer_is_drawn_later() {
 #[test]
 fn pieces_are_what_was_cut() {
     let triangles = crossing(4, 60);
-    let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX).unwrap();
+    let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     let mut sums = vec![DVec3::ZERO; triangles.len()];
     for &triangle in &order.triangles {
         let sources = triangle.map(|corner| order.corners[corner as usize].source);
@@ -102,7 +103,7 @@ fn pieces_are_what_was_cut() {
 fn the_list_is_in_order_for_an_eye_far_away() {
     let triangles = crossing(5, 30);
     let toward = DVec3::new(1.0, -2.0, 0.5).normalize();
-    let order = BlendOrder::new(&triangles, toward, usize::MAX).unwrap();
+    let order = BlendOrder::new(&triangles, toward, usize::MAX, Progress::silent()).unwrap();
     let starts: Vec<u32> =
         seen_from(&order, 1e6 * toward).into_iter().map(|node| order.nodes[node as usize].triangles.start).collect();
     assert!(starts.is_sorted());
@@ -115,7 +116,7 @@ fn what_does_not_cross_stays_whole() {
         [[a, b, c], [a, c, d]]
     };
     let stack: Vec<[DVec3; 3]> = (0..40).flat_map(|i| square(f64::from(i))).collect();
-    let order = BlendOrder::new(&stack, DVec3::Z, usize::MAX).unwrap();
+    let order = BlendOrder::new(&stack, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     assert_eq!((order.triangles.len(), order.nodes.len()), (80, 40), "the two of a square lie in one plane");
     assert_eq!(order.corners[order.triangles[0][0] as usize].source / 2, 0, "seen from above the lowest is first");
 }
@@ -123,9 +124,9 @@ fn what_does_not_cross_stays_whole() {
 #[test]
 fn as_many_pieces_as_are_allowed() {
     let triangles = crossing(6, 100);
-    let all = BlendOrder::new(&triangles, DVec3::Z, usize::MAX).unwrap();
+    let all = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     for most in [0, triangles.len(), 2 * triangles.len()] {
-        let order = BlendOrder::new(&triangles, DVec3::Z, most).unwrap();
+        let order = BlendOrder::new(&triangles, DVec3::Z, most, Progress::silent()).unwrap();
         // A piece of n corners is n − 2 triangles.
         let pieces = (order.corners.len() - order.triangles.len()) / 2;
         assert!(order.triangles.len() < all.triangles.len());
@@ -138,11 +139,11 @@ fn as_many_pieces_as_are_allowed() {
 
 #[test]
 fn hostile_input() {
-    let nothing = BlendOrder::new(&[], DVec3::Z, usize::MAX).unwrap();
+    let nothing = BlendOrder::new(&[], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     assert_eq!(nothing, BlendOrder::default());
     let line = [DVec3::ZERO, DVec3::X, 2.0 * DVec3::X];
     let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    let order = BlendOrder::new(&[line, triangle, [DVec3::ONE; 3]], DVec3::Z, usize::MAX).unwrap();
+    let order = BlendOrder::new(&[line, triangle, [DVec3::ONE; 3]], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     assert_eq!(order.triangles.len(), 1);
     assert!(order.corners.iter().all(|corner| corner.source == 1));
     let broken = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, f64::NAN, 0.0)];
@@ -151,14 +152,14 @@ fn hostile_input() {
     assert!(BlendOrder::new(&[triangle], DVec3::new(f64::INFINITY, 0.0, 0.0), 9).is_err());
     for scale in [1e-12, 1e12] {
         let triangles: Vec<[DVec3; 3]> = crossing(7, 30).into_iter().map(|t| t.map(|p| scale * p)).collect();
-        let scaled = BlendOrder::new(&triangles, DVec3::Z, usize::MAX).unwrap();
-        let plain = BlendOrder::new(&crossing(7, 30), DVec3::Z, usize::MAX).unwrap();
+        let scaled = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+        let plain = BlendOrder::new(&crossing(7, 30), DVec3::Z, usize::MAX, Progress::silent()).unwrap();
         assert_eq!(scaled.triangles.len(), plain.triangles.len(), "{scale}");
     }
     // So far away that no corner lies in its own triangle's plane.
     let far: Vec<[DVec3; 3]> = crossing(8, 20).into_iter().map(|t| t.map(|p| p + 1e11)).collect();
-    assert!(BlendOrder::new(&far, DVec3::Z, usize::MAX).unwrap().nodes.len() <= 1000);
+    assert!(BlendOrder::new(&far, DVec3::Z, usize::MAX, Progress::silent()).unwrap().nodes.len() <= 1000);
     // All at one place, over and over.
-    let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, usize::MAX).unwrap();
+    let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     assert_eq!((same.triangles.len(), same.nodes.len()), (5000, 1));
 }

@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use crate::uastc::{self, BLOCK, Picture};
-use crate::{Codes, CutOut, Error, Level};
+use crate::{Codes, CutOut, Error, GoesOn, Level};
 
 /// Rows of pixels in a strip.
 const STRIP: usize = 64;
@@ -28,11 +28,16 @@ const COLUMNS: usize = 64;
 /// The blocks of a level, rows from the top.
 ///
 /// # Errors
-/// The encoder fails.
-pub fn compress(level: &Level, codes: Codes) -> Result<Vec<u8>, Error> {
+/// The encoder fails, or the work does not go on.
+pub fn compress(level: &Level, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     let cutoffs = cutoffs(level);
     let strips = level.pixels.par_chunks(level.width * STRIP).zip(cutoffs.par_chunks(level.width * STRIP));
-    let strips = strips.map(|(pixels, cutoffs)| Strip { width: level.width, pixels, cutoffs }.compress(codes));
+    let strips = strips.map(|(pixels, cutoffs)| {
+        if !goes_on() {
+            return Err(Error::Cancelled);
+        }
+        Strip { width: level.width, pixels, cutoffs }.compress(codes)
+    });
     Ok(strips.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
@@ -156,7 +161,7 @@ mod tests {
         let level = Level { width: 72, height: 144, pixels: &pixels, cut_outs: &[] };
         for codes in [Codes::Srgb, Codes::Linear] {
             let whole = uastc::compress(Picture { width: 72, height: 144, pixels: &pixels }, codes).unwrap();
-            assert_eq!(compress(&level, codes).unwrap(), whole.blocks().unwrap());
+            assert_eq!(compress(&level, codes, &|| true).unwrap(), whole.blocks().unwrap());
         }
     }
 }

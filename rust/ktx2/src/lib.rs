@@ -53,6 +53,9 @@ pub enum Error {
     /// The levels are no mip chain of a picture that glTF takes.
     #[error("{0}")]
     Levels(String),
+    /// The caller asked to stop.
+    #[error("cancelled")]
+    Cancelled,
     /// The encoder gave up.
     #[error("the Basis Universal encoder failed: {0}")]
     Encoder(String),
@@ -61,14 +64,17 @@ pub enum Error {
 /// The longest side that is taken.
 pub const LARGEST: usize = 16_384;
 
+/// Whether the work goes on; asked before every strip of a level, from any thread.
+pub type GoesOn<'a> = dyn Fn() -> bool + Sync + 'a;
+
 /// The file: `levels` from the largest on, each half the size of the one before (rounded down, at least 1).
 ///
 /// # Errors
 /// No levels; a first level whose sides are no multiples of 4 (glTF asks for them) or above [`LARGEST`]; another that is not half of the one
-/// before, or has other than width × height pixels; a failure of the encoder.
-pub fn encode(levels: &[Level], codes: Codes) -> Result<Vec<u8>, Error> {
+/// before, or has other than width × height pixels; a failure of the encoder; [`Error::Cancelled`] once `goes_on` is false.
+pub fn encode(levels: &[Level], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     check(levels)?;
-    let blocks = levels.iter().map(|level| cut_out::compress(level, codes)).collect::<Result<Vec<_>, _>>()?;
+    let blocks = levels.iter().map(|level| cut_out::compress(level, codes, goes_on)).collect::<Result<Vec<_>, _>>()?;
     container::write(levels, &blocks, codes)
 }
 

@@ -26,7 +26,7 @@ fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<Level<'_>> {
 fn every_level_comes_back() {
     let chain = chain(128);
     for codes in [Codes::Srgb, Codes::Linear] {
-        let file = encode(&levels(&chain), codes).unwrap();
+        let file = encode(&levels(&chain), codes, &|| true).unwrap();
         let read = Transcoder::new(&file).unwrap();
         assert_eq!((read.level_count(), read.base_dimensions()), (8, (128, 128)));
         assert_eq!(read.supercompression(), Supercompression::Zstandard);
@@ -67,7 +67,7 @@ fn what_is_cut_out_stays_so() {
     {
         let cut_outs = [CutOut { x: 0, y: 0, width: 128, height: 128, code: cutoff }];
         let level = Level { width: 128, height: 128, pixels: &pixels, cut_outs: &cut_outs };
-        let shown = alphas(&encode(&[level], Codes::Srgb).unwrap());
+        let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
         let changed = shown.iter().zip(&pixels).filter(|(shown, p)| (**shown >= cutoff) != (p[3] >= cutoff)).count();
         assert_eq!(changed, 0, "of {} pixels, cut out at {cutoff}", pixels.len());
     }
@@ -79,7 +79,7 @@ fn parts_of_a_picture_have_cutoffs_of_their_own() {
     let pixels: Vec<[u8; 4]> = left.chunks(64).zip(right.chunks(64)).flat_map(|(a, b)| [a, b].concat()).collect();
     let half = |x: usize, code: u8| CutOut { x, y: 0, width: 64, height: 64, code };
     let level = Level { width: 128, height: 64, pixels: &pixels, cut_outs: &[half(0, 26), half(64, 200)] };
-    let shown = alphas(&encode(&[level], Codes::Srgb).unwrap());
+    let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
     let cutoff = |i: usize| if i % 128 < 64 { 26 } else { 200 };
     let changed = (0..pixels.len()).filter(|&i| (shown[i] >= cutoff(i)) != (pixels[i][3] >= cutoff(i)));
     assert_eq!(changed.count(), 0);
@@ -88,7 +88,7 @@ fn parts_of_a_picture_have_cutoffs_of_their_own() {
 #[test]
 fn the_header_is_that_of_the_specification() {
     let chain = chain(8);
-    let file = encode(&levels(&chain), Codes::Srgb).unwrap();
+    let file = encode(&levels(&chain), Codes::Srgb, &|| true).unwrap();
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap());
     assert_eq!(&file[..12], b"\xABKTX 20\xBB\r\n\x1A\n");
     assert_eq!([12, 16, 20, 24, 28, 32, 36, 40, 44].map(word), [0, 1, 8, 8, 0, 0, 1, 4, 2]);
@@ -96,7 +96,7 @@ fn the_header_is_that_of_the_specification() {
     assert_eq!([48, 52].map(word), [80 + 4 * 24, 44]);
     assert_eq!(file[176 + 12..176 + 16], [166, 1, 2, 0]);
     // KHR_texture_basisu: data are linear, and their primaries are unspecified.
-    let data = encode(&levels(&chain), Codes::Linear).unwrap();
+    let data = encode(&levels(&chain), Codes::Linear, &|| true).unwrap();
     assert_eq!(data[176 + 12..176 + 16], [166, 0, 1, 0]);
     // Levels lie from the smallest to the largest, without gaps, up to the end.
     let long = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap());
@@ -111,15 +111,15 @@ fn the_header_is_that_of_the_specification() {
 #[test]
 fn the_same_pictures_give_the_same_bytes() {
     let chain = chain(64);
-    let file = encode(&levels(&chain), Codes::Srgb).unwrap();
-    assert_eq!(encode(&levels(&chain), Codes::Srgb).unwrap(), file);
+    let file = encode(&levels(&chain), Codes::Srgb, &|| true).unwrap();
+    assert_eq!(encode(&levels(&chain), Codes::Srgb, &|| true).unwrap(), file);
 }
 
 #[test]
 fn what_is_no_mip_chain_is_refused() {
     let (four, two) = (picture(4), picture(2));
     let level = |width: usize, height: usize, pixels| Level { width, height, pixels, cut_outs: &[] };
-    let message = |levels: &[Level]| match encode(levels, Codes::Srgb) {
+    let message = |levels: &[Level]| match encode(levels, Codes::Srgb, &|| true) {
         Err(Error::Levels(message)) => message,
         other => panic!("{other:?}"),
     };

@@ -476,6 +476,7 @@ class LevelOptions(FitOptions, total=False):
     visibility: bool  # False
     leaf_map: bool  # False
     tight_pages: bool  # True
+    pixels: float  # 8.0
     order_by_visibility: bool  # True
 
 class ChainOptions(LevelOptions, total=False):
@@ -511,8 +512,9 @@ def fit(
     :func:`start_fit`, whose job holds a complete answer early and may be cancelled. ``Cloud.epsilon`` says what came
     out.
 
-    Shape: ``max_size`` (share of R, at least ε) is how far a billboard's leaves may lie from where it was found (a leaf
-    that is larger has its own size);
+    Shape: ``max_size`` (share of R, in [ε, 2]) is the greatest distance of a billboard's leaves from the place where the
+    billboard was found (a larger leaf has its own size). None: 0.2, or ε where that is more; no limit with
+    ``max_billboards`` and for the published methods (``density``, ``kmeans``, effort ``literal``);
     ``compact`` (share of R) parts billboards at gaps as wide; ``max_corners`` in [3, 16] is the number of an outline's
     corners, 4 for rectangles; ``trim`` makes outlines enclose what is opaque, and leaves weigh what is opaque of them.
 
@@ -543,6 +545,8 @@ def build_chain(
     budget is the first level's) and a page of ``texture_size`` / 2^(i−1) columns and, without a ``texture_height``, as
     many rows. ``wood`` is seen by the
     cross only.
+    ``pixels`` > 0: how large a level's deviation is seen where the level takes over; the page of the cross impostor has
+    texels of half a pixel there, or smaller ones, and is no larger than ``texture_size`` allows.
     ``order_by_visibility``: leaves that are seen less are pruned sooner, which takes looks at all of them; without it
     place and chance alone make ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.

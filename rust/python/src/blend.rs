@@ -9,7 +9,8 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{guard, read};
+use crate::errors::read;
+use crate::work::interruptible;
 
 #[pyclass(name = "BlendOrder", module = "leafcloud", frozen)]
 pub struct PyBlendOrder(BlendOrder);
@@ -68,7 +69,8 @@ pub fn blend_order(
     let triangles = arrays::triangles(triangles)?;
     let toward = toward.map_or(Ok(DVec3::Z), |v| arrays::vector(v, "toward"))?;
     let most = most.map_or(Ok(usize::MAX), |v| read(v, "most", "a whole number of pieces, or None"))?;
-    let order = py.detach(|| guard(|| BlendOrder::new(&corners(&positions, &triangles)?, toward, most)))?;
+    let order =
+        interruptible(py, move |progress| BlendOrder::new(&corners(&positions, &triangles)?, toward, most, progress))?;
     Ok(PyBlendOrder(order))
 }
 

@@ -10,10 +10,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::image_array;
-use crate::errors::{Failure, guard};
+use crate::errors::Failure;
 use crate::options::Options;
+use crate::work::interruptible;
 
 #[pyclass(name = "Curve", module = "leafcloud", frozen)]
+#[derive(Clone)]
 pub struct PyCurve(pub Arc<Curve>);
 
 #[pymethods]
@@ -66,7 +68,8 @@ impl PyCurve {
     #[pyo3(signature = (over = "seconds", *, title = "", width = 960, height = 640, text = 1.0))]
     fn svg(&self, py: Python<'_>, over: &str, title: &str, width: u32, height: u32, text: f64) -> PyResult<String> {
         let size = Size { width, height, text };
-        Ok(py.detach(|| guard(|| self.chart(over, title)?.svg(size)))?)
+        let (curve, over, title) = (self.clone(), over.to_owned(), title.to_owned());
+        interruptible(py, move |_| curve.chart(&over, &title)?.svg(size))
     }
 
     #[pyo3(signature = (over = "seconds", *, title = "", width = 960, height = 640, text = 1.0))]
@@ -80,7 +83,8 @@ impl PyCurve {
         text: f64,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let size = Size { width, height, text };
-        let image = py.detach(|| guard(|| self.chart(over, title)?.picture(size)))?;
+        let (curve, over, title) = (self.clone(), over.to_owned(), title.to_owned());
+        let image = interruptible(py, move |_| curve.chart(&over, &title)?.picture(size))?;
         image_array(py, &image)
     }
 }

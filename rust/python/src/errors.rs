@@ -1,7 +1,4 @@
-//! The core's errors as Python's, and the wall that no panic passes.
-
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+//! The core's errors as Python's.
 
 use leafcloud::Error;
 use pyo3::create_exception;
@@ -62,17 +59,4 @@ pub fn shown(value: &Bound<'_, PyAny>) -> String {
         Some((end, _)) => format!("{}…", &written[..end]),
         None => written,
     }
-}
-
-/// Runs work of the core; a panic in it becomes an error like any other, so that it can never take its host down.
-pub fn guard<T>(work: impl FnOnce() -> leafcloud::Result<T>) -> Result<T, Failure> {
-    match catch_unwind(AssertUnwindSafe(work)) {
-        Ok(result) => result.map_err(Failure::from),
-        Err(panic) => Err(Failure::Refused(format!("internal error, please report it: {}", panic_message(&*panic)))),
-    }
-}
-
-fn panic_message(panic: &(dyn Any + Send)) -> &str {
-    let owned = panic.downcast_ref::<String>().map(String::as_str);
-    owned.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }

@@ -8,7 +8,8 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{guard, read, refuse};
+use crate::errors::{read, refuse};
+use crate::work::interruptible;
 
 #[pyclass(name = "Material", module = "leafcloud", frozen)]
 #[derive(Clone)]
@@ -104,7 +105,7 @@ impl PyFoliage {
         let materials: Vec<Bound<'_, PyMaterial>> =
             materials.map_or(Ok(Vec::new()), |v| read(v, "materials", "a list of Material"))?;
         let materials = materials.iter().map(|m| m.get().0.clone()).collect();
-        let foliage = py.detach(|| guard(|| Foliage::new(&positions, triangles, attributes, materials)))?;
+        let foliage = interruptible(py, move |_| Foliage::new(&positions, triangles, attributes, materials))?;
         Ok(Self(Arc::new(foliage)))
     }
 

@@ -12,13 +12,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::curve::PyCurve;
-use crate::errors::{Failure, guard, read, refuse, shown};
+use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
 use crate::levels::{CloudInFrame, PyChain, PyCloud};
 use crate::options::Options;
-
-/// How long a wait goes on before it looks for Ctrl-C.
-const PATIENCE: Duration = Duration::from_millis(50);
+use crate::work::{self, PATIENCE, guard};
 
 /// What work gives.
 #[derive(Clone)]
@@ -280,10 +278,7 @@ impl PyJob {
             *lock(&worker.result) = Some(result);
             worker.ended.notify_all();
         };
-        std::thread::Builder::new()
-            .name("leafcloud".to_owned())
-            .spawn(body)
-            .map_err(|e| refuse(format!("no thread could be started: {e}")))?;
+        work::start(body)?;
         Ok(Self(shared))
     }
 

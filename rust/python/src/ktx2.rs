@@ -1,14 +1,14 @@
 //! A level's textures as KTX2.
 
-use leafcloud::Error;
 use leafcloud::lod::Level;
+use leafcloud::{Error, Progress};
 use leafcloud_ktx2::{Codes, CutOut, encode};
 
 /// The file of a channel, with its mip levels.
 ///
 /// # Errors
-/// The level has no such channel, or it has no mips; a page that glTF does not take; a failure of the encoder.
-pub fn file_of(level: &Level, channel: &str) -> Result<Vec<u8>, Error> {
+/// The level has no such channel, or it has no mips; a page that glTF does not take; a failure of the encoder; [`Error::Cancelled`].
+pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u8>, Error> {
     let levels = level.mips(channel).ok_or_else(|| {
         let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
         let known: Vec<&str> = known.collect();
@@ -24,7 +24,10 @@ pub fn file_of(level: &Level, channel: &str) -> Result<Vec<u8>, Error> {
         pixels: image.pixels(),
         cut_outs,
     });
-    encode(&mips.collect::<Vec<_>>(), codes).map_err(|error| Error::invalid(error.to_string()))
+    encode(&mips.collect::<Vec<_>>(), codes, &|| progress.tell("ktx2", 0.0).is_ok()).map_err(|error| match error {
+        leafcloud_ktx2::Error::Cancelled => Error::Cancelled,
+        other => Error::invalid(other.to_string()),
+    })
 }
 
 fn cut_outs(level: &Level, channel: &str, number: usize, (columns, rows): (usize, usize)) -> Vec<CutOut> {

@@ -13,9 +13,9 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
-use crate::errors::{Failure, guard};
 use crate::foliage::PyFoliage;
 use crate::ktx2;
+use crate::work::{guard, interruptible};
 
 /// A cloud with what is needed to speak of it to the caller.
 #[derive(Clone)]
@@ -142,7 +142,7 @@ impl PyChain {
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
     let whose: Vec<_> = chains.iter().map(|chain| (chain.get().radius, chain.get().offer)).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
-    let shared = py.detach(|| guard(|| share_all(&chains)))?;
+    let shared = interruptible(py, move |_| share_all(&chains))?;
     let with_radius = |(chain, (radius, offer))| PyChain { chain: Arc::new(chain), radius, offer };
     Ok(shared.into_iter().zip(whose).map(with_radius).collect())
 }
@@ -173,6 +173,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
 }
 
 #[pyclass(name = "Level", module = "leafcloud", frozen)]
+#[derive(Clone)]
 pub struct PyLevel {
     chain: Arc<Chain>,
     index: usize,
@@ -272,12 +273,15 @@ impl PyLevel {
     }
 
     fn for_engines<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {
-        let (image, cutoff) = py.detach(|| guard(|| Ok(self.level().for_engines())))?;
+        let level = self.clone();
+        interruptible(py, move |_| Ok(level.level().for_engines().1))?;
+        let (image, cutoff) = self.level().for_engines();
         Ok((image_array(py, image)?, *cutoff))
     }
 
     fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let file = py.detach(|| guard(|| ktx2::file_of(self.level(), channel)))?;
+        let (level, channel) = (self.clone(), channel.to_owned());
+        let file = interruptible(py, move |progress| ktx2::file_of(level.level(), &channel, progress))?;
         Ok(PyBytes::new(py, &file))
     }
 
@@ -371,7 +375,7 @@ impl PyLevel {
     }
 
     fn foliage(&self) -> PyResult<PyFoliage> {
-        let foliage = self.level().foliage().map_err(Failure::from)?;
+        let foliage = guard(|| self.level().foliage())?;
         Ok(PyFoliage(Arc::new(foliage)))
     }
 }

@@ -14,11 +14,13 @@ mod levels;
 mod options;
 mod tools;
 mod wood;
+mod work;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    work::own_threads();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     errors::register(module)?;
     module.add_class::<foliage::PyMaterial>()?;

@@ -151,6 +151,7 @@ impl<'py> Options<'py> {
             close_cracks: self.flag("close_cracks", default.close_cracks)?,
             blended: self.flag("blended", default.blended)?,
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
+            pixels: self.number("pixels", default.pixels)?,
             looks: if self.flag("order_by_visibility", true)? {
                 default.looks
             } else {

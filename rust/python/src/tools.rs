@@ -11,8 +11,9 @@ use numpy::{AllowTypeChange, PyArray3, PyArrayLike1};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{guard, read, refuse};
+use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
+use crate::work::interruptible;
 
 #[pyfunction]
 #[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None, filtered = None))]
@@ -40,9 +41,9 @@ pub fn render<'py>(
     };
     let parts: Vec<Bound<'py, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
     let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
-    let image = py.detach(|| {
+    let image = interruptible(py, move |_| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
-        guard(|| judge::render(&parts, &view))
+        judge::render(&parts, &view)
     })?;
     arrays::image_array(py, &image)
 }
@@ -50,14 +51,14 @@ pub fn render<'py>(
 #[pyfunction]
 pub fn write_png(py: Python<'_>, path: PathBuf, image: &Bound<'_, PyAny>) -> PyResult<()> {
     let image = arrays::image(image)?;
-    Ok(py.detach(|| guard(|| core_write_png(&path, &image)))?)
+    interruptible(py, move |_| core_write_png(&path, &image))
 }
 
 #[pyfunction]
 #[pyo3(signature = (path, *, names = None))]
 pub fn read_gltf(py: Python<'_>, path: PathBuf, names: Option<Vec<String>>) -> PyResult<PyFoliage> {
     let names = names.unwrap_or_else(|| gltf::DEFAULT_NAMES.map(str::to_owned).to_vec());
-    let foliage = py.detach(|| guard(|| gltf::read(&path, &names)))?;
+    let foliage = interruptible(py, move |_| gltf::read(&path, &names))?;
     Ok(PyFoliage(Arc::new(foliage)))
 }
 

@@ -7,7 +7,8 @@ use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{guard, read};
+use crate::errors::read;
+use crate::work::interruptible;
 
 #[pyclass(name = "Simplified", module = "leafcloud", frozen)]
 pub struct PySimplified(Simplified);
@@ -53,11 +54,9 @@ pub fn simplify(
         material_ids,
         ..Attributes::default()
     };
-    let simplified = py.detach(|| {
-        guard(|| {
-            let wood = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
-            leafcloud_wood::simplify(&wood, error)
-        })
+    let simplified = interruptible(py, move |progress| {
+        let wood = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
+        leafcloud_wood::simplify(&wood, error, progress)
     })?;
     Ok(PySimplified(simplified))
 }

@@ -13,7 +13,7 @@ mod distance;
 mod part;
 mod vertices;
 
-use leafcloud::{Error, Foliage, Result, error::number};
+use leafcloud::{Error, Foliage, Progress, Result, error::number};
 use rayon::prelude::*;
 
 /// What is left of the wood.
@@ -33,8 +33,8 @@ pub struct Simplified {
 /// `meshopt`, which is C++, may round otherwise.
 ///
 /// # Errors
-/// An `error` that is not above 0 and finite.
-pub fn simplify(wood: &Foliage, error: f64) -> Result<Simplified> {
+/// An `error` that is not above 0 and finite; [`Error::Cancelled`], asked before every part.
+pub fn simplify(wood: &Foliage, error: f64, progress: Progress) -> Result<Simplified> {
     if !(error > 0.0 && error.is_finite()) {
         return Err(Error::invalid(format!(
             "error is {}; it must be a length above 0, in the units of the positions",
@@ -44,8 +44,11 @@ pub fn simplify(wood: &Foliage, error: f64) -> Result<Simplified> {
     let radius = wood.frame().radius;
     let parts = wood.leaves();
     let numbers: Vec<usize> = (0..parts.len()).collect();
-    let simplified: Vec<Simplified> =
-        numbers.par_iter().map(|&i| part::simplify(wood, parts.get(i), error / radius)).collect();
+    let simplify = |&number: &usize| {
+        progress.tell("simplify", 0.0)?;
+        Ok(part::simplify(wood, parts.get(number), error / radius))
+    };
+    let simplified = numbers.par_iter().map(simplify).collect::<Result<Vec<Simplified>>>()?;
     Ok(Simplified {
         error: simplified.iter().map(|part| part.error).fold(0.0, f64::max) * radius,
         corners: simplified.into_iter().flat_map(|part| part.corners).collect(),

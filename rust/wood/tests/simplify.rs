@@ -1,7 +1,7 @@
 //! What comes out lies within the error of what went in: measured here by points at random and by closed forms, not by the crate.
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
-use leafcloud::{Attributes, Foliage, Material};
+use leafcloud::{Attributes, Foliage, Material, Progress};
 use leafcloud_wood::{Simplified, simplify};
 
 /// Positions, triangles, and what the corners carry.
@@ -58,7 +58,7 @@ impl Mesh {
         let materials = vec![Material::default(); self.materials];
         let wood =
             Foliage::new(&self.positions, self.triangles.clone(), self.attributes.clone(), materials).expect("a mesh");
-        simplify(&wood, error).expect("an error above 0")
+        simplify(&wood, error, Progress::silent()).expect("an error above 0")
     }
 
     fn corner(&self, corner: u32) -> DVec3 {
@@ -289,7 +289,7 @@ fn an_error_that_is_no_length_is_refused() {
     let wood =
         Foliage::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], Attributes::default(), vec![]).unwrap();
     for error in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(simplify(&wood, error).unwrap_err().to_string().contains("a length above 0"));
+        assert!(simplify(&wood, error, Progress::silent()).unwrap_err().to_string().contains("a length above 0"));
     }
 }
 

@@ -1,0 +1,90 @@
+//! Work of the core away from Python: the GIL is released, Ctrl-C is answered, a fork is survived, and no panic passes.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock, mpsc};
+use std::thread;
+use std::time::Duration;
+
+use leafcloud::{Error, Progress};
+use pyo3::prelude::*;
+
+use crate::errors::{Failure, refuse};
+
+/// The longest wait before a look for Ctrl-C.
+pub const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Runs `work` and returns its result. A panic becomes an error, so that a panic never ends the host process.
+///
+/// # Errors
+/// The error of `work`, a panic of `work`, or no threads after a fork.
+pub fn guard<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> Result<T, Failure> {
+    match catch_unwind(AssertUnwindSafe(|| with_threads(work))) {
+        Ok(result) => result.map_err(Failure::from),
+        Err(panic) => Err(Failure::Refused(format!("internal error, please report it: {}", panic_message(&*panic)))),
+    }
+}
+
+/// Runs `work` on a thread of its own while this thread waits and answers Ctrl-C.
+///
+/// After Ctrl-C the call raises at once. `work` stops where it tells its [`Progress`]; work without such a place ends unseen in
+/// the background.
+///
+/// # Errors
+/// The error of `work`, `KeyboardInterrupt`, or no thread for `work`.
+pub fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(Progress) -> leafcloud::Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let stopped = Arc::new(AtomicBool::new(false));
+    let (done, mut result) = mpsc::sync_channel(1);
+    let told = Arc::clone(&stopped);
+    start(move || {
+        let report = move |_: &str, _: f64| !told.load(Ordering::Relaxed);
+        // The receiver is gone after Ctrl-C.
+        let _ = done.send(guard(|| work(Progress::new(&report))));
+    })?;
+    loop {
+        let waited = &mut result;
+        match py.detach(move || waited.recv_timeout(PATIENCE)) {
+            Ok(result) => return Ok(result?),
+            Err(mpsc::RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
+            Err(mpsc::RecvTimeoutError::Timeout) => {
+                py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?
+            }
+        }
+    }
+}
+
+/// Starts a thread named after the library.
+///
+/// # Errors
+/// The system has no thread left.
+pub fn start(body: impl FnOnce() + Send + 'static) -> PyResult<()> {
+    let started = thread::Builder::new().name("leafcloud".to_owned()).spawn(body);
+    started.map(drop).map_err(|error| refuse(format!("no thread could be started: {error}")))
+}
+
+/// Remembers this process as the owner of rayon's threads. Called once, at the import.
+pub fn own_threads() {
+    OWNER.get_or_init(std::process::id);
+}
+
+/// The process that imported the module.
+static OWNER: OnceLock<u32> = OnceLock::new();
+
+/// Runs `work` with rayon's threads. A fork copies none of them to the child, where every call would wait for ever: there each call
+/// starts threads of its own.
+fn with_threads<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> leafcloud::Result<T> {
+    if OWNER.get() == Some(&std::process::id()) {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().build();
+    pool.map_err(|error| Error::invalid(format!("no threads could be started: {error}")))?.install(work)
+}
+
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    let owned = panic.downcast_ref::<String>().map(String::as_str);
+    owned.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
