@@ -186,6 +186,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect
         "texture_size": settings.texture_size,
         "texture_height": settings.texture_height,
         "samples": settings.samples,
+        "pixels": settings.pixels,
         "close_cracks": settings.close_cracks,
         "blended": bool(is_on(effects, "blend_order")),
         "back_sides": is_on(effects, "back_sides"),

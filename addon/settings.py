@@ -144,10 +144,11 @@ class BakeSettings:
     max_size: Annotated[
         float | None,
         Setting(
-            "how far a billboard's leaves may lie from where it was found, as a share of R, at least epsilon",
+            "greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, at "
+            "least epsilon; smaller billboards have more triangles and draw fewer empty pixels",
             "SHARE",
             Limits(0, 2, above=True),
-            unset="anywhere",
+            unset="0.2, or epsilon where that is more; no limit with max_billboards and for the published methods",
         ),
     ] = None
     compact: Annotated[

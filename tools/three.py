@@ -1,12 +1,13 @@
-"""How level 1 keeps its coverage in an engine as it becomes small: `make three`.
+"""How levels keep their coverage in an engine as they become small: `make three`.
 
 usage: python tools/three.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
 Bakes each tree into target/three, and has three.js look at it, in Chromium without a display (tools/three/look.js):
 unlit, from 8 views, at sizes from 512² to 16² pixels, each the mean of looks from many places within a pixel. Level 1
 is seen with its PNG, of which the engine makes mip levels by plain means, and with its KTX2, whose mip levels keep
-coverage. The leaves are seen at 1024² and without mip levels: what they cover there they cover at any size. Prints a
-table in Markdown; for all trees it also writes docs/bench/three.md. target/three/TREE/strip.png shows the leaves, the
+coverage. The leaves are seen at 1024² and without mip levels: what they cover there they cover at any size. A second
+table has every level with its trunk at the size at which it takes over, and at that size halved twice. Prints tables in
+Markdown; for all trees it also writes docs/bench/three.md. target/three/TREE/strip.png shows the leaves, the
 PNG and the KTX2 of the first view at 256² and at 64², the latter enlarged.
 """
 
@@ -36,6 +37,9 @@ SIZES = {512: 1, 256: 2, 128: 4, 64: 8, 32: 8, 16: 8}
 LEAVES = {1024: 1}
 """The same for the leaves."""
 SHOWN = (256, 64)
+PIXELS = 1080.0 / math.tan(math.radians(25.0))
+"""How large R is seen from a distance of R: half a view of 1080 rows and 50°."""
+PARTS = (1, 2, 4)
 PATIENCE = 600.0
 """Seconds that a tree may take."""
 LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -52,6 +56,12 @@ before is still drawn. Level 2, which is left out here, would take over where th
 of more than 10 MB are left out: they are there for speed.
 """
 
+HAND_OVERS = """## Where levels take over
+
+A bake of default settings, trunk included. *Own*: the level has the size at which it takes over, in a view of 1080 rows
+and 50°; then half and a quarter of that size. Coverage over that of the leaves and their trunk, as above.
+"""
+
 
 @dataclass(frozen=True)
 class Look:
@@ -60,6 +70,7 @@ class Look:
     url: str
     ktx2: bool = False
     mips: bool = True
+    trunk: bool = False
     sizes: dict[int, int] = field(default_factory=SIZES.copy)
 
 
@@ -103,22 +114,22 @@ def to_picture(text: str, size: int) -> Picture:
     return np.frombuffer(base64.b64decode(text), np.float32).reshape(size, size, 4)[::-1]
 
 
-def bake(tree: Path) -> Path:
-    out = BAKED / tree.stem
+def bake(tree: Path, out: Path, *options: str) -> str:
+    """Bakes for three.js into `out`; the URL of the files, up to their suffixes."""
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out)]
-    subprocess.run([*command, "--engine", "three", "--levels", "1", "--no-cross"], check=True, capture_output=True)
-    return out
+    subprocess.run([*command, "--engine", "three", *options], check=True, capture_output=True)
+    return f"/{out.relative_to(ROOT).as_posix()}/{tree.stem}"
 
 
-def leaves_of(folder: str) -> Look:
+def leaves_of(base: str, *, trunk: bool = False) -> Look:
     """Mip levels would make the leaves' own textures thinner."""
-    return Look(f"{folder}_LOD0.glb", mips=False, sizes=LEAVES)
+    return Look(f"{base}_LOD0.glb", mips=False, trunk=trunk, sizes=LEAVES)
 
 
 def measure(tree: Path) -> list[dict[str, Any]]:
     """A row for each size."""
-    out = bake(tree)
-    base = f"/{out.relative_to(ROOT).as_posix()}/{tree.stem}"
+    out = BAKED / tree.stem
+    base = bake(tree, out, "--levels", "1", "--no-cross")
     leaves, png, ktx2 = look(leaves_of(base), Look(f"{base}_LOD1.glb"), Look(f"{base}_LOD1.glb", ktx2=True))
     leafcloud.write_png(str(out / "strip.png"), strip(leaves, png, ktx2))
     assert png.texels is not None
@@ -131,6 +142,33 @@ def measure(tree: Path) -> list[dict[str, Any]]:
             "ktx2": ratios(ktx2, leaves, size),
         }
         for size in SIZES
+    ]
+
+
+def measure_hand_overs(tree: Path) -> list[dict[str, Any]]:
+    """A row for each level: its size where it takes over, and its coverage there and at half and a quarter of that."""
+    out = BAKED / f"{tree.stem}_levels"
+    base = bake(tree, out)
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    levels = report["levels"][1:]
+    own = [2 * round(PIXELS * report["input"]["radius"] / level["switch_distance"] / 2) for level in levels]
+    sizes = [{size // part: 8 for part in PARTS} for size in own]
+    looks = [leaves_of(base, trunk=True)]
+    for level, wanted in zip(levels, sizes, strict=True):
+        url = f"{base}_LOD{level['level']}.glb"
+        looks += [Look(url, ktx2=ktx2, trunk=True, sizes=wanted) for ktx2 in (False, True)]
+    leaves, *seen = look(*looks)
+    return [
+        {
+            "tree": tree.stem,
+            "level": level["level"],
+            "size": size,
+            **{
+                way: [ratios(shown, leaves, size // part)[0] for part in PARTS]
+                for way, shown in zip(("png", "ktx2"), seen[2 * index :], strict=False)
+            },
+        }
+        for index, (level, size) in enumerate(zip(levels, own, strict=True))
     ]
 
 
@@ -172,19 +210,34 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def hand_over_table(rows: list[dict[str, Any]]) -> str:
+    lines = [
+        "| tree | level | own size | PNG: own, half, a quarter | KTX2: own, half, a quarter |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows:
+        columns = (", ".join(f"{share:.2f}" for share in row[way]) for way in ("png", "ktx2"))
+        lines.append(f"| {row['tree']} | {row['level']} | {row['size']}² | {' | '.join(columns)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="How level 1 keeps its coverage in three.js as it becomes small.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage up to 10 MB)")
+    parser.add_argument("--hand-overs", action="store_true", help="only the second table; writes no file")
     arguments = parser.parse_args()
     whole = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
-    rows = []
+    rows, hand_overs = [], []
     for tree in arguments.trees or whole:
-        rows += measure(tree)
-        print(json.dumps(rows[-len(SIZES) :]), file=sys.stderr, flush=True)
-    print(table(rows))
-    if not arguments.trees:
+        if not arguments.hand_overs:
+            rows += measure(tree)
+        hand_overs += measure_hand_overs(tree)
+        print(hand_over_table(hand_overs).splitlines()[-1], file=sys.stderr, flush=True)
+    text = f"{INTRODUCTION}\n{table(rows)}\n\n{HAND_OVERS}\n{hand_over_table(hand_overs)}\n"
+    print(text)
+    if not (arguments.trees or arguments.hand_overs):
         (ROOT / "docs" / "bench").mkdir(parents=True, exist_ok=True)
-        (ROOT / "docs" / "bench" / "three.md").write_text(f"{INTRODUCTION}\n{table(rows)}\n")
+        (ROOT / "docs" / "bench" / "three.md").write_text(text)
 
 
 if __name__ == "__main__":

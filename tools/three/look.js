@@ -1,7 +1,7 @@
-// Looks at GLB files as three.js shows them, unlit and without wood, and posts what it saw.
+// Looks at GLB files as three.js shows them, unlit, and posts what it saw.
 //
-// The question is a JSON list of looks, each {url, ktx2, mips, sizes}: whether textures are taken from
-// KHR_texture_basisu, whether their mip levels are used, and as {size: grid} how many pixels the picture's side has, and
+// The question is a JSON list of looks, each {url, ktx2, mips, trunk, sizes}: whether textures are taken from
+// KHR_texture_basisu, whether their mip levels are used, whether the trunk is shown, and as {size: grid} how many pixels the picture's side has, and
 // from how many places in each pixel, grid × grid, it is looked. All are framed by the bounding sphere of the first
 // look's model.
 //
@@ -27,20 +27,20 @@ function directions() {
   });
 }
 
-/** The leaves of a file. */
-async function load({ url, ktx2, mips }) {
+/** The scene of a file. */
+async function load({ url, ktx2, mips, trunk }) {
   const loader = new GLTFLoader();
   // Without a loader of KTX2 the PNG is taken, as by any engine that does not know the extension.
   if (ktx2) loader.setKTX2Loader(new KTX2Loader().setTranscoderPath(TRANSCODER).detectSupport(renderer));
   const { scene } = await loader.loadAsync(url);
-  objects(scene).filter(isWood).forEach((object) => object.removeFromParent());
+  if (!trunk) objects(scene).filter(isWood).forEach((object) => object.removeFromParent());
   for (const mesh of meshes(scene)) {
     mesh.material = unlit(mesh.material);
     // Nothing moves here, and a million zeros take long in software.
     mesh.geometry.morphAttributes = {};
     const { map } = mesh.material;
     if (!map) continue;
-    if (map.mipmaps.length > 0 !== ktx2) throw new Error(`${url}: ${ktx2 ? "no" : "a"} KTX2 texture`);
+    if (!trunk && map.mipmaps.length > 0 !== ktx2) throw new Error(`${url}: ${ktx2 ? "no" : "a"} KTX2 texture`);
     if (!mips) map.minFilter = THREE.LinearFilter;
   }
   scene.updateMatrixWorld(true);

@@ -76,6 +76,15 @@ impl Choice {
         })
     }
 
+    /// Whether this choice is in no setting coarser than `other`: bound, page, samples and effort.
+    #[must_use]
+    pub fn is_as_fine_as(&self, other: &Self) -> bool {
+        self.epsilon <= other.epsilon
+            && self.texture_size >= other.texture_size
+            && self.samples >= other.samples
+            && self.effort >= other.effort
+    }
+
     /// Its page, in the proportions of that of `settings`.
     pub(crate) fn page(&self, settings: &ChainSettings) -> PageSize {
         let PageSize { width, height } = settings.texture_size;

@@ -116,24 +116,15 @@ const STEP: f64 = 0.97;
 
 /// What is predicted to be best among bounds, pages no larger than was asked for, samples and efforts: quickest first, each of less error than the
 /// one before.
+///
+/// The last offers are in no setting coarser than the settings of the curve: a quick sweep sees little of large pages and many samples, and
+/// would promise their quality for less.
 #[must_use]
 pub fn offers(curve: &Curve) -> Vec<Offer> {
-    let asked = Choice::of(&curve.settings);
+    let asked = Choice { method: Method::Stochastic, max_billboards: None, ..Choice::of(&curve.settings) };
     let model = Model::new(curve);
-    let mut all = Vec::new();
-    let most = curve.settings.fit.max_size.unwrap_or(f64::INFINITY);
-    for epsilon in EPSILONS.into_iter().filter(|epsilon| *epsilon <= most.max(EPSILONS[0])) {
-        for texture_size in HALVINGS.map(|halved| (asked.texture_size >> halved).max(SMALLEST.min(asked.texture_size)))
-        {
-            for samples in [1, 2, 4] {
-                for effort in [Effort::Default, Effort::Final] {
-                    let choice = Choice { effort, epsilon, texture_size, samples, ..asked };
-                    let choice = Choice { method: Method::Stochastic, max_billboards: None, ..choice };
-                    all.push(Offer { choice, predicted: model.predict(&choice) });
-                }
-            }
-        }
-    }
+    let offer = |choice: Choice| Offer { choice, predicted: model.predict(&choice) };
+    let mut all: Vec<Offer> = choices(&asked, curve.settings.fit.max_size).into_iter().map(offer).collect();
     let sharp = |offer: &Offer| model.texel(&offer.choice) <= MOST_TEXEL * offer.choice.epsilon;
     let two_sided = curve.settings.back_sides.unwrap_or(true);
     let fits = |offer: &Offer| {
@@ -144,6 +135,10 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
         if all.iter().any(wanted) {
             all.retain(wanted);
         }
+    }
+    if let Some(Offer { predicted: own, .. }) = all.iter().find(|offer| offer.choice == asked).copied() {
+        let is_quicker = |p: &Prediction| p.seconds < own.seconds && STEP * p.image_error > own.image_error;
+        all.retain(|offer| offer.choice.is_as_fine_as(&asked) || is_quicker(&offer.predicted));
     }
     let costs: Vec<(f64, f64)> = all.iter().map(|o| (o.predicted.seconds, o.predicted.image_error)).collect();
     let mut best: Vec<Offer> = all.into_iter().zip(front(&costs)).filter(|(_, on)| *on).map(|(o, _)| o).collect();
@@ -156,6 +151,23 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
         }
     }
     kept
+}
+
+/// The choices that are compared: `asked`, and every bound up to the size of billboards with every page, number of samples and effort.
+fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
+    let most = max_size.unwrap_or(f64::INFINITY).max(EPSILONS[0]);
+    let page = |halved: usize| (asked.texture_size >> halved).max(SMALLEST.min(asked.texture_size));
+    let mut all = vec![*asked];
+    for epsilon in EPSILONS.into_iter().chain([asked.epsilon]).filter(|epsilon| *epsilon <= most) {
+        for texture_size in HALVINGS.map(page) {
+            for samples in [1, 2, 4, asked.samples] {
+                for effort in [Effort::Default, Effort::Final.max(asked.effort)] {
+                    all.push(Choice { effort, epsilon, texture_size, samples, ..*asked });
+                }
+            }
+        }
+    }
+    all
 }
 
 /// Builds a chain that keeps the wish: ε, page, samples and effort are chosen, pages no larger than `settings` ask for, all else is as they say.

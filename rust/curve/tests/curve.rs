@@ -214,6 +214,24 @@ fn presets_are_places_on_the_front() {
     assert!(Preset::from_name("best").unwrap_err().to_string().contains("draft, balanced, final"));
 }
 
+#[test]
+fn the_final_preset_is_no_coarser_than_the_settings() {
+    // A sweep that sees nothing of pages and samples, as a quick one of a large crown.
+    let mut curve = lawful();
+    for point in &mut curve.points {
+        point.image_error = point.choice.epsilon.powf(0.6);
+        point.texel = 1e-3;
+    }
+    let asked = Choice::of(&curve.settings);
+    let offers = offers(&curve);
+    let chosen = Preset::Final.of(&offers).unwrap().choice;
+    assert!(chosen.is_as_fine_as(&asked), "{chosen:?}");
+    let own = Model::new(&curve).predict(&asked);
+    for offer in offers.iter().filter(|offer| !offer.choice.is_as_fine_as(&asked)) {
+        assert!(offer.predicted.seconds < own.seconds, "coarser and no quicker: {offer:?}");
+    }
+}
+
 /// The texts of an SVG file: where each lies, as wide as its font makes it.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     use ab_glyph::{Font, FontRef, ScaleFont};

@@ -17,10 +17,10 @@ use crate::progress::Progress;
 use crate::sheet::{PageSize, Sheet, SheetSettings};
 use crate::textures::{Channels, Drawn, Sky, bake_timed};
 
-/// The leaves are the first of the parts.
+/// The leaves are the first of the parts; the page has at most the sides of `most`.
 pub(super) fn build(
     parts: &[&Foliage],
-    page: PageSize,
+    most: PageSize,
     channels: (&Channels, Option<&Sky>),
     settings: &ChainSettings,
     progress: Progress,
@@ -38,7 +38,10 @@ pub(super) fn build(
     let up = settings.up.normalize();
     let planes = planes(up, leaves, &triangles);
     let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
-    let sheet = Sheet::pack(&planes, &outlines, SheetSettings::of_size(page, two_sided))?;
+    let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
+    let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
+    let texel = farthest / settings.pixels / TEXELS_PER_PIXEL;
+    let sheet = fitting(&planes, &outlines, most, texel, two_sided)?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
@@ -61,8 +64,6 @@ pub(super) fn build(
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
     let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     tune::check_shown(&judgement, &page, alpha_cutoff)?;
-    let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
-    let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
     Ok(Level {
         method: "cross",
@@ -89,6 +90,27 @@ pub(super) fn build(
         channel_seconds,
         engine: OnceLock::new(),
     })
+}
+
+/// Texels on a pixel's side where the cross takes over, at least.
+const TEXELS_PER_PIXEL: f64 = 2.0;
+
+/// The least side of a page, a multiple of 2 to the mip levels that keep coverage.
+const LEAST_SIDE: usize = 64;
+
+/// The outlines on the smallest page, with sides that are powers of two, whose texels have at most the side `texel`; on the largest within
+/// `most` if none has.
+fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, two_sided: bool) -> Result<Sheet> {
+    let (mut width, mut height) = (LEAST_SIDE, LEAST_SIDE);
+    loop {
+        let sheet = Sheet::pack(planes, outlines, SheetSettings::of_size(PageSize { width, height }, two_sided))?;
+        let (wider, higher) = (2 * width <= most.width, 2 * height <= most.height);
+        if sheet.texel() <= texel || !(wider || higher) {
+            return Ok(sheet);
+        }
+        width *= if wider { 2 } else { 1 };
+        height *= if higher { 2 } else { 1 };
+    }
 }
 
 /// The triangles of a part in the leaves' frame.

@@ -8,8 +8,8 @@ use glam::{DVec3, Vec2};
 
 use super::{ChainSettings, Judges, drawn, sides, tune};
 use crate::cloud::Cloud;
-use crate::error::Result;
-use crate::fit::{FitSettings, Named, fit_within};
+use crate::error::{Error, Result};
+use crate::fit::{FitSettings, NO_LIMIT, Named, fit_within};
 use crate::foliage::{Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
 use crate::judge::{Judge, Judgement};
@@ -18,7 +18,9 @@ use crate::progress::Progress;
 use crate::prune;
 use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
 use crate::textures::mips::Part;
-use crate::textures::{ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, mips};
+use crate::textures::{
+    CASCADE_LEVELS, ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, keeping_area, mips,
+};
 use crate::transition::{HAND_OVER, Projection};
 
 /// Where the time went.
@@ -104,13 +106,32 @@ pub(super) struct Step<'a> {
     pub judges: &'a Judges,
 }
 
-pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
-    let started = Instant::now();
-    let (finer, fit) = (step.finer, &step.fit);
-    let opacity = &step.opacity;
+/// Planes with their places on the page.
+struct Layout {
+    cloud: Cloud,
+    projection: Projection,
+    sheet: Sheet,
+    two_sided: bool,
+    /// Finding the planes, and choosing the stretch by looks.
+    seconds: [f64; 2],
+}
+
+/// The layout within the settings. Where the default size limit gives more billboards than the page holds, the limit is left out.
+fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
+    let by_default = step.fit.max_size.is_none() && step.fit.reach().is_finite();
+    match layout_of(step, &step.fit, settings, progress) {
+        Err(Error::Invalid(_)) if by_default => {
+            let unlimited = FitSettings { max_size: Some(NO_LIMIT), ..step.fit.clone() };
+            layout_of(step, &unlimited, settings, progress)
+        }
+        other => other,
+    }
+}
+
+fn layout_of(step: &Step, fit: &FitSettings, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
+    let (started, finer, opacity) = (Instant::now(), step.finer, &step.opacity);
     let cloud = fit_within(finer, opacity, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
     let fitted = Instant::now();
-
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
     let projected = Instant::now();
@@ -122,6 +143,13 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     };
     let pack = if settings.tight_pages { Sheet::pack } else { Sheet::pack_loosely };
     let sheet = pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
+    let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());
+    Ok(Layout { cloud, projection, sheet, two_sided, seconds })
+}
+
+pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
+    let (started, finer) = (Instant::now(), step.finer);
+    let Layout { cloud, projection, sheet, two_sided, seconds: [fit, stretch] } = layout(step, settings, progress)?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;
@@ -169,10 +197,10 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         sheet,
         page,
         seconds: Seconds {
-            fit: (fitted - started).as_secs_f64(),
-            pack: (packed - projected).as_secs_f64(),
+            fit,
+            pack: (packed - started).as_secs_f64() - fit - stretch,
             bake: (baked - packed).as_secs_f64(),
-            look: (projected - fitted + baked.elapsed()).as_secs_f64(),
+            look: stretch + baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
         engine: OnceLock::new(),
@@ -188,11 +216,23 @@ pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result
 }
 
 impl Level {
+    /// Whether this is the last level, the crossed billboards of the whole tree.
+    #[must_use]
+    pub fn is_cross(&self) -> bool {
+        self.cloud.is_none()
+    }
+
+    /// Regions of the page start at multiples of so many texels where they move to another page, so that mip levels stay the same.
+    pub(super) fn grid(&self) -> usize {
+        if self.is_cross() { 1 << CASCADE_LEVELS } else { 1 }
+    }
+
     /// The base colour and the cutoff with which engines draw the level that make mip levels themselves, made when first asked for. Not to
     /// be asked for on a worker of rayon's: who waits for it does not help.
     pub fn for_engines(&self) -> &(Image, f32) {
         self.engine.get_or_init(|| match self.alpha_cutoff {
             0.0 => (self.page.base_color.clone(), 0.0), // Plain means keep what is covered.
+            cutoff if self.is_cross() => keeping_area(&self.page.base_color, cutoff),
             cutoff => for_plain_means(&self.page.base_color, cutoff),
         })
     }

@@ -99,6 +99,9 @@ pub struct ChainSettings {
     pub blended: bool,
     /// Whether pages are packed as tightly as seconds allow, some per cent finer than at once.
     pub tight_pages: bool,
+    /// How large a level's deviation from the leaves is seen where the level takes over, in pixels, > 0. The page of the cross has texels of
+    /// half a pixel there, or smaller ones.
+    pub pixels: f64,
     /// From how many directions the judges look.
     pub looks: Looks,
 }
@@ -155,6 +158,7 @@ impl Default for ChainSettings {
             close_cracks: false,
             blended: false,
             tight_pages: true,
+            pixels: 8.0,
             looks: Looks::default(),
         }
     }
@@ -176,6 +180,9 @@ impl ChainSettings {
         self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
+        }
+        if !(self.pixels > 0.0 && self.pixels.is_finite()) {
+            return Err(Error::invalid(format!("pixels is {}; it must be greater than 0 and finite", self.pixels)));
         }
         let PageSize { width, height } = self.texture_size;
         if let Some(side) = [width, height].into_iter().find(|side| !(64..=16_384).contains(side)) {

@@ -21,8 +21,13 @@ use super::Level;
 pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     check_channels(levels)?;
     check_alpha(levels)?;
-    let boxes: Vec<(usize, usize)> =
-        levels.iter().flat_map(|level| outer_regions(level)).map(|r| (r.width, r.height)).collect();
+    let grid = levels.iter().map(|level| level.grid()).max().unwrap_or(1);
+    let from_grid = |region: &Region| (region.x % grid, region.y % grid);
+    let in_cells = |region: Region| {
+        let (x, y) = from_grid(&region);
+        ((x + region.width).div_ceil(grid), (y + region.height).div_ceil(grid))
+    };
+    let boxes: Vec<(usize, usize)> = levels.iter().flat_map(|level| outer_regions(level)).map(in_cells).collect();
     let too_large = || {
         Error::invalid(format!(
             "{} billboards of {} trees do not fit on one page of 16384 × 16384 texels; bake smaller textures, or share fewer",
@@ -30,11 +35,19 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
             levels.len()
         ))
     };
-    let (size, places) = tightest(&boxes).ok_or_else(too_large)?;
+    let fits = |cells: &PageSize| cells.width.max(cells.height) * grid <= LARGEST;
+    let (cells, places) = tightest(&boxes).filter(|(cells, _)| fits(cells)).ok_or_else(too_large)?;
+    let size = PageSize { width: cells.width * grid, height: cells.height * grid };
     let mut places = places.into_iter();
     let moves: Vec<Vec<Move>> = levels
         .iter()
-        .map(|level| outer_regions(level).zip(places.by_ref()).map(|(from, to)| Move { from, to }).collect())
+        .map(|level| {
+            let moved = |(from, (column, row)): (Region, (usize, usize))| {
+                let (x, y) = from_grid(&from);
+                Move { from, to: (column * grid + x, row * grid + y) }
+            };
+            outer_regions(level).zip(places.by_ref()).map(moved).collect()
+        })
         .collect();
     let page = levels[0].page.rebuilt(|name| {
         let images = levels.iter().map(|level| level.page.images().find(|(known, _)| *known == name));
@@ -86,6 +99,9 @@ fn check_alpha(levels: &[&Level]) -> Result<()> {
         ))),
     }
 }
+
+/// The longest side of a page.
+const LARGEST: usize = 16_384;
 
 /// A region with its gutters, and the upper left corner of its new place.
 struct Move {

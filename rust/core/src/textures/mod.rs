@@ -1,5 +1,6 @@
 //! The baked page of a level: what each billboard shows of the leaves behind it.
 
+mod cascade;
 mod channels;
 mod dilate;
 mod halves;
@@ -18,6 +19,7 @@ use std::time::Instant;
 use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
+pub use cascade::{LEVELS as CASCADE_LEVELS, keeping_area};
 pub use channels::Channel;
 pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};

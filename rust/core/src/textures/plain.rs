@@ -60,7 +60,7 @@ fn remapped(alpha: &[u8], width: usize, cutoff: f32, (old, area): (f32, f64)) ->
 }
 
 /// From 0 to the pivot alpha goes to `cutoff`, from there to 1.
-fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
+pub(super) fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
     std::array::from_fn(|code| {
         let alpha = code as f32 / 255.0;
         let moved = if alpha < pivot {
@@ -83,7 +83,7 @@ fn area_of_means(alpha: Vec<u8>, width: usize, cutoff: f32) -> f64 {
     sum / LEVELS as f64
 }
 
-fn halved(alpha: &[u8], width: usize) -> (Vec<u8>, usize) {
+pub(super) fn halved(alpha: &[u8], width: usize) -> (Vec<u8>, usize) {
     let (columns, rows) = ((width / 2).max(1), (alpha.len() / width / 2).max(1));
     let at = |x: usize, y: usize| u32::from(alpha[y.min(alpha.len() / width - 1) * width + x.min(width - 1)]);
     let mean = |x: usize, y: usize| (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1) + 2) / 4;
