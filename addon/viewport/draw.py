@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import bpy
@@ -52,7 +53,8 @@ class Preview:
         gpu.state.depth_mask_set(True)
         try:
             for drawn in self.drawn:
-                self._draw(drawn, eye, to_clip)
+                with suppress(ReferenceError):  # The level was deleted.
+                    self._draw(drawn, eye, to_clip)
         finally:
             gpu.state.depth_mask_set(False)
             gpu.state.depth_test_set("NONE")
