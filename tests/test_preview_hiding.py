@@ -156,6 +156,14 @@ def test_undoing_the_levels_themselves_stops_the_preview() -> None:
     assert visible() == ["ground", "level"]
 
 
+def delete(obj: bpy.types.Object) -> None:
+    bpy.data.objects.remove(obj)
+
+
+def unlink(obj: bpy.types.Object) -> None:
+    bpy.context.scene.collection.objects.unlink(obj)
+
+
 def test_without_a_visible_level_nothing_starts(levels: list[str]) -> None:
     for name in levels:
         bpy.data.objects[name].hide_set(True)
@@ -163,9 +171,17 @@ def test_without_a_visible_level_nothing_starts(levels: list[str]) -> None:
     assert (is_previewed(), visible()) == (False, OTHERS)
 
 
-def test_a_level_that_is_deleted_meanwhile_is_no_obstacle(levels: list[str]) -> None:
+@pytest.mark.parametrize("saved", [False, True])
+@pytest.mark.parametrize("lose", [delete, unlink])
+def test_a_level_that_goes_meanwhile_is_no_obstacle(
+    lose: Callable[[bpy.types.Object], None], saved: bool, levels: list[str], tmp_path: Path
+) -> None:
+    """Deleted, or in no scene any more; the preview is stopped, or goes on after the file was saved."""
     preview(levels)
-    bpy.data.objects.remove(bpy.data.objects["first"])
+    lose(bpy.data.objects["first"])
+    if saved:
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
+        assert (drawn[-1], visible()) == (["second"], OTHERS)
     stop_preview()
     assert visible() == ["ground", "second"]
 

@@ -82,7 +82,7 @@ def _hide_again(*_: object) -> None:
             continue
         try:
             hide(layer, preview.levels)
-        except ReferenceError:  # Undo replaces objects that differ.
+        except (ReferenceError, RuntimeError):  # Undo replaces objects that differ; others were deleted or moved away.
             start_preview(layer, preview.drawer)
 
 

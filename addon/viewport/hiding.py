@@ -16,10 +16,15 @@ KEY = "leafcloud_previewed"
 
 
 def hide(layer: bpy.types.ViewLayer, objects: Iterable[bpy.types.Object]) -> None:
-    """Hide objects of the view layer. Raises `ReferenceError`, and hides nothing, if one of them was deleted."""
-    by_number = {str(number): obj for number, obj in enumerate(objects) if obj.name}
-    layer[KEY] = by_number
-    for obj in by_number.values():
+    """Hide objects of the view layer.
+
+    Raises `ReferenceError` for one that was deleted, `RuntimeError` for one that is not in the view layer;
+    `reveal_all` shows the others again.
+    """
+    # Blender crashes where a property is given a deleted object; to read the name of one raises an error before.
+    listed = {str(number): obj for number, obj in enumerate(objects) if obj.name}
+    layer[KEY] = listed
+    for obj in listed.values():
         obj.hide_set(True, view_layer=layer)
 
 
