@@ -25,11 +25,25 @@ def render(
 
     `rotation` in radians, from looking down; `width` of the longer side of what is seen; nothing behind it.
     """
-    scene = bpy.context.scene
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.location, camera.rotation_euler = location, rotation
     camera.data.type, camera.data.ortho_scale = "ORTHO", width
-    scene.collection.objects.link(camera)
+    bpy.context.scene.collection.objects.link(camera)
+    pixels = render_from(folder, camera, size=size, samples=samples, pixel_filter=pixel_filter)
+    bpy.data.objects.remove(camera)
+    return pixels
+
+
+def render_from(
+    folder: Path,
+    camera: bpy.types.Object,
+    *,
+    size: tuple[int, int],
+    samples: int,
+    pixel_filter: str = "BLACKMAN_HARRIS",
+) -> NDArray[np.float32]:
+    """(rows, columns, 4) what a camera sees, which becomes the scene's; else as `render`."""
+    scene = bpy.context.scene
     scene.camera, scene.render.engine, scene.render.film_transparent = camera, "CYCLES", True
     cycles = scene.cycles
     cycles.device, cycles.samples, cycles.use_denoising, cycles.pixel_filter_type = "CPU", samples, False, pixel_filter
@@ -41,5 +55,4 @@ def render(
     image = bpy.data.images.load(scene.render.filepath)
     pixels = np.empty(size[0] * size[1] * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    bpy.data.objects.remove(camera)
     return pixels.reshape(size[1], size[0], 4)

@@ -11,19 +11,23 @@ import pytest
 from laws import KNOTS, drawn_share, kept, trend
 from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, points_of
 from numpy.typing import NDArray
+from preview_pictures import PAGE, PATIENCE, attributes_of, numbers, shader
 from scenes import add_mesh
 
+from addon.build.fading import add_fade
+from addon.build.grazing_nodes import add_grazing_fade
 from addon.build.levels import EXTRAS
 from addon.build.lod_nodes import LodSettings, add_lod_modifier
+from addon.build.materials import Page, atlas_image, atlas_material
 from addon.build.prune_tables import area_shares
 from addon.viewport.corners import parts_of
 from addon.viewport.draw import inputs_of, levels_in
 from addon.viewport.look import LevelInputs, look_at
-from addon.viewport.shader import ATTRIBUTES, FRAGMENT, UNIFORMS, VARYINGS, VERTEX, laws, uniforms_of
+from addon.viewport.paint import paint_of
+from addon.viewport.shader import uniforms_of
 from tools.browser import ask
 
 NEVER = 1e9
-PAGE, PATIENCE = "tests/shaders/probe.html", 120.0
 
 
 def level(**inputs: Any) -> LevelInputs:
@@ -65,14 +69,32 @@ def test_the_scale_is_that_of_the_table_and_of_what_was_measured() -> None:
 
 def test_a_mesh_that_neither_moves_nor_thins_out_stays() -> None:
     obj = add_mesh("square", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)])
-    [part] = parts_of(obj.data)
+    [part] = parts_of(obj)
     corners = part.attributes
     assert corners["position"].shape == (6, 3)
     assert (corners["rank"] == -1.0).all()
     for name in ("target", "pivot", "pivot_target"):
         np.testing.assert_array_equal(corners[name], corners["position"])
     np.testing.assert_array_equal(corners["normal"], np.tile(np.float32([0.0, 0.0, 1.0]), (6, 1)))
-    assert (part.image, part.cutoff) == (None, -1.0)
+    assert (part.paint.color, part.paint.cutoff) == (None, -1.0)
+
+
+@pytest.mark.parametrize("cutoff", [0.0, 0.4])
+@pytest.mark.parametrize("double_sided", [False, True])
+@pytest.mark.parametrize("translucent", [False, True])
+def test_the_page_of_a_level_is_found_by_what_the_bake_wrote(
+    cutoff: float, double_sided: bool, translucent: bool
+) -> None:
+    """Cut out or blended, one-sided or not, with light that shines through or not; with both fades."""
+    page, light = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("page", "light"))
+    images = Page(page, translucency=light if translucent else None, share=0.3)
+    material = atlas_material("level", images, alpha_cutoff=cutoff, double_sided=double_sided)
+    add_fade(material.node_tree)
+    add_grazing_fade(material.node_tree)
+    paint = paint_of(material)
+    assert (paint.color, paint.opacity, paint.opacity_weights) == (page, page, (0.0, 0.0, 0.0, 1.0))
+    assert (paint.cutoff, paint.double_sided) == (pytest.approx(cutoff), double_sided)
+    assert paint.tint == (1.0, 1.0, 1.0, 1.0)
 
 
 def test_each_material_is_a_part() -> None:
@@ -85,42 +107,19 @@ def test_each_material_is_a_part() -> None:
         material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", np.array([0, 1, 0, 1], np.int32))
-    parts = parts_of(mesh)
-    np.testing.assert_allclose([part.tint for part in parts], colors, rtol=1e-6)
+    parts = parts_of(place(mesh))
+    np.testing.assert_allclose([part.paint.tint for part in parts], colors, rtol=1e-6)
     for part, leaves in zip(parts, ([0, 2], [1, 3]), strict=True):
         np.testing.assert_array_equal(part.attributes["position"], FOUR.points.reshape(-1, 3, 3)[leaves].reshape(-1, 3))
         np.testing.assert_array_equal(part.attributes["rank"], np.repeat(FOUR.ranks[leaves], 3))
 
 
-def declared(inputs: dict[str, str], outputs: dict[str, str], words: tuple[str, str]) -> str:
-    """GLSL ES 3.00 of what Blender declares by itself."""
-    kinds = {**{f"VEC{n}": f"vec{n}" for n in (2, 3, 4)}, "FLOAT": "float", "MAT4": "mat4"}
-    parts = zip((*words, "uniform"), (inputs, outputs, UNIFORMS), strict=True)
-    lines = [f"{word} {kinds[kind]} {name};" for word, names in parts for name, kind in names.items()]
-    return "\n".join(["#version 300 es", "precision highp float;", *lines, laws()])
-
-
 def shown_points(obj: bpy.types.Object, distances: list[float]) -> list[NDArray[np.float32] | None]:
     """Where the shader puts the corners (c, 3) of an object of one material, from each distance."""
-    [part] = parts_of(obj.data)
+    [part] = parts_of(obj)
     looks = [look_at(inputs_of(obj), distance) for distance in distances]
-    views = [
-        {name: list(np.atleast_1d(value)) for name, value in uniforms_of(look).items()}
-        for look in looks
-        if look is not None
-    ]
-    attributes = {
-        name: {"values": part.attributes[name].ravel().tolist(), "size": 1 if kind == "FLOAT" else int(kind[3])}
-        for name, kind in ATTRIBUTES.items()
-    }
-    question = {
-        "vertex": declared(ATTRIBUTES, VARYINGS, ("in", "out")) + VERTEX,
-        "fragment": declared({**VARYINGS}, {"shown_color": "VEC4"}, ("in", "out"))
-        + "uniform sampler2D page;\n"
-        + FRAGMENT,
-        "attributes": attributes,
-        "views": views,
-    }
+    views = [numbers(uniforms_of(look)) for look in looks if look is not None]
+    question = {**shader(), "attributes": attributes_of(part), "views": views}
     points = iter(ask(PAGE, question, patience=PATIENCE)["points"])
     return [None if look is None else np.float32(next(points)).reshape(-1, 3) for look in looks]
 

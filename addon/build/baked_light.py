@@ -83,6 +83,13 @@ def unlit_material(
     return material
 
 
+def strength_of(material: bpy.types.Material | None) -> float | None:
+    """The strength of the light that was baked into a material; None where none was."""
+    extras = {} if material is None else material.get(EXTRAS, {})
+    strength = extras.get("light_strength") if hasattr(extras, "get") else None
+    return None if strength is None else float(strength)
+
+
 def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     """Nodes that give the light of the side that is seen."""
     side, mix = _node(tree, "NewGeometry", (0.0, 0.0)), _node(tree, "Mix", (0.0, 0.0))

@@ -14,7 +14,7 @@ import numpy as np
 
 import leafcloud
 
-from .node_laws import MEAN_SHARE
+from ..scene.node_links import MEAN_SHARE
 
 CONTRAST_NODE = "Leafcloud Contrast"
 

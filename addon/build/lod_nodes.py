@@ -33,12 +33,12 @@ from typing import Any
 
 import bpy
 
+from ..scene.node_links import MEAN_SHARE
 from ..versions import InputValue, set_modifier_input
 from .node_laws import (
     BLOCK,
     HIDDEN_SHARE,
     LENGTH,
-    MEAN_SHARE,
     NEVER,
     SHARE,
     TINY,

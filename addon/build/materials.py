@@ -109,6 +109,17 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     return material
 
 
+def page_of(material: bpy.types.Material | None) -> tuple[bpy.types.Image | None, float] | None:
+    """The atlas page of a level's material, and its alpha cutoff, 0 where it is blended; None for other materials."""
+    if material is None or material.node_tree is None:
+        return None
+    nodes = material.node_tree.nodes
+    page, cutoff = nodes.get(PAGE_NODE), nodes.get(CUTOFF_NODE)
+    if page is None:
+        return None
+    return page.image, 0.0 if cutoff is None else float(cutoff.inputs[1].default_value)
+
+
 def shown_share(tree: bpy.types.NodeTree, texture: bpy.types.Node, alpha_cutoff: float) -> bpy.types.NodeSocket:
     """How much a page hides of what lies behind it: all where alpha is above the cutoff; its alpha, where that is 0."""
     if alpha_cutoff == 0.0:

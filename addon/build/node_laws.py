@@ -18,9 +18,6 @@ TINY = 1e-30
 BLOCK = 1024.0
 """Faces that are summed at a time."""
 
-MEAN_SHARE = "leaf_mean_share"
-"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
-
 HIDDEN_SHARE = "leaf_hidden_share"
 """The point attribute with the share of a level that is not shown while it fades; 0, as where it is missing: all is."""
 

@@ -40,9 +40,9 @@ from typing import NamedTuple
 
 import bpy
 
+from ..scene.node_links import MEAN_SHARE
 from .node_laws import (
     LENGTH,
-    MEAN_SHARE,
     NEVER,
     SHARE,
     TINY,

@@ -161,6 +161,12 @@ class Copies:
         return self.mesh.loop_triangles
 
 
+def own_mesh(obj: bpy.types.Object) -> Copies:
+    """The mesh of an object as it is without modifiers, in the materials of the object's slots."""
+    matrix = np.array(obj.matrix_world, np.float64)
+    return Copies(obj.data, obj.name, obj, matrix, _materials(obj), matrix[None], _NONE)
+
+
 def gather(
     depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
 ) -> tuple[list[Copies], list[str]]:

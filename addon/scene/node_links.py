@@ -1,4 +1,7 @@
-"""Walking shader nodes against the flow: through reroutes, into and out of groups, past muted nodes."""
+"""Walking shader nodes against the flow: through reroutes, into and out of groups, past muted nodes.
+
+Also past the node that a bake adds to the colors of leaves which it prunes: leaves that are not pruned have their own.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
+
+MEAN_SHARE = "leaf_mean_share"
+"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +64,21 @@ def _enter(source: Output) -> Output | Input:
         return source if passed is None else Input(passed, source.groups)
     if node.type == "REROUTE":
         return Input(node.inputs[0], source.groups)
+    if _pulls_to_mean(node):
+        return source.input("A_Color")
     if node.type == "GROUP" and node.node_tree is not None:
         return _into_group(source)
     if node.type == "GROUP_INPUT" and source.groups:
         return Input(_with_identifier(source.groups[-1].inputs, source.socket.identifier), source.groups[:-1])
     return source
+
+
+def _pulls_to_mean(node: bpy.types.Node) -> bool:
+    """Whether a Mix node mixes the mean of the leaves' colors in by the attribute that a bake stores."""
+    if node.type != "MIX" or node.data_type != "RGBA":
+        return False
+    shares = (link.from_node for socket in node.inputs if socket.identifier == "Factor_Float" for link in socket.links)
+    return any(share.type == "ATTRIBUTE" and share.attribute_name == MEAN_SHARE for share in shares)
 
 
 def _into_group(source: Output) -> Output | Input:
@@ -77,9 +93,9 @@ def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) ->
     return next(socket for socket in sockets if socket.identifier == identifier)
 
 
-def output_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    """The material output that Cycles takes."""
-    return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)
+def output_of(tree: bpy.types.NodeTree, renderer: str = "CYCLES") -> bpy.types.Node | None:
+    """The material output that a renderer takes, or the one for `ALL`; another where there is none."""
+    return next(filter(None, map(tree.get_output_node, (renderer, "CYCLES", "ALL", "EEVEE"))), None)
 
 
 def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:

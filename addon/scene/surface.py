@@ -97,8 +97,12 @@ class NotUnderstoodError(Exception):
     """Words that follow "its base colour"."""
 
 
-def read_surface(material: bpy.types.Material | None) -> Surface:
-    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material."""
+def read_surface(material: bpy.types.Material | None, *, as_exported: bool = False) -> Surface:
+    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material.
+
+    `as_exported` reads the material as Blender's glTF exporter does: at the output for all renderers, and of mixed
+    shaders the nearest Principled BSDF. A bake adds its fades to outputs for single renderers only.
+    """
     if material is None:
         return Surface("default", (0.8, 0.8, 0.8))
     red, green, blue, alpha = material.diffuse_color
@@ -112,9 +116,10 @@ def read_surface(material: bpy.types.Material | None) -> Surface:
     if not _has_nodes(material):
         return viewport
     try:
-        principled, opacity, shader = _find_principled(material.node_tree)
+        output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
+        principled, opacity, shader = _find_principled(output)
         mixed = principled.node != shader.node
-        if mixed and not _lets_light_through(shader) and can_render(material.node_tree):
+        if mixed and not as_exported and not _lets_light_through(shader) and can_render(material.node_tree):
             raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "surface", reason, material.node_tree)
@@ -137,7 +142,7 @@ def principled_of(material: bpy.types.Material) -> Output | None:
     if not _has_nodes(material):
         return None
     try:
-        return _find_principled(material.node_tree)[0]
+        return _find_principled(output_of(material.node_tree))[0]
     except NotUnderstoodError:
         return None
 
@@ -153,24 +158,23 @@ def shader_of(material: bpy.types.Material) -> Output | None:
     if not _has_nodes(material):
         return None
     try:
-        return _behind_cut_outs(material.node_tree)[0]
+        return _behind_cut_outs(output_of(material.node_tree))[0]
     except NotUnderstoodError:
         return None
 
 
-def _find_principled(tree: bpy.types.NodeTree) -> tuple[Output, list[Input], Output]:
-    """The Principled BSDF upstream of the active output, inputs that multiply its alpha, and the shader that they cut
+def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input], Output]:
+    """The Principled BSDF upstream of a material output, inputs that multiply its alpha, and the shader that they cut
     out: itself, or what mixes it with others."""
-    shader, opacity = _behind_cut_outs(tree)
+    shader, opacity = _behind_cut_outs(output)
     for found in _shaders(shader):
         if found.node.type == "BSDF_PRINCIPLED":
             return found, opacity, shader
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
-def _behind_cut_outs(tree: bpy.types.NodeTree) -> tuple[Output, list[Input]]:
-    """The shader upstream of the active output, and the inputs that cut it out."""
-    output = output_of(tree)
+def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]]:
+    """The shader upstream of a material output, and the inputs that cut it out."""
     shader = follow(Input(output.inputs["Surface"])) if output is not None else None
     if not isinstance(shader, Output):
         raise NotUnderstoodError("has no shader")

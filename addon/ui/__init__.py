@@ -11,7 +11,7 @@ from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
-from .viewport import LEAFCLOUD_OT_preview, stop_preview
+from .viewport import LEAFCLOUD_OT_preview, add_handlers, remove_handlers, stop_preview
 
 _OF_SCENE = {
     "leafcloud": LeafcloudSettings,
@@ -32,11 +32,13 @@ def register() -> None:
     for name, settings in _OF_SCENE.items():
         setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
+    add_handlers()
 
 
 def unregister() -> None:
     cancel_running()
     stop_preview()
+    remove_handlers()
     forget_curve()
     del bpy.types.WindowManager.leafcloud
     for name in _OF_SCENE:

@@ -3,56 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.surface import read_surface
+from ..scene.meshes import Copies, own_mesh
+from ..scene.surface import transform_matrix
+from .paint import Paint, paint_of
 
 Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Part:
-    """The triangles of one material: `attributes` (c, …), the image if any, its factor, what alpha is cut at."""
+    """The triangles of one material: `attributes` (c, …) by name, and what is drawn on them."""
 
     attributes: dict[str, Floats]
-    image: bpy.types.Image | None
-    tint: tuple[float, float, float, float]
-    cutoff: float
+    paint: Paint
 
 
-def parts_of(mesh: bpy.types.Mesh) -> list[Part]:
-    """A mesh with or without what lets it move and thin out."""
-    mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    loops, materials = np.empty(3 * count, np.int32), np.empty(count, np.int32)
-    mesh.loop_triangles.foreach_get("loops", loops)
-    mesh.loop_triangles.foreach_get("material_index", materials)
-    vertices = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", vertices)
-    normals = np.empty((len(mesh.loops), 3), np.float32)
-    mesh.corner_normals.foreach_get("vector", normals.ravel())
+def parts_of(obj: bpy.types.Object) -> list[Part]:
+    """An object's own mesh, with or without what lets it move and thin out, in the materials of its slots."""
+    mesh = own_mesh(obj)
     by_vertex = _by_vertex(mesh)
     result = []
-    for number in np.unique(materials):
-        surface = read_surface(mesh.materials[number] if number < len(mesh.materials) else None)
-        corners = loops.reshape(-1, 3)[materials == number].ravel()
-        attributes = {name: values[vertices[corners]] for name, values in by_vertex.items()}
-        attributes["normal"] = normals[corners]
-        texture = surface.texture
-        attributes["uv"] = _uvs(mesh, "" if texture is None else texture.uv_map)[corners]
-        image = None if texture is None else texture.image
-        cutoff = {"MASK": surface.alpha_cutoff, "BLEND": 0.0, "OPAQUE": -1.0}[surface.alpha_mode]
-        result.append(Part(attributes, image, (*surface.color, surface.alpha), cutoff))
+    for slot in np.unique(mesh.slots):
+        paint = paint_of(mesh.materials[slot])
+        chosen = mesh.slots == slot
+        vertices = mesh.triangles[chosen].ravel()
+        by_corner = {"normal": mesh.normals, "uv": _uvs(mesh, paint)} | _colors(mesh, paint)
+        attributes = {name: values[vertices] for name, values in by_vertex.items()}
+        attributes |= {name: values[chosen].reshape(-1, values.shape[2]) for name, values in by_corner.items()}
+        result.append(Part(attributes, paint))
     return result
 
 
-def _by_vertex(mesh: bpy.types.Mesh) -> dict[str, Floats]:
-    positions = np.empty((len(mesh.vertices), 3), np.float32)
-    mesh.vertices.foreach_get("co", positions.ravel())
+def _by_vertex(mesh: Copies) -> dict[str, Floats]:
+    """What moves the vertices and thins them out; they stay and are all drawn where it is missing."""
+    positions = mesh.positions
     pivots = _attribute(mesh, "leaf_pivot", positions)
     return {
         "position": positions,
@@ -63,9 +52,9 @@ def _by_vertex(mesh: bpy.types.Mesh) -> dict[str, Floats]:
     }
 
 
-def _attribute(mesh: bpy.types.Mesh, name: str, missing: Floats) -> Floats:
+def _attribute(mesh: Copies, name: str, missing: Floats) -> Floats:
     """(v,) or (v, 3) like `missing`, which stands for an attribute that is not there."""
-    attribute = mesh.attributes.get(name)
+    attribute = mesh.mesh.attributes.get(name)
     if attribute is None:
         return missing
     values = np.empty_like(missing)
@@ -73,11 +62,25 @@ def _attribute(mesh: bpy.types.Mesh, name: str, missing: Floats) -> Floats:
     return values
 
 
-def _uvs(mesh: bpy.types.Mesh, name: str) -> Floats:
-    """(loops, 2) of the named map, or of the one that renders; zeros without any."""
-    layers: Any = mesh.uv_layers
-    layer = layers.get(name) or next((layer for layer in layers if layer.active_render), None)
-    uvs = np.zeros((len(mesh.loops), 2), np.float32)
-    if layer is not None:
-        layer.uv.foreach_get("vector", uvs.ravel())
-    return uvs
+def _uvs(mesh: Copies, paint: Paint) -> Floats:
+    """(t, 3, 2) the images' coordinates; zeros without any."""
+    uvs = mesh.uvs("" if paint.layout is None else paint.layout.uv_map)
+    if uvs is None:
+        return np.zeros((len(mesh.triangles), 3, 2), np.float32)
+    transform = transform_matrix(paint.layout)
+    return (uvs @ transform[:, :2].T + transform[:, 2]).astype(np.float32)
+
+
+def _colors(mesh: Copies, paint: Paint) -> dict[str, Floats]:
+    """(t, 3, 4) the colors that multiply both sides, with the light that was baked for each."""
+    color = np.ones((len(mesh.triangles), 3, 4), np.float32)
+    color[..., :3] = _color(mesh, paint.color_name)[..., :3]
+    color[..., 3] = _color(mesh, paint.alpha_name)[..., 3]
+    front, back = (_color(mesh, name) for name in paint.light_names or (None, None))
+    return {"front_color": color * front, "back_color": color * back}
+
+
+def _color(mesh: Copies, name: str | None) -> Floats:
+    """(t, 3, 4) a color attribute; white for None, and where it is missing."""
+    found = None if name is None else mesh.colors(name)
+    return np.ones((1, 1, 4), np.float32) if found is None else found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import bpy
@@ -15,7 +17,9 @@ from ..build.lod_nodes import GROUP_NAME
 from ..versions import get_modifier_input
 from .corners import Part, parts_of
 from .look import LevelInputs, look_at
-from .shader import ATTRIBUTES, compiled, uniforms_of
+from .shader import ATTRIBUTES, SAMPLERS, compiled, uniforms_of, uniforms_of_paint
+
+Uniforms = dict[str, float | Sequence[float]]
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,8 @@ class Preview:
 
     def read(self, objects: list[bpy.types.Object]) -> None:
         for obj in objects:
-            modifier = obj.modifiers[GROUP_NAME]
-            batches = [(part, self._batch(part)) for part in parts_of(obj.data)]
-            centre = Vector(get_modifier_input(modifier, "Centre"))
-            self.drawn.append(Drawn(obj, inputs_of(obj), centre, batches))
+            batches = [(part, self._batch(part)) for part in parts_of(obj)]
+            self.drawn.append(Drawn(obj, inputs_of(obj), centre_of(obj), batches))
 
     def draw(self) -> None:
         """In a view's region, with the camera of that region."""
@@ -51,24 +53,22 @@ class Preview:
         gpu.state.depth_mask_set(True)
         try:
             for drawn in self.drawn:
-                self._draw(drawn, eye, to_clip)
+                with suppress(ReferenceError):  # The level was deleted.
+                    self._draw(drawn, eye, to_clip)
         finally:
             gpu.state.depth_mask_set(False)
             gpu.state.depth_test_set("NONE")
 
     def _draw(self, drawn: Drawn, eye: Vector, to_clip: Matrix) -> None:
-        matrix = drawn.obj.matrix_world
-        place = matrix.inverted_safe() @ eye
-        look = look_at(drawn.inputs, (place - drawn.centre).length)
-        if look is None:
+        uniforms = uniforms_in_view(drawn.obj.matrix_world, drawn.inputs, drawn.centre, eye, to_clip)
+        if uniforms is None:
             return
         self.shader.bind()
-        for name, value in {**uniforms_of(look), "eye": place, "to_clip": to_clip @ matrix}.items():
-            self.shader.uniform_float(name, value)
         for part, batch in drawn.batches:
-            self.shader.uniform_float("tint", part.tint)
-            self.shader.uniform_float("cutoff", part.cutoff)
-            self.shader.uniform_sampler("page", self._page(part.image))
+            for name, value in {**uniforms, **uniforms_of_paint(part.paint)}.items():
+                self.shader.uniform_float(name, value)
+            for name, image in zip(SAMPLERS, (part.paint.color, part.paint.opacity), strict=True):
+                self.shader.uniform_sampler(name, self._page(image))
             batch.draw(self.shader)
 
     def _batch(self, part: Part) -> gpu.types.GPUBatch:
@@ -86,6 +86,26 @@ class Preview:
             white = gpu.types.Buffer("FLOAT", 4, [1.0] * 4)
             self.pages[name] = gpu.texture.from_image(image) if name else gpu.types.GPUTexture(1, data=white)
         return self.pages[name]
+
+
+def uniforms_in_view(
+    matrix: Matrix, inputs: LevelInputs, centre: Vector, eye: Vector, to_clip: Matrix
+) -> Uniforms | None:
+    """The uniforms of a level at `matrix` as seen from `eye` in the world; None where the level is not drawn.
+
+    `centre`: the point that distances are taken from, in the level's coordinates. `to_clip`: from the world.
+    """
+    place = matrix.inverted_safe() @ eye
+    look = look_at(inputs, (place - centre).length)
+    if look is None:
+        return None
+    handed = -1.0 if matrix.is_negative else 1.0
+    return {**uniforms_of(look), "eye": place, "to_clip": to_clip @ matrix, "handed": handed}
+
+
+def centre_of(obj: bpy.types.Object) -> Vector:
+    """The point that a level's distances are taken from, in its own coordinates."""
+    return Vector(get_modifier_input(obj.modifiers[GROUP_NAME], "Centre"))
 
 
 def levels_in(scene: bpy.types.Scene) -> list[bpy.types.Object]:

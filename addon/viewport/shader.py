@@ -7,6 +7,7 @@ from pathlib import Path
 import gpu
 
 from .look import Look
+from .paint import Paint
 
 ATTRIBUTES = {
     "position": "VEC3",
@@ -16,6 +17,8 @@ ATTRIBUTES = {
     "rank": "FLOAT",
     "normal": "VEC3",
     "uv": "VEC2",
+    "front_color": "VEC4",
+    "back_color": "VEC4",
 }
 """Of each corner; a level that is not pruned has the rank −1."""
 
@@ -27,11 +30,23 @@ UNIFORMS = {
     "contrast": "VEC2",
     "mean": "VEC3",
     "eye": "VEC3",  # in the object's coordinates
+    "handed": "FLOAT",  # −1 for objects that are mirrored, else 1
     "tint": "VEC4",
+    "opacity_weights": "VEC4",
     "cutoff": "FLOAT",
+    "double_sided": "FLOAT",
+    "headlight": "FLOAT",
 }
 
-VARYINGS = {"seen_uv": "VEC2", "seen_normal": "VEC3", "seen_point": "VEC3"}
+SAMPLERS = ("page", "opacity")
+
+VARYINGS = {
+    "seen_uv": "VEC2",
+    "seen_normal": "VEC3",
+    "seen_point": "VEC3",
+    "seen_front": "VEC4",
+    "seen_back": "VEC4",
+}
 
 VERTEX = """
 void main() {
@@ -42,23 +57,31 @@ void main() {
     seen_uv = uv;
     seen_normal = normal;
     seen_point = place;
+    seen_front = front_color;
+    seen_back = back_color;
     gl_Position = to_clip * vec4(place, 1.0);
 }
 """
 
 FRAGMENT = """
 void main() {
+    // Textures and derivatives come first: they are undefined where a neighboring fragment was discarded.
+    vec3 face = normalize(cross(dFdx(seen_point), dFdy(seen_point)));
+    vec3 texel = texture(page, seen_uv).rgb;
+    float coverage = dot(texture(opacity, seen_uv), opacity_weights);
+    bool front = gl_FrontFacing == (handed > 0.0);
+    vec4 factor = tint * (front ? seen_front : seen_back);
+    if (!front && double_sided < 0.5) discard;
     if (lc_shown(fade.x, gl_FragCoord.xy) != (fade.y > 0.5)) discard;
     vec3 view = normalize(eye - seen_point);
-    vec3 face = normalize(cross(dFdx(seen_point), dFdy(seen_point)));
     if (!lc_shown(lc_grazing(dot(face, view), keep_at.w), gl_FragCoord.xy)) discard;
-    vec4 texel = texture(page, seen_uv) * tint;
     // What is blended has a cutoff of 0, and is dithered; what is opaque has one below.
-    if (cutoff > 0.0 ? texel.a <= cutoff : cutoff == 0.0 && !lc_shown(texel.a, gl_FragCoord.xy)) discard;
+    float alpha = coverage * factor.a;
+    if (cutoff > 0.0 ? alpha <= cutoff : cutoff == 0.0 && !lc_shown(alpha, gl_FragCoord.xy)) discard;
     float kept = lc_keep(keep_at.x, keep_at.y, keep_at.z);
-    vec3 color = lc_toward_mean(texel.rgb, mean, lc_contrast(kept, contrast));
-    // From the eye, and half of it from everywhere. A 3D view encodes what is drawn into it.
-    float light = 0.5 + 0.5 * abs(dot(normalize(seen_normal), view));
+    vec3 color = lc_toward_mean(texel * factor.rgb, mean, lc_contrast(kept, contrast));
+    // From the eye, and the rest from everywhere. A 3D view encodes what is drawn into it.
+    float light = 1.0 - headlight + headlight * abs(dot(normalize(seen_normal), view));
     shown_color = vec4(color * light, 1.0);
 }
 """
@@ -72,6 +95,17 @@ def uniforms_of(look: Look) -> dict[str, float | tuple[float, ...]]:
         "fade": (look.next_share, float(look.coming)),
         "contrast": look.contrast,
         "mean": look.mean_color,
+    }
+
+
+def uniforms_of_paint(paint: Paint) -> dict[str, float | tuple[float, ...]]:
+    """The uniforms that follow from a material."""
+    return {
+        "tint": paint.tint,
+        "opacity_weights": paint.opacity_weights,
+        "cutoff": paint.cutoff,
+        "double_sided": float(paint.double_sided),
+        "headlight": paint.headlight,
     }
 
 
@@ -89,7 +123,8 @@ def compiled() -> gpu.types.GPUShader:
         info.vertex_in(slot, kind, name)
     for name, kind in UNIFORMS.items():
         info.push_constant(kind, name)
-    info.sampler(0, "FLOAT_2D", "page")
+    for slot, name in enumerate(SAMPLERS):
+        info.sampler(slot, "FLOAT_2D", name)
     varyings = gpu.types.GPUStageInterfaceInfo("leafcloud_seen")
     for name, kind in VARYINGS.items():
         varyings.smooth(kind, name)

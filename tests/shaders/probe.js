@@ -11,6 +11,11 @@
 //
 // {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`;
 // the answer has the points for each of the views.
+//
+// {vertex, fragment, side, images: {name: {path, width, height, encoded}}, pictures: [[{attributes, uniforms, samplers}]]}:
+// a whole shader with an output `shown_color`, drawn triangle by triangle into one picture for each list: `side` × `side`
+// times four floats, the lowest row first, 0 where nothing is drawn. An image is bytes of RGBA at a path, the lowest row
+// first, `encoded` in sRGB or not; `samplers` have names of images, "" for white.
 import * as THREE from "three";
 import { LAWS, Tree, placing } from "/shaders/viewer/leafcloud.js";
 
@@ -27,11 +32,11 @@ function compiled(kind, source) {
 
 const NO_FRAGMENTS = "#version 300 es\nvoid main() {}";
 
-function linked(vertexSource, fragmentSource = NO_FRAGMENTS, output = "result") {
+function linked(vertexSource, fragmentSource = NO_FRAGMENTS, captured = ["result"]) {
   const program = gl.createProgram();
   gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertexSource));
   gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, fragmentSource));
-  gl.transformFeedbackVaryings(program, [output], gl.SEPARATE_ATTRIBS);
+  gl.transformFeedbackVaryings(program, captured, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   return program;
@@ -44,10 +49,17 @@ function computed(vertexSource, attributes, uniforms, count) {
 
 /** What `program` gives for each of `count` points, `width` numbers each. */
 function run(program, attributes, uniforms, count, width) {
+  prepare(program, attributes, uniforms);
+  return captured(count, width);
+}
+
+function prepare(program, attributes, uniforms) {
   gl.useProgram(program);
   for (const [name, values] of Object.entries(uniforms)) {
+    const location = gl.getUniformLocation(program, name);
     const set = { 2: gl.uniform2fv, 3: gl.uniform3fv, 4: gl.uniform4fv }[values.length] ?? gl.uniform1fv;
-    set.call(gl, gl.getUniformLocation(program, name), values);
+    if (values.length === 16) gl.uniformMatrix4fv(location, true, values);
+    else set.call(gl, location, values);
   }
   gl.bindVertexArray(gl.createVertexArray());
   for (const [name, { array, itemSize }] of Object.entries(attributes)) {
@@ -58,7 +70,6 @@ function run(program, attributes, uniforms, count, width) {
     gl.enableVertexAttribArray(location);
     gl.vertexAttribPointer(location, itemSize, gl.FLOAT, false, 0, 0);
   }
-  return captured(count, width);
 }
 
 function captured(count, width) {
@@ -107,12 +118,75 @@ function placed(geometry, uniforms) {
 }
 
 function previewed({ vertex, fragment, attributes, views }) {
+  const arrays = arraysOf(attributes);
+  const count = attributes.rank.values.length;
+  const program = linked(vertex, fragment, ["seen_point"]);
+  return views.map((uniforms) => [...run(program, arrays, uniforms, count, 3)]);
+}
+
+function arraysOf(attributes) {
   const arrays = Object.entries(attributes).map(([name, { values, size }]) => {
     return [name, { array: Float32Array.from(values), itemSize: size }];
   });
-  const count = attributes.rank.values.length;
-  const program = linked(vertex, fragment, "seen_point");
-  return views.map((uniforms) => [...run(program, Object.fromEntries(arrays), uniforms, count, 3)]);
+  return Object.fromEntries(arrays);
+}
+
+function textured(pixels, width, height, encoded) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  const format = encoded ? gl.SRGB8_ALPHA8 : gl.RGBA8;
+  gl.texImage2D(gl.TEXTURE_2D, 0, format, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  gl.generateMipmap(gl.TEXTURE_2D);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  return texture;
+}
+
+async function texturesOf(images) {
+  const textures = { "": textured(new Uint8Array([255, 255, 255, 255]), 1, 1, false) };
+  for (const [name, { path, width, height, encoded }] of Object.entries(images)) {
+    const pixels = new Uint8Array(await (await fetch(path)).arrayBuffer());
+    textures[name] = textured(pixels, width, height, encoded);
+  }
+  return textures;
+}
+
+function newTarget(side) {
+  if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("no pictures of floats here");
+  gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+  for (const [attachment, format] of [
+    [gl.COLOR_ATTACHMENT0, gl.RGBA32F],
+    [gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT32F],
+  ]) {
+    const buffer = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+    gl.renderbufferStorage(gl.RENDERBUFFER, format, side, side);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, buffer);
+  }
+  gl.viewport(0, 0, side, side);
+  gl.enable(gl.DEPTH_TEST);
+  gl.depthFunc(gl.LEQUAL);
+}
+
+async function painted({ vertex, fragment, side, images, pictures }) {
+  const textures = await texturesOf(images);
+  const program = linked(vertex, fragment, []);
+  newTarget(side);
+  return pictures.map((draws) => {
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    for (const { attributes, uniforms, samplers } of draws) {
+      prepare(program, arraysOf(attributes), uniforms);
+      Object.entries(samplers).forEach(([name, image], unit) => {
+        gl.activeTexture(gl.TEXTURE0 + unit);
+        gl.bindTexture(gl.TEXTURE_2D, textures[image]);
+        gl.uniform1i(gl.getUniformLocation(program, name), unit);
+      });
+      gl.drawArrays(gl.TRIANGLES, 0, attributes.rank.values.length);
+    }
+    const pixels = new Float32Array(4 * side * side);
+    gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
+    if (gl.getError() !== gl.NO_ERROR) throw new Error("WebGL refused a call");
+    return encoded(pixels);
+  });
 }
 
 function encoded(values) {
@@ -184,6 +258,7 @@ const answer = (content) => fetch("/answer", { method: "POST", body: JSON.string
 try {
   const question = await (await fetch("/question")).json();
   if (question.tables) await answer({ tables: question.tables.map((table) => tabulated(table, question.shares)) });
+  else if (question.pictures) await answer({ pictures: await painted(question) });
   else if (question.vertex) await answer({ points: previewed(question) });
   else await answer({ seen: await seen(question) });
 } catch (error) {
