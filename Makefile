@@ -86,6 +86,11 @@ relit: setup ## light level 1 and its leaves with six suns in Cycles, and compar
 	@mkdir -p docs/bench
 	.venv/bin/python tools/relit.py $(ARGS)
 
+.PHONY: size
+size: setup .venv/.fidelity ## compare billboards of the default size with billboards of any size: fragments, triangles, error (ten minutes)
+	@mkdir -p docs/bench
+	.venv/bin/python tools/size.py $(ARGS)
+
 .PHONY: wood
 wood: setup ## measure the wood beside each level: triangles, error, what it covers
 	@mkdir -p docs/bench

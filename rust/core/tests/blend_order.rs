@@ -147,9 +147,9 @@ fn hostile_input() {
     assert_eq!(order.triangles.len(), 1);
     assert!(order.corners.iter().all(|corner| corner.source == 1));
     let broken = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, f64::NAN, 0.0)];
-    let message = BlendOrder::new(&[triangle, broken], DVec3::Z, 9).unwrap_err().to_string();
+    let message = BlendOrder::new(&[triangle, broken], DVec3::Z, 9, Progress::silent()).unwrap_err().to_string();
     assert!(message.contains("triangle 1"), "{message}");
-    assert!(BlendOrder::new(&[triangle], DVec3::new(f64::INFINITY, 0.0, 0.0), 9).is_err());
+    assert!(BlendOrder::new(&[triangle], DVec3::new(f64::INFINITY, 0.0, 0.0), 9, Progress::silent()).is_err());
     for scale in [1e-12, 1e12] {
         let triangles: Vec<[DVec3; 3]> = crossing(7, 30).into_iter().map(|t| t.map(|p| scale * p)).collect();
         let scaled = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
