@@ -16,6 +16,8 @@ Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, page, samples and effort by a quick cost curve; one of them at most."""
+_FIX_EPSILON = ("method", "max_billboards", "max_texels", "image_epsilon", "chain")
+"""Settings that leave the wishes no epsilon to choose, where they are not at their defaults."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
@@ -55,7 +57,7 @@ SMALLEST_TEXTURE = 64
 
 
 class SettingsError(ValueError):
-    """A setting that cannot be followed. One line: the flag, its value, its limit, what to do."""
+    """A setting that cannot be followed. One line: the setting, its value, its limit, what to do; see `naming`."""
 
 
 _SHARE = Limits(0, 1)
@@ -314,11 +316,13 @@ class BakeSettings:
             "who looks at the levels",
             "NAME",
             choices={
-                "camera": "the scene's cameras, over all frames, where it has any and the files are for no engine",
-                "anywhere": "one who may come and go as far as there are levels",
+                "auto": "the scene's cameras, over all frames, if they or the trees move and the files are for no "
+                "engine; else as anywhere, for a camera that stands still does not say who looks",
+                "anywhere": "a viewer who may come and go as far as there are levels: all levels are made",
+                "camera": "the scene's cameras also if they stand still: only levels that they see are made",
             },
         ),
-    ] = "camera"
+    ] = "auto"
     unlit: Annotated[
         bool,
         Setting("what draws the levels shows their colours as they are: light that stands still is baked into them"),
@@ -333,8 +337,8 @@ class BakeSettings:
 
     @property
     def by_cameras(self) -> bool:
-        """Whether the scene's cameras are all who looks, if there are any."""
-        return self.viewer == "camera" and self.engine == "generic"
+        """Whether the scene's cameras may be all who look."""
+        return self.viewer != "anywhere" and self.engine == "generic"
 
     def _check_fit(self) -> None:
         needs_count = self.method != "kmeans" or self.max_billboards is not None
@@ -342,7 +346,7 @@ class BakeSettings:
         sized = self.max_size is None or self.epsilon <= self.max_size
         self._require("max_size", sized, f"from epsilon ({self.epsilon}) to 2")
         both = (self.viewing_distance is None) == (self.image_epsilon is None)
-        self._require("viewing_distance", both, "given with --image-epsilon, or not at all")
+        self._require("viewing_distance", both, "given with `image_epsilon`, or not at all")
         ends = self.chain != "pruning" or self.cross
         self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
 
@@ -353,27 +357,27 @@ class BakeSettings:
             f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between, + or - before"
         )
         self._require("effects", known, choices)
-        prunes = self.chain == "billboards" or asked.state("pruning") is not False
-        self._require("effects", prunes, f"with pruning for --chain {self.chain}")
+        if self.chain != "billboards" and asked.state("pruning") is False:
+            raise SettingsError(
+                f"`chain={self.chain}` goes with pruning only, which the effects leave out: turn the effect pruning "
+                "on, or choose `chain=billboards`"
+            )
 
     def _check_wishes(self) -> None:
         given = [name for name in WISHES if getattr(self, name) is not None]
         for name in given:
-            self._require(name, len(given) == 1, f"given without {' and '.join(flag(g) for g in given if g != name)}")
-            free = self.chain == "billboards" and self.method == "stochastic"
-            free &= self.max_billboards is None and self.max_texels is None and self.image_epsilon is None
-            self._require(
-                name,
-                free,
-                "given where epsilon can be chosen: without --method, --max-billboards, --max-texels, --image-epsilon "
-                "and --chain",
-            )
+            others = " and ".join(f"`{other}`" for other in given if other != name)
+            self._require(name, not others, f"given without {others}")
+            fixed = [other for other in _FIX_EPSILON if getattr(self, other) != getattr(BakeSettings, other)]
+            without = " and ".join(f"`{other}`" for other in fixed)
+            self._require(name, not fixed, f"given where `epsilon` can be chosen: without {without}")
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
             return
         value, default = getattr(self, name), getattr(BakeSettings, name)
-        raise SettingsError(f"{flag(name)} is {value!r}, it must be {limit}; the default is {default!r}")
+        usual = setting_named(name).setting.unset if default is None else repr(default)
+        raise SettingsError(f"`{name}` is {value!r}, it must be {limit}; the default is {usual}")
 
 
 @cache
@@ -381,6 +385,11 @@ def described() -> tuple[Described, ...]:
     """All settings, in their order."""
     hints = get_type_hints(BakeSettings, include_extras=True)
     return tuple(Described.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
+
+
+def setting_named(name: str) -> Described:
+    """The setting of this name. Raises `KeyError` where none has it."""
+    return {each.name: each for each in described()}[name]
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:

@@ -300,10 +300,10 @@ def test_the_panel_expects_only_what_the_curve_knows() -> None:
 
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_expects_what_the_plan_leaves(tmp_path: Path) -> None:
-    """A camera among the leaves: of the levels only the first is made."""
+    """Only for a camera among the leaves: of the levels only the first is made."""
     add_camera((0.0, 0.0, 0.1))
     settings = bpy.context.scene.leafcloud
-    settings.levels, settings.directory = 2, str(tmp_path)
+    settings.levels, settings.directory, settings.viewer = 2, str(tmp_path), "camera"
     bpy.ops.leafcloud.curve()
     last = measured.last()
     assert last is not None
