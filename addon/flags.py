@@ -125,7 +125,7 @@ def _help(each: Described) -> str:
         words.append(f"; {each.setting.limit}")
     if each.type is not tuple:
         words.append(f" (default: {each.setting.unset if each.default is None else each.default})")
-    return "".join(words).replace("%", "%%")
+    return with_flags("".join(words)).replace("%", "%%")
 
 
 def _folder(name: str) -> Path:

@@ -98,7 +98,7 @@ class BakeSettings:
             choices={
                 "stochastic": "planes through leaves drawn at random",
                 "density": "the greedy planes of billboard clouds",
-                "kmeans": "leaves parted into as many billboards as max_billboards says",
+                "kmeans": "leaves parted into as many billboards as `max_billboards` says",
             },
         ),
     ] = "stochastic"
@@ -127,7 +127,7 @@ class BakeSettings:
     slack: Annotated[
         float,
         Setting(
-            "where max_billboards decides: how much farther than the smallest error bound leaves may move where that "
+            "where `max_billboards` decides: how much farther than the smallest error bound leaves may move where that "
             "brings them nearer on average, as a share of it",
             "SHARE",
             Limits(0, 1),
@@ -137,7 +137,7 @@ class BakeSettings:
         int | None,
         Setting(
             "level 1 needs at most so many, each an eighth of the error bound long, at the smallest bound found that "
-            "does, but not below epsilon",
+            "does, but not below `epsilon`",
             "COUNT",
             Limits(256),
             unset="as many as the error bound asks for",
@@ -146,7 +146,7 @@ class BakeSettings:
     max_size: Annotated[
         float | None,
         Setting(
-            "how far a billboard's leaves may lie from where it was found, as a share of R, at least epsilon",
+            "how far a billboard's leaves may lie from where it was found, as a share of R, at least `epsilon`",
             "SHARE",
             Limits(0, 2, above=True),
             unset="anywhere",
@@ -179,15 +179,15 @@ class BakeSettings:
     )
     views: Annotated[
         tuple[tuple[float, float, float], ...],
-        Setting("a likely direction of view in the scene, for facing_views; may be given again", "X,Y,Z"),
+        Setting("a likely direction of view in the scene, for `facing_views`; may be given again", "X,Y,Z"),
     ] = ()
     facing_views: Annotated[
-        float, Setting("what a billboard loses that none of views sees face-on", "SHARE", _SHARE)
+        float, Setting("what a billboard loses that none of `views` sees face-on", "SHARE", _SHARE)
     ] = 0.0
     image_epsilon: Annotated[
         float | None,
         Setting(
-            "greatest angle by which a vertex may be seen to move, with viewing_distance",
+            "greatest angle by which a vertex may be seen to move, with `viewing_distance`",
             "RADIANS",
             Limits(0, 1, above=True),
             unset="any",
@@ -196,7 +196,7 @@ class BakeSettings:
     viewing_distance: Annotated[
         float | None,
         Setting(
-            "how near a viewer comes to the crown's centre, as a share of R, with image_epsilon",
+            "how near a viewer comes to the crown's centre, as a share of R, with `image_epsilon`",
             "SHARE",
             Limits(1, 1_000_000, above=True),
             unset="anywhere",
@@ -306,7 +306,7 @@ class BakeSettings:
         str,
         Setting(
             f"{', '.join(EFFECT_CHOICES)}, or out of {','.join(EFFECTS)} with commas between; behind that +NAME and "
-            "-NAME force one on or off, and alone they do so over auto, as in --effects=-gloss",
+            "-NAME force one on or off, and alone they do so over auto, as in `effects=-gloss`",
             "NAMES",
         ),
     ] = "auto"

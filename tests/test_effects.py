@@ -117,7 +117,7 @@ def test_names_and_all_may_be_followed_by_exceptions() -> None:
 
 
 def test_a_chain_that_prunes_wants_pruning() -> None:
-    with pytest.raises(SettingsError, match="with pruning"):
+    with pytest.raises(SettingsError, match="goes with pruning only"):
         BakeSettings(chain="both", effects="auto,-pruning")
     assert BakeSettings(chain="both", effects="none,+pruning").chain == "both"
 

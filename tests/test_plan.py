@@ -194,6 +194,53 @@ def test_for_an_engine_or_if_asked_for_the_camera_does_not_count(settings: BakeS
     assert on(plan_of(crown, settings)) == ANYWHERE
 
 
+def keyed(owner: bpy.types.ID, path: str, *values: object) -> None:
+    """Gives a property these values, evenly over the frames."""
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 10 * len(values) - 9
+    for number, value in enumerate(values):
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=1 + 10 * number)
+    bpy.context.scene.frame_set(1)
+
+
+def test_a_camera_that_stands_still_says_nothing_about_who_looks() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    plan = plan_of(crown)
+    assert on(plan) == ANYWHERE
+    assert plan["far_levels"].reason.startswith("the camera stands still, and the viewer may be anywhere, so ")
+    keyed(camera, "location", camera.location.copy(), camera.location.copy())
+    assert on(plan_of(crown)) == ANYWHERE, "keys that hold it still"
+
+
+@pytest.mark.parametrize("what", ["turns", "zooms", "orbits", "sees trees pass", "gives way"])
+def test_a_camera_that_is_animated_is_planned_by(what: str) -> None:
+    """It stays near the tree all the time, in one place or on a circle about it, where only the leaves are seen."""
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    assert facts_of(crown).camera is None
+    middle, radius = bounds(crown)
+    if what == "turns":
+        keyed(camera, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+    elif what == "zooms":
+        keyed(camera.data, "lens", 20.0, 35.0)
+    elif what == "orbits":
+        turntable = bpy.data.objects.new("turntable", None)
+        bpy.context.scene.collection.objects.link(turntable)
+        turntable.location, camera.parent, camera.location = middle, turntable, (0.0, -3.0 * radius, 0.0)
+        keyed(turntable, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 3.0))
+    elif what == "sees trees pass":
+        fly(crown, (0.0, 0.0, 0.0), (0.0, 0.3 * radius, 0.0))
+    else:
+        other = add_camera(3.0, crown)
+        for frame, each in ((1, camera), (10, other)):
+            bpy.context.scene.timeline_markers.new(each.name, frame=frame).camera = each
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    assert facts.camera.farthest == pytest.approx((3.3 if what == "sees trees pass" else 3.0) * radius, rel=1e-3)
+    assert not on(plan_of(crown)) & {"far_levels", "normals"}
+
+
 def test_a_camera_that_hangs_on_what_moves_is_followed() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)

@@ -1,48 +1,40 @@
-"""Levels of an earlier bake: which objects they were made of, and how the levels of a new bake take their place.
-
-A collection of levels remembers names, not objects: a pointer would keep objects in the file that an artist has
-deleted, and would bring them along wherever the collection is appended.
-"""
+"""Levels of an earlier bake of the same objects, of which the levels of a new bake take the place."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import bpy
 
-from ..scene.baked_levels import BAKE, made_names, source_names
-
-
-def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Object]) -> None:
-    """Note in a collection which objects its levels were made of, and which of its members the bake has made."""
-    members = [*collection.all_objects, *collection.children_recursive]
-    collection[BAKE] = json.dumps({"sources": _names(sources), "made": _names(members)})
+from ..scene.baked_levels import full_names, record
 
 
 def levels_of(scene: bpy.types.Scene, sources: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
     """The collections of levels in the scene that were made of these objects, or of some of them."""
-    names = set(_names(sources))
-    collections = scene.collection.children_recursive
-    return tuple(each for each in collections if (made_of := source_names(each)) and names.issuperset(made_of))
+    names = set(full_names(sources))
+    collections = dict.fromkeys(scene.collection.children_recursive)
+    return tuple(each for each in collections if (made := record(each)) is not None and names.issuperset(made.sources))
 
 
-def name_before(collections: Sequence[bpy.types.Collection], sources: Collection[bpy.types.Object]) -> str | None:
+def name_before(collections: Iterable[bpy.types.Collection], sources: Iterable[bpy.types.Object]) -> str | None:
     """The name of the collection whose levels were made of just these objects, if one of the collections is that."""
-    names = _names(sources)
-    return next((each.name for each in collections if sorted(source_names(each)) == names), None)
+    names = full_names(sources)
+    return next(
+        (each.name for each in collections if (made := record(each)) is not None and made.sources == names), None
+    )
 
 
 @contextmanager
 def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
     """Let the block make new levels under the names of those in the collections; then remove the old ones.
 
-    Instances, parents and other users of an old level or collection use the new one of its name afterwards. Objects
-    that an artist has added to the collections stay. When the block fails, all is as it was.
+    Instances, parents and other users of an old collection or level then use that which the block has made of the same
+    sources. Objects that an artist has added to the collections stay. When the block fails, all is as it was.
     """
     own = _own_blocks(collections)
     names = {block: block.name for block in own}
+    known = set(bpy.data.collections)
     for number, block in enumerate(own):
         block.name = f"Leafcloud earlier {number}"
     try:
@@ -51,57 +43,54 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
         for block, name in names.items():
             block.name = name
         raise
-    for block, name in names.items():
-        if isinstance(block, bpy.types.Collection):
-            new = bpy.data.collections.get(name)
-            _keep_members(block, new or bpy.context.scene.collection, own)
-            if new is not None:
-                _put_in_place(block, new)
-                block.user_remap(new)
-        if isinstance(block, bpy.types.Object) and name in bpy.data.objects:
-            block.user_remap(bpy.data.objects[name])
+    made = [each for each in bpy.data.collections if each not in known]
+    for old in collections:
+        before = record(old)
+        assert before is not None
+        new = next((each for each in made if (now := record(each)) is not None and now.sources == before.sources), None)
+        _keep_members(old, new or bpy.context.scene.collection, own)
+        if new is None:
+            continue
+        _put_in_place(old, new, own)
+        old.user_remap(new)
+        for obj in [obj for obj in old.all_objects if obj in names]:
+            heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))
+            if heir is not None:
+                obj.user_remap(heir)
     bpy.data.batch_remove(own)
 
 
 def _keep_members(old: bpy.types.Collection, new: bpy.types.Collection, own: Collection[bpy.types.ID]) -> None:
     """Put into `new` whatever an artist has added to `old`."""
-    _keep(old.objects, new.objects, own)
-    _keep(old.children, new.children, own)
+    for members, heirs in ((old.objects, new.objects), (old.children, new.children)):
+        for member in [each for each in members if each not in own and each.name not in heirs]:
+            heirs.link(member)
 
 
-def _keep(
-    old: bpy.types.bpy_prop_collection, new: bpy.types.bpy_prop_collection, own: Collection[bpy.types.ID]
-) -> None:
-    for member in [each for each in old if each not in own and each.name not in new]:
-        new.link(member)
-
-
-def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection) -> None:
-    """Link `new` where `old` is linked, and nowhere else."""
-    parents = [*(scene.collection for scene in bpy.data.scenes), *bpy.data.collections]
-    for children in [parent.children for parent in parents]:
-        was, here = old.name in children, new.name in children
-        if was:
-            children.unlink(old)
-        if was and not here:
+def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection, own: Collection[bpy.types.ID]) -> None:
+    """Move `new`, if it lies in the scene itself, to where an artist has put `old`."""
+    roots = [scene.collection.children for scene in bpy.data.scenes]
+    parents = [*roots, *(each.children for each in bpy.data.collections if each not in own)]
+    places = [children for children in parents if old.name in children]
+    for children in places:
+        children.unlink(old)
+    root = next((children for children in roots if new.name in children), None)
+    if places and root is not None:
+        root.unlink(new)
+        for children in places:
             children.link(new)
-        if here and not was:
-            children.unlink(new)
 
 
 def _own_blocks(collections: Iterable[bpy.types.Collection]) -> list[bpy.types.ID]:
     """The collections, what the bake made in them, and the meshes, materials and images that nothing else uses."""
-    made = {name for each in collections for name in made_names(each)}
     own: dict[bpy.types.ID, None] = {}
     for collection in collections:
+        made = record(collection)
+        assert made is not None
         members = [*collection.children_recursive, *collection.all_objects]
-        own |= dict.fromkeys([collection, *(each for each in members if each.name_full in made)])
+        own |= dict.fromkeys([collection, *(each for each in members if each.name_full in made.made)])
     users = bpy.data.user_map()
     for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.images):
         mine = [block for block in kind if users.get(block) and users[block] <= own.keys() and not block.use_fake_user]
         own |= dict.fromkeys(mine)
     return list(own)
-
-
-def _names(blocks: Iterable[bpy.types.ID]) -> list[str]:
-    return sorted(block.name_full for block in blocks)

@@ -82,7 +82,8 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
     left_out = [f"level {number}" for number in range(clouds + 1, planned + 1)]
     left_out += ["the cross"] if settings.cross and not cross else []
     if left_out and asked.state("far_levels") is None:
-        said.append(f"{' and '.join(left_out)} left out: {_far_levels(scene).reason}")
+        verb = "is" if len(left_out) == 1 else "are"
+        said.append(f"{' and '.join(left_out)} {verb} left out: {_far_levels(scene).reason}")
     follows = is_on(effects, "transitions") or is_on(effects, "pruning") or scene.seen.first != scene.seen.last
     if not follows and asked.state("transitions") is None:
         said.append(f"only level {scene.seen.first} is shown: {_transitions(scene).reason}")

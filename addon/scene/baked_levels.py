@@ -3,14 +3,52 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 
 import bpy
 
 EXTRAS = "leafcloud"
 """The custom property, and so the key in glTF's extras, of objects and meshes."""
 
-BAKE = "leafcloud_bake"
-"""The custom property of a collection of levels: JSON, with the full names of the `sources` and of all that was `made`."""
+_BAKE = "leafcloud_bake"
+"""The custom property of a collection of levels: a `Record` as JSON."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """How a collection of levels was made. All names are full ones, sorted.
+
+    name: of the collection, with which the names of its levels begin. sources: the objects that the levels were made
+    of. made: the objects and collections that the bake has put into the collection.
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    made: tuple[str, ...]
+
+
+def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Object]) -> None:
+    """Note how a collection of levels was made, as long as only the bake has put anything into it.
+
+    It remembers names, not objects: a pointer would keep objects in the file that an artist has deleted, and would
+    bring them along wherever the collection is appended.
+    """
+    made = [*collection.all_objects, *collection.children_recursive]
+    collection[_BAKE] = json.dumps(asdict(Record(collection.name, full_names(sources), full_names(made))))
+
+
+def record(collection: bpy.types.Collection) -> Record | None:
+    """How a collection of levels was made; None for any other."""
+    if _BAKE not in collection:
+        return None
+    found = json.loads(collection[_BAKE])
+    return Record(found["name"], tuple(found["sources"]), tuple(found["made"]))
+
+
+def full_names(blocks: Iterable[bpy.types.ID]) -> tuple[str, ...]:
+    """The names of data-blocks, sorted; those that are linked from a library have its name behind theirs."""
+    return tuple(sorted(block.name_full for block in blocks))
 
 
 def level_number(obj: bpy.types.Object) -> int | None:
@@ -20,16 +58,7 @@ def level_number(obj: bpy.types.Object) -> int | None:
     return number if isinstance(number, int) else None
 
 
-def source_names(collection: bpy.types.Collection) -> tuple[str, ...]:
-    """The full names of the objects that the levels in the collection were made of; empty for any other collection."""
-    return tuple(json.loads(collection[BAKE])["sources"]) if BAKE in collection else ()
-
-
-def made_names(collection: bpy.types.Collection) -> tuple[str, ...]:
-    """The full names of the objects and collections that the bake made in the collection; empty for any other."""
-    return tuple(json.loads(collection[BAKE])["made"]) if BAKE in collection else ()
-
-
-def levels_with(obj: bpy.types.Object) -> bpy.types.Collection | None:
-    """The collection of levels that the object was made for: a level, its trunk or its shadow; None for any other."""
-    return next((each for each in obj.users_collection if obj.name_full in made_names(each)), None)
+def record_of(obj: bpy.types.Object) -> Record | None:
+    """How a level, its trunk or its shadow was made; None for any other object."""
+    found = (record(collection) for collection in obj.users_collection)
+    return next((each for each in found if each is not None and obj.name_full in each.made), None)

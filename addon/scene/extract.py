@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
 from . import SceneError
-from .baked_levels import levels_with, source_names
+from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
 from .surface import ACTIVE, Surface, Texture, read_surface, transform_matrix
@@ -302,9 +302,8 @@ def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] |
 
 
 def _is_baked(level: bpy.types.Object) -> str:
-    collection = levels_with(level)
-    names = () if collection is None else source_names(collection)
-    sources = ", ".join(map(repr, names[:8])) or "the objects that it was made of"
+    made = record_of(level)
+    sources = "the objects that it was made of" if made is None else ", ".join(map(repr, made.sources[:8]))
     return f"object {level.name!r} is a level of a baked tree: show {sources} in renders, and hide the levels there"
 
 

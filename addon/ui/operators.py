@@ -10,7 +10,7 @@ from bpy.props import StringProperty
 
 import leafcloud
 
-from ..build.earlier import levels_of, name_before, remember, replaced
+from ..build.earlier import levels_of, name_before, replaced
 from ..build.rollback import removed_on_failure
 from ..export.files import write
 from ..export.staging import Staging
@@ -18,6 +18,7 @@ from ..grove import ChainsJob, camera_notes, finish_grove, free_name, plan_grove
 from ..pipeline import file_name, layer_of
 from ..plan.effects import joint_effects
 from ..scene import SceneError
+from ..scene.baked_levels import remember
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
 from .measured import predicted, tell
 from .properties import bake_settings, show_plan, with_labels
@@ -114,6 +115,8 @@ def output_folder(directory: str) -> Path | None:
     try:
         with Staging(folder):
             return folder
+    except (FileExistsError, NotADirectoryError) as error:
+        raise SceneError(f"`out` is {str(folder)!r}, but {error.filename} is not a folder: choose another") from error
     except OSError as error:
         raise SceneError(
             f"`out` is {str(folder)!r}, where nothing can be written ({error.strerror or error}): choose another folder"

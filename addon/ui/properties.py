@@ -126,9 +126,9 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
 
 def _property(each: Described, shown: _Shown) -> Any:
     setting = each.setting
-    said: dict[str, Any] = {"name": shown.label, "description": _sentence(setting.about)}
+    said: dict[str, Any] = {"name": shown.label, "description": _sentence(with_labels(setting.about))}
     if setting.choices:
-        items = [(name, shown.choice(name), _sentence(what)) for name, what in setting.choices.items()]
+        items = [(name, shown.choice(name), _sentence(with_labels(what))) for name, what in setting.choices.items()]
         return EnumProperty(items=items, default=each.default, **said)
     if each.type is bool:
         return BoolProperty(default=each.default, **said)

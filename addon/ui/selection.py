@@ -9,7 +9,7 @@ import bpy
 
 from ..build.earlier import levels_of
 from ..scene import SceneError
-from ..scene.baked_levels import levels_with, source_names
+from ..scene.baked_levels import record_of
 from ..scene.extract import Tree, extract
 from ..scene.trees import extract_trees, grouped
 from .properties import leaf_names
@@ -38,8 +38,8 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     here = {obj.name_full: obj for obj in context.view_layer.objects}
     sources: dict[bpy.types.Object, None] = {}
     for obj in context.selected_objects:
-        levels = levels_with(obj)
-        names = [obj.name_full] if levels is None else source_names(levels)
+        made = record_of(obj)
+        names = (obj.name_full,) if made is None else made.sources
         lost = [name for name in names if name not in here]
         if lost:
             raise SceneError(
@@ -57,6 +57,7 @@ def _shown_instead(
     """Shows some objects of the layer in the view and in renders, and hides others; at the end all is as before."""
     wanted = {**dict.fromkeys(shown, False), **{obj: True for obj in hidden if obj in set(layer.objects)}}
     before = {obj: (obj.hide_get(view_layer=layer), obj.hide_render) for obj in wanted}
+    selected = [obj for obj in wanted if obj.select_get(view_layer=layer)]
     try:
         for obj, hide in wanted.items():
             obj.hide_set(hide, view_layer=layer)
@@ -66,3 +67,5 @@ def _shown_instead(
         for obj, (in_view, in_renders) in before.items():
             obj.hide_set(in_view, view_layer=layer)
             obj.hide_render = in_renders
+        for obj in selected:  # What is hidden is no longer selected.
+            obj.select_set(True, view_layer=layer)

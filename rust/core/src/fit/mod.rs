@@ -142,7 +142,7 @@ fn check_precision(foliage: &Foliage, bound: f64) -> Result<()> {
     }
     Err(Error::invalid(format!(
         "the foliage lies {far:.3e} from the origin, where coordinates are rounded by {rounded:.1e}; leaves may move by {bound:.1e}: move \
-         the foliage nearer to the origin or raise epsilon"
+         the foliage nearer to the origin or raise `epsilon`"
     )))
 }
 
