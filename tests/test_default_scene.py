@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import bpy
 import pytest
 from command_line import run, saved
 
 import addon
+from addon.ui.panels import LEAFCLOUD_PT_bake
 
 LEVELS = ["leaves_LOD0", "leaves_LOD1", "leaves_LOD2", "leaves_LOD3"]
 """Of a bake with the settings that a new scene has: the leaves, two clouds, the cross."""
@@ -67,6 +70,33 @@ def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types
     bpy.ops.leafcloud.bake(viewer=status.viewer)
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert (settings.viewer, status.note) == ("anywhere", "")
+
+
+def test_the_main_panel_has_a_box_with_the_way_out(camera: bpy.types.Object) -> None:
+    def drawn() -> tuple[str, list[str]]:
+        """What the box says, and its buttons."""
+        layout = MagicMock()
+        context = SimpleNamespace(
+            scene=bpy.context.scene,
+            window_manager=bpy.context.window_manager,
+            preferences=bpy.context.preferences,
+            region=SimpleNamespace(width=260),
+        )
+        LEAFCLOUD_PT_bake.draw(SimpleNamespace(layout=layout), context)
+        box = layout.box.return_value
+        lines = [call.kwargs["text"] for call in box.column.return_value.label.call_args_list]
+        return " ".join(lines), [call.kwargs["text"] for call in box.operator.call_args_list]
+
+    settings = bpy.context.scene.leafcloud
+    assert drawn() == ("", [])
+    bpy.ops.leafcloud.plan()
+    assert drawn() == ("The camera stands still, so all levels are made", ["Only for This View"])
+    settings.viewer = "camera"
+    assert drawn() == ("", []), "the viewer that the button would choose is chosen"
+    bpy.ops.leafcloud.plan()
+    text, buttons = drawn()
+    assert text.startswith("Level 2 and the cross are left out: the camera stays at ")
+    assert buttons == ["Make All Levels"]
 
 
 def test_the_lamp_counts_as_before(camera: bpy.types.Object) -> None:

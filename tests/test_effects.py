@@ -106,7 +106,8 @@ def test_single_effects_are_forced_over_the_plan(asked: str, changed: dict[str, 
     planned = states(plan_effects(BakeSettings(), FACTS))
     forced = plan_effects(BakeSettings(effects=asked), FACTS)
     assert states(forced) == planned | changed
-    assert all(asked in effect.reason for effect in forced if effect.name in changed)
+    reasons = {effect.name: effect.reason for effect in forced}
+    assert all(f"`effects={'+' if on else '-'}{name}`" in reasons[name] for name, on in changed.items())
 
 
 def test_names_and_all_may_be_followed_by_exceptions() -> None:
