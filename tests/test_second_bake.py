@@ -192,9 +192,7 @@ def test_names_follow_what_is_selected(sources: list[bpy.types.Object]) -> None:
 
 def test_reading_a_level_as_a_tree_is_refused(sources: list[bpy.types.Object]) -> None:
     bpy.ops.leafcloud.bake()
-    with pytest.raises(
-        SceneError, match="'leaves_LOD0' is a level of a baked tree: show 'branches', 'leaves' in renders"
-    ):
+    with pytest.raises(SceneError, match="'leaves_LOD0' is a level of a baked tree: bake 'branches', 'leaves'"):
         read()
 
 
@@ -204,7 +202,7 @@ def test_the_command_line_says_at_once_that_a_file_holds_levels(
     bpy.ops.leafcloud.bake()
     source = saved(tmp_path / "baked.blend")
     line = refusal(tmp_path / "out", "--input", source)
-    remedy = "show 'branches', 'leaves' in renders, and hide the levels there"
+    remedy = "bake 'branches', 'leaves' (select them, or show them in renders and hide the levels there)"
     assert line == f"object 'leaves_LOD0' is a level of a baked tree: {remedy}"
     plan = run("--input", source, "--plan-only")
     assert (plan.returncode, plan.stderr) == (1, f"bake.py: {line}\n")

@@ -304,7 +304,8 @@ def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] |
 def _is_baked(level: bpy.types.Object) -> str:
     made = record_of(level)
     sources = "the objects that it was made of" if made is None else ", ".join(map(repr, made.sources[:8]))
-    return f"object {level.name!r} is a level of a baked tree: show {sources} in renders, and hide the levels there"
+    remedy = f"bake {sources} (select them, or show them in renders and hide the levels there)"
+    return f"object {level.name!r} is a level of a baked tree: {remedy}"
 
 
 def _nothing(dropped: Sequence[str]) -> str:

@@ -23,7 +23,8 @@ def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
     Raises one of `job_operator.REFUSALS`.
     """
     settings, sources = context.scene.leafcloud, _selected_sources(context)
-    levels = [obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects]
+    members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
+    levels = [obj for obj in members if record_of(obj) is not None]
     with _shown_instead(context.view_layer, sources, levels):
         depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
         if settings.trees == "one":
@@ -55,7 +56,8 @@ def _shown_instead(
     layer: bpy.types.ViewLayer, shown: Sequence[bpy.types.Object], hidden: Iterable[bpy.types.Object]
 ) -> Iterator[None]:
     """Shows some objects of the layer in the view and in renders, and hides others; at the end all is as before."""
-    wanted = {**dict.fromkeys(shown, False), **{obj: True for obj in hidden if obj in set(layer.objects)}}
+    here = set(layer.objects)
+    wanted = {**dict.fromkeys(shown, False), **{obj: True for obj in hidden if obj in here}}
     before = {obj: (obj.hide_get(view_layer=layer), obj.hide_render) for obj in wanted}
     selected = [obj for obj in wanted if obj.select_get(view_layer=layer)]
     try:
