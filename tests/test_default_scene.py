@@ -79,7 +79,7 @@ def test_the_main_panel_has_a_box_with_the_way_out(camera: bpy.types.Object) -> 
         context = SimpleNamespace(
             scene=bpy.context.scene,
             window_manager=bpy.context.window_manager,
-            preferences=bpy.context.preferences,
+            preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
             region=SimpleNamespace(width=260),
         )
         LEAFCLOUD_PT_bake.draw(SimpleNamespace(layout=layout), context)
