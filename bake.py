@@ -38,6 +38,10 @@ SLOW_SECONDS = 1.0
 """A stage that takes longer is named on standard error."""
 
 
+_MADE = {"camera": "only those for this view", "anywhere": "all of them"}
+"""What a value of the setting `viewer` makes of the levels."""
+
+
 class Refusal(Exception):
     """The bake cannot be done. One line."""
 
@@ -82,6 +86,7 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     """What to print at the end. Raises `Refusal`."""
     _find_modules()
     import leafcloud
+    from addon.flags import with_flags
     from addon.scene import SceneError
 
     try:
@@ -91,7 +96,7 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
             return _measure_curve(options, settings, console)
         return _bake(options, settings, console)
     except (SceneError, leafcloud.LeafcloudError) as error:
-        raise Refusal(str(error)) from error
+        raise Refusal(with_flags(str(error))) from error
 
 
 def _find_modules() -> None:
@@ -153,11 +158,14 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
 def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
     import bpy
 
+    from addon.flags import with_flags
     from addon.grove import plan_grove
     from addon.pipeline import layer_of
+    from addon.plan.effects import joint_effects
 
     trees, _ = _trees(options)
-    effects = plan_grove(trees, settings, layer_of(bpy.context.scene))
+    planned = plan_grove(trees, settings, layer_of(bpy.context.scene), with_flags)
+    effects = joint_effects([each.effects for each in planned.values()])
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
     return plan_table(effects)
@@ -184,7 +192,8 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     from addon.export.blend import clear_scene, make_self_contained
     from addon.export.files import write
     from addon.export.staging import Staging
-    from addon.grove import bake_grove, prepare_grove
+    from addon.flags import with_flags
+    from addon.grove import bake_grove, camera_notes, prepare_grove
     from addon.pipeline import layer_of
 
     stages = _Stages(console)
@@ -194,7 +203,9 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     trees, name = _trees(options)
     scene = bpy.context.scene
     stages("prepare", 0.0)
-    prepared = prepare_grove(trees, settings, layer_of(scene))
+    prepared = prepare_grove(trees, settings, layer_of(scene), with_flags)
+    for note in camera_notes(prepared.values()):
+        console.note(with_flags(f"{note.text}; `viewer={note.viewer}` makes {_MADE[note.viewer]}"))
     clear_scene(scene)
     grove = bake_grove(prepared, scene, name, stages)
     make_self_contained()
@@ -259,6 +270,9 @@ class _Console:
     def warn(self, warnings: Sequence[str]) -> None:
         for warning in warnings:
             print(f"{PROGRAM}: warning: {warning}", file=self._err, flush=True)
+
+    def note(self, text: str) -> None:
+        print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
 
     def refuse(self, reason: str) -> None:
         print(f"{PROGRAM}: {' '.join(reason.split())}", file=self._err, flush=True)

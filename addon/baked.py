@@ -24,6 +24,15 @@ from .settings import BakeSettings
 
 
 @dataclass(frozen=True)
+class Planned:
+    """What a bake would do, and the facts that decide it."""
+
+    settings: BakeSettings
+    facts: Facts
+    effects: tuple[Effect, ...]
+
+
+@dataclass(frozen=True)
 class Prepared:
     """All that the core is given, and the plan of the effects."""
 

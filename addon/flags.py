@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .naming import with_names
 from .setting import Described
-from .settings import BakeSettings, SettingsError, described, flag
+from .settings import BakeSettings, SettingsError, described, flag, setting_named
 
 CURVES = ("full", "quick")
 
@@ -72,15 +73,42 @@ def settings_of(options: argparse.Namespace) -> BakeSettings:
     try:
         return BakeSettings(**{each.name: getattr(options, each.name) for each in described()})
     except SettingsError as error:
-        raise UsageError(str(error)) from error
+        raise UsageError(with_flags(str(error))) from error
+
+
+def with_flags(message: str) -> str:
+    """The message with the flag of every setting that it names."""
+    return with_names(message, _flag_words)
+
+
+_OWN_FLAGS = ("input", "leaves", "out")
+"""Those whose names messages use, beside the settings."""
+
+
+def _flag_words(name: str, value: str | None) -> str | None:
+    if name in _OWN_FLAGS:
+        return flag(name)
+    try:
+        setting = setting_named(name)
+    except KeyError:
+        return None
+    if setting.type is bool:
+        return _switch(setting)
+    # Behind a blank argparse takes a value that begins with a sign for a flag.
+    between = "=" if (value or "").startswith(("+", "-")) else " "
+    return flag(name) if value is None else f"{flag(name)}{between}{value}"
+
+
+def _switch(each: Described) -> str:
+    """The flag that turns a setting of type bool from its default."""
+    return flag(f"no_{each.name}" if each.default else each.name)
 
 
 def _add_setting(parser: argparse.ArgumentParser, each: Described) -> None:
     if each.type is bool:
-        name = flag(f"no_{each.name}" if each.default else each.name)
         action = "store_false" if each.default else "store_true"
         text = f"do without {each.setting.about}" if each.default else each.setting.about
-        parser.add_argument(name, dest=each.name, action=action, help=text)
+        parser.add_argument(_switch(each), dest=each.name, action=action, help=text)
         return
     more: dict[str, Any] = {"type": each.type, "default": each.default}
     if each.type is tuple:
@@ -97,7 +125,7 @@ def _help(each: Described) -> str:
         words.append(f"; {each.setting.limit}")
     if each.type is not tuple:
         words.append(f" (default: {each.setting.unset if each.default is None else each.default})")
-    return "".join(words).replace("%", "%%")
+    return with_flags("".join(words)).replace("%", "%%")
 
 
 def _folder(name: str) -> Path:

@@ -5,7 +5,7 @@ A single tree is a grove of one, and keeps its own pages.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,26 +14,30 @@ import bpy
 
 import leafcloud
 
-from .baked import Baked, Grove, Prepared
+from .baked import Baked, Grove, Planned, Prepared
 from .build.rollback import removed_on_failure
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
-from .plan.effects import Effect, is_on, joint_effects
+from .plan.effects import CameraNote, Effect, camera_note, is_on
 from .scene import SceneError
 from .scene.extract import Tree
 from .scene.trees import numbered
 from .settings import PAGE_EFFECTS, BakeSettings
 
+Said = Callable[[str], str]
+"""How a face says a message that names settings: see `naming`."""
+
 
 def plan_grove(
-    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None
-) -> tuple[Effect, ...]:
-    """The effects that a bake would carry on any of the trees, and what they would cost on all."""
-    return joint_effects([plan(tree, settings, layer) for tree in trees.values()])
+    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
+) -> dict[str, Planned]:
+    """As `pipeline.plan` for each tree."""
+    planned = {name: plan(tree, settings, layer) for name, tree in trees.items()}
+    return {name: replace(each, effects=_effects_said(each.effects, said)) for name, each in planned.items()}
 
 
 def prepare_grove(
-    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None
+    trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
 ) -> dict[str, Prepared]:
     """As `pipeline.prepare` for each tree. What one needs a texture for, all get: pages have the same channels; and of
     the seconds that a bake may take each has as many.
@@ -53,10 +57,16 @@ def prepare_grove(
         asked = ",".join([settings.effects, *(f"+{name}" for name in lacking)])
         again = prepare(each.tree, replace(settings, effects=asked), layer)
         reason = "another tree has it, and they share their pages"
-        said = (replace(effect, reason=reason) if effect.name in lacking else effect for effect in again.effects)
-        return replace(again, effects=tuple(said))
+        given = (replace(effect, reason=reason) if effect.name in lacking else effect for effect in again.effects)
+        return replace(again, effects=tuple(given))
 
-    return {name: with_channels(each) for name, each in prepared.items()}
+    return {name: _prepared_said(with_channels(each), said) for name, each in prepared.items()}
+
+
+def camera_notes(planned: Iterable[Planned | Prepared]) -> tuple[CameraNote, ...]:
+    """What there is to tell of the scene's camera, once where it is the same of several trees."""
+    notes = (camera_note(each.settings, each.facts, each.effects) for each in planned)
+    return tuple(dict.fromkeys(note for note in notes if note is not None))
 
 
 def start_grove(prepared: Mapping[str, Prepared]) -> ChainsJob:
@@ -187,12 +197,22 @@ def _one_thread() -> Iterator[ThreadPoolExecutor]:
         pool.shutdown(wait=False)
 
 
+def _prepared_said(prepared: Prepared, said: Said) -> Prepared:
+    return replace(
+        prepared, effects=_effects_said(prepared.effects, said), warnings=tuple(map(said, prepared.warnings))
+    )
+
+
+def _effects_said(effects: Iterable[Effect], said: Said) -> tuple[Effect, ...]:
+    return tuple(replace(effect, reason=said(effect.reason)) for effect in effects)
+
+
 def _check_alpha(prepared: Mapping[str, Prepared]) -> None:
     blended = [name for name, each in prepared.items() if is_on(each.effects, "blend_order")]
     if blended and len(blended) < len(prepared):
         raise SceneError(
             f"the leaves of {', '.join(blended)} are seen through, those of the other trees are cut out, and no page "
-            "has both: bake them apart, or cut out all with --effects=-blend_order"
+            "has both: bake them apart, or cut out all with `effects=-blend_order`"
         )
 
 

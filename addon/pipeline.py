@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from .baked import Baked, Prepared
+from .baked import Baked, Planned, Prepared
 from .build.contrast import mean_color
 from .build.levels import Costs, Plan, build_levels
 from .build.rollback import removed_on_failure
@@ -44,7 +44,7 @@ from .plan.effects import (
 )
 from .plan.facts import Facts
 from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
-from .plan.sight import level_at, sight
+from .plan.sight import level_at, seen_as_set, sight
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
@@ -85,10 +85,14 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         return facts
     scene = layer.id_data
     around = survey(layer, tree, shape.centre.tolist(), view_of(scene))
-    camera = around.camera if settings.by_cameras else None
-    return replace(
-        facts, camera=camera, lights=around.lights, wind=wind_on(tree.sources, scene), renderer=scene.render.engine
+    surrounded = replace(
+        facts,
+        scene_camera=around.camera,
+        lights=around.lights,
+        wind=wind_on(tree.sources, scene),
+        renderer=scene.render.engine,
     )
+    return seen_as_set(settings, surrounded)
 
 
 def _is_one_color(leaves: Geometry) -> bool:
@@ -98,10 +102,10 @@ def _is_one_color(leaves: Geometry) -> bool:
     return not varied and len({surface.color for surface in surfaces}) == 1
 
 
-def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> tuple[Effect, ...]:
+def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
     """The effects that a bake would carry, and what each would cost. As `prepare`, which does what they ask for."""
     facts = describe(tree, settings, layer)
-    return with_costs(settings, facts, plan_effects(settings, facts))
+    return Planned(settings, facts, with_costs(settings, facts, plan_effects(settings, facts)))
 
 
 def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:

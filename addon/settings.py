@@ -16,6 +16,8 @@ Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, page, samples and effort by a quick cost curve; one of them at most."""
+_FIX_EPSILON = ("method", "max_billboards", "max_texels", "image_epsilon", "chain")
+"""Settings that leave the wishes no epsilon to choose, where they are not at their defaults."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
@@ -55,7 +57,7 @@ SMALLEST_TEXTURE = 64
 
 
 class SettingsError(ValueError):
-    """A setting that cannot be followed. One line: the flag, its value, its limit, what to do."""
+    """A setting that cannot be followed. One line: the setting, its value, its limit, what to do; see `naming`."""
 
 
 _SHARE = Limits(0, 1)
@@ -96,7 +98,7 @@ class BakeSettings:
             choices={
                 "stochastic": "planes through leaves drawn at random",
                 "density": "the greedy planes of billboard clouds",
-                "kmeans": "leaves parted into as many billboards as max_billboards says",
+                "kmeans": "leaves parted into as many billboards as `max_billboards` says",
             },
         ),
     ] = "stochastic"
@@ -125,7 +127,7 @@ class BakeSettings:
     slack: Annotated[
         float,
         Setting(
-            "where max_billboards decides: how much farther than the smallest error bound leaves may move where that "
+            "where `max_billboards` decides: how much farther than the smallest error bound leaves may move where that "
             "brings them nearer on average, as a share of it",
             "SHARE",
             Limits(0, 1),
@@ -135,7 +137,7 @@ class BakeSettings:
         int | None,
         Setting(
             "level 1 needs at most so many, each an eighth of the error bound long, at the smallest bound found that "
-            "does, but not below epsilon",
+            "does, but not below `epsilon`",
             "COUNT",
             Limits(256),
             unset="as many as the error bound asks for",
@@ -145,10 +147,10 @@ class BakeSettings:
         float | None,
         Setting(
             "greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, at "
-            "least epsilon; smaller billboards have more triangles and draw fewer empty pixels",
+            "least `epsilon`; smaller billboards have more triangles and draw fewer empty pixels",
             "SHARE",
             Limits(0, 2, above=True),
-            unset="0.2, or epsilon where that is more; no limit with max_billboards and for the published methods",
+            unset="0.2 on level 1, more behind it; no limit for a given number of billboards and the published methods",
         ),
     ] = None
     compact: Annotated[
@@ -178,15 +180,15 @@ class BakeSettings:
     )
     views: Annotated[
         tuple[tuple[float, float, float], ...],
-        Setting("a likely direction of view in the scene, for facing_views; may be given again", "X,Y,Z"),
+        Setting("a likely direction of view in the scene, for `facing_views`; may be given again", "X,Y,Z"),
     ] = ()
     facing_views: Annotated[
-        float, Setting("what a billboard loses that none of views sees face-on", "SHARE", _SHARE)
+        float, Setting("what a billboard loses that none of `views` sees face-on", "SHARE", _SHARE)
     ] = 0.0
     image_epsilon: Annotated[
         float | None,
         Setting(
-            "greatest angle by which a vertex may be seen to move, with viewing_distance",
+            "greatest angle by which a vertex may be seen to move, with `viewing_distance`",
             "RADIANS",
             Limits(0, 1, above=True),
             unset="any",
@@ -195,7 +197,7 @@ class BakeSettings:
     viewing_distance: Annotated[
         float | None,
         Setting(
-            "how near a viewer comes to the crown's centre, as a share of R, with image_epsilon",
+            "how near a viewer comes to the crown's centre, as a share of R, with `image_epsilon`",
             "SHARE",
             Limits(1, 1_000_000, above=True),
             unset="anywhere",
@@ -305,7 +307,7 @@ class BakeSettings:
         str,
         Setting(
             f"{', '.join(EFFECT_CHOICES)}, or out of {','.join(EFFECTS)} with commas between; behind that +NAME and "
-            "-NAME force one on or off, and alone they do so over auto, as in --effects=-gloss",
+            "-NAME force one on or off, and alone they do so over auto, as in `effects=-gloss`",
             "NAMES",
         ),
     ] = "auto"
@@ -315,11 +317,13 @@ class BakeSettings:
             "who looks at the levels",
             "NAME",
             choices={
-                "camera": "the scene's cameras, over all frames, where it has any and the files are for no engine",
-                "anywhere": "one who may come and go as far as there are levels",
+                "auto": "the scene's cameras, over all frames, if they or the trees move and the files are for no "
+                "engine; else as anywhere, for a camera that stands still does not say who looks",
+                "anywhere": "a viewer who may come and go as far as there are levels: all levels are made",
+                "camera": "the scene's cameras also if they stand still: only levels that they see are made",
             },
         ),
-    ] = "camera"
+    ] = "auto"
     unlit: Annotated[
         bool,
         Setting("what draws the levels shows their colours as they are: light that stands still is baked into them"),
@@ -334,8 +338,8 @@ class BakeSettings:
 
     @property
     def by_cameras(self) -> bool:
-        """Whether the scene's cameras are all who looks, if there are any."""
-        return self.viewer == "camera" and self.engine == "generic"
+        """Whether the scene's cameras may be all who look."""
+        return self.viewer != "anywhere" and self.engine == "generic"
 
     def _check_fit(self) -> None:
         needs_count = self.method != "kmeans" or self.max_billboards is not None
@@ -343,7 +347,7 @@ class BakeSettings:
         sized = self.max_size is None or self.epsilon <= self.max_size
         self._require("max_size", sized, f"from epsilon ({self.epsilon}) to 2")
         both = (self.viewing_distance is None) == (self.image_epsilon is None)
-        self._require("viewing_distance", both, "given with --image-epsilon, or not at all")
+        self._require("viewing_distance", both, "given with `image_epsilon`, or not at all")
         ends = self.chain != "pruning" or self.cross
         self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
 
@@ -354,27 +358,27 @@ class BakeSettings:
             f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between, + or - before"
         )
         self._require("effects", known, choices)
-        prunes = self.chain == "billboards" or asked.state("pruning") is not False
-        self._require("effects", prunes, f"with pruning for --chain {self.chain}")
+        if self.chain != "billboards" and asked.state("pruning") is False:
+            raise SettingsError(
+                f"`chain={self.chain}` goes with pruning only, which the effects leave out: turn the effect pruning "
+                "on, or choose `chain=billboards`"
+            )
 
     def _check_wishes(self) -> None:
         given = [name for name in WISHES if getattr(self, name) is not None]
         for name in given:
-            self._require(name, len(given) == 1, f"given without {' and '.join(flag(g) for g in given if g != name)}")
-            free = self.chain == "billboards" and self.method == "stochastic"
-            free &= self.max_billboards is None and self.max_texels is None and self.image_epsilon is None
-            self._require(
-                name,
-                free,
-                "given where epsilon can be chosen: without --method, --max-billboards, --max-texels, --image-epsilon "
-                "and --chain",
-            )
+            others = " and ".join(f"`{other}`" for other in given if other != name)
+            self._require(name, not others, f"given without {others}")
+            fixed = [other for other in _FIX_EPSILON if getattr(self, other) != getattr(BakeSettings, other)]
+            without = " and ".join(f"`{other}`" for other in fixed)
+            self._require(name, not fixed, f"given where `epsilon` can be chosen: without {without}")
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
             return
         value, default = getattr(self, name), getattr(BakeSettings, name)
-        raise SettingsError(f"{flag(name)} is {value!r}, it must be {limit}; the default is {default!r}")
+        usual = setting_named(name).setting.unset if default is None else repr(default)
+        raise SettingsError(f"`{name}` is {value!r}, it must be {limit}; the default is {usual}")
 
 
 @cache
@@ -382,6 +386,11 @@ def described() -> tuple[Described, ...]:
     """All settings, in their order."""
     hints = get_type_hints(BakeSettings, include_extras=True)
     return tuple(Described.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
+
+
+def setting_named(name: str) -> Described:
+    """The setting of this name. Raises `KeyError` where none has it."""
+    return {each.name: each for each in described()}[name]
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:

@@ -19,6 +19,12 @@ def eevee_engine() -> str:
     return "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
 
 
+def blend_relative_path() -> set[str]:
+    """The options of a property of paths that may begin with //, the folder of the .blend file."""
+    known = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties  # 4.5 and later
+    return {"ANIMATABLE", *(["PATH_SUPPORTS_BLEND_RELATIVE"] if known else [])}
+
+
 def set_modifier_input(modifier: bpy.types.NodesModifier, name: str, value: InputValue) -> None:
     """Sets the input called `name` of a geometry-node modifier, in the type that its socket wants.
 

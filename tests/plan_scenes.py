@@ -14,6 +14,9 @@ from addon.plan.effects import Effect, plan_effects
 from addon.plan.facts import Facts
 from addon.settings import BakeSettings
 
+ONLY_THIS_VIEW = BakeSettings(viewer="camera")
+"""Plans by a camera that stands still, too."""
+
 CARDS = 60
 FRAMES = 24
 

@@ -232,7 +232,7 @@ def test_what_is_left_out_of_the_view_layer_casts_no_shadow() -> None:
 
 def test_baked_light_is_asked_for_by_name() -> None:
     facts = Facts("generic", 2)
-    for choice, words in (("auto", "asked for by name"), ("all", "not by --effects all")):
+    for choice, words in (("auto", "asked for by name"), ("all", "not by `effects=all`")):
         effect = plan_effects(BakeSettings(effects=choice), facts)[-1]
         assert (effect.name, effect.on) == ("baked_light", False)
         assert words in effect.reason
@@ -439,7 +439,7 @@ def test_the_report_has_what_it_cost() -> None:
     result = baked(field(matt()))
     said = next(each for each in report(result, [0.0, 0.0], [])["effects"] if each["name"] == "baked_light")
     assert said["on"]
-    assert said["reason"] == "asked for by --effects baked_light"
+    assert said["reason"] == "asked for by `effects=baked_light`"
     assert said["seconds"] > 0.0
     assert said["bytes"] == 32 * 3 * 3 * 4 * 2
 

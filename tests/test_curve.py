@@ -87,7 +87,7 @@ def test_an_error_that_is_wished_is_kept(crown: leafcloud.Foliage) -> None:
         ({"image_error": 1e-5}, "the least that"),
         ({"preset": "great"}, "draft, balanced, final"),
         ({"seconds": 5.0, "preset": "draft"}, "give one of them"),
-        ({"image_error": 0.1, "max_billboards": 3}, "max_billboards leaves no choice"),
+        ({"image_error": 0.1, "max_billboards": 3}, "`max_billboards` leaves no choice"),
     ],
 )
 def test_wishes_that_cannot_be_kept(crown: leafcloud.Foliage, options: dict[str, Any], words: str) -> None:
@@ -120,13 +120,13 @@ def test_predictions_pass_through_what_was_measured(curve: leafcloud.Curve) -> N
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"seconds": 0.0}, "--seconds is 0.0"),
-        ({"image_error": 2.0}, "--image-error is 2.0"),
+        ({"seconds": 0.0}, "`seconds` is 0.0"),
+        ({"image_error": 2.0}, "`image_error` is 2.0"),
         ({"preset": "best"}, "draft, balanced, final"),
-        ({"samples": 17}, "--samples is 17"),
-        ({"seconds": 9.0, "preset": "draft"}, "given without --preset"),
-        ({"seconds": 9.0, "chain": "both"}, "where epsilon can be chosen"),
-        ({"preset": "final", "max_billboards": 9}, "without --method"),
+        ({"samples": 17}, "`samples` is 17"),
+        ({"seconds": 9.0, "preset": "draft"}, "given without `preset`"),
+        ({"seconds": 9.0, "chain": "both"}, "where `epsilon` can be chosen: without `chain`"),
+        ({"preset": "final", "max_billboards": 9}, "without `max_billboards`"),
     ],
 )
 def test_settings_that_cannot_be_followed(settings: dict[str, Any], words: str) -> None:
@@ -300,10 +300,10 @@ def test_the_panel_expects_only_what_the_curve_knows() -> None:
 
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_expects_what_the_plan_leaves(tmp_path: Path) -> None:
-    """A camera among the leaves: of the levels only the first is made."""
+    """Only for a camera among the leaves: of the levels only the first is made."""
     add_camera((0.0, 0.0, 0.1))
     settings = bpy.context.scene.leafcloud
-    settings.levels, settings.directory = 2, str(tmp_path)
+    settings.levels, settings.directory, settings.viewer = 2, str(tmp_path), "camera"
     bpy.ops.leafcloud.curve()
     last = measured.last()
     assert last is not None

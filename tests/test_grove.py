@@ -23,7 +23,7 @@ from addon.baked import Grove
 from addon.export.files import write
 from addon.grove import bake_grove, plan_grove, prepare_grove, start_grove
 from addon.pipeline import layer_of
-from addon.plan.effects import is_on
+from addon.plan.effects import is_on, joint_effects
 from addon.scene import SceneError
 from addon.scene.extract import Tree
 from addon.scene.trees import extract_trees, grouped, rendered
@@ -204,7 +204,8 @@ def test_what_one_tree_needs_a_texture_for_all_get() -> None:
     assert all(is_on(each.effects, "gloss") for each in prepared.values())
     [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "gloss"]
     assert "share their pages" in reason
-    assert is_on(plan_grove(trees, settings, layer), "gloss")
+    planned = plan_grove(trees, settings, layer).values()
+    assert is_on(joint_effects([each.effects for each in planned]), "gloss")
     levels = [tree.chain.levels[0] for tree in bake(trees).trees]
     assert np.array_equal(levels[0].gloss, levels[1].gloss)
 

@@ -103,7 +103,7 @@ def test_few_or_large_components_need_a_name(of_parts: tuple[list[int], ...]) ->
         choose_leaves(parts, None, sizes(*of_parts))
     assert str(caught.value) == (
         "no object or material name says leaf, and no part is made of many small components; "
-        "name the leaves; objects: 'a', 'b'; materials: 'm'"
+        "name the leaves in `leaves`; objects: 'a', 'b'; materials: 'm'"
     )
 
 

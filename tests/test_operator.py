@@ -97,17 +97,6 @@ def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub
     assert bpy.context.window_manager.leafcloud.stage == ""
 
 
-def test_a_second_bake_gets_names_of_its_own(selected_shrub: list[bpy.types.Object]) -> None:
-    bpy.ops.leafcloud.bake()
-    for obj in selected_shrub:
-        obj.hide_set(False)
-        obj.select_set(True)
-    bpy.ops.leafcloud.bake()
-    names = {collection.name for collection in bpy.context.scene.collection.children}
-    assert {"leaves", "leaves_2"} <= names
-    assert "leaves_2_LOD0" in bpy.data.objects
-
-
 def test_a_bake_writes_files_where_a_folder_is_given(selected_shrub: list[bpy.types.Object], tmp_path: Path) -> None:
     bpy.context.scene.leafcloud.directory = str(tmp_path)
     bpy.ops.leafcloud.bake()

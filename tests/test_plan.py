@@ -9,6 +9,7 @@ import pytest
 from mathutils import Matrix
 from plan_scenes import (
     CARDS,
+    ONLY_THIS_VIEW,
     add_camera,
     add_crown,
     add_light,
@@ -34,7 +35,7 @@ ANYWHERE = {"transitions", "pruning", "far_levels", "normals"}
 def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
     crown = add_crown()
     add_camera(3.2, crown)
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == set()
     assert plan["back_sides"].on is False
     assert plan["transitions"].reason == "the camera stays at 3.2 radii, and level 1 takes over at 5.79"
@@ -48,17 +49,17 @@ def test_only_pages_that_a_camera_may_see_are_packed_tightly() -> None:
     crown = add_crown()
     assert sees_pages(BakeSettings(), facts_of(crown))
     camera = add_camera(3.2, crown)
-    assert not sees_pages(BakeSettings(), facts_of(crown))
+    assert not sees_pages(ONLY_THIS_VIEW, facts_of(crown, ONLY_THIS_VIEW))
     anywhere = BakeSettings(viewer="anywhere")
     assert sees_pages(anywhere, facts_of(crown, anywhere))
     camera.location.y *= 5.0
-    assert sees_pages(BakeSettings(), facts_of(crown))
+    assert sees_pages(ONLY_THIS_VIEW, facts_of(crown, ONLY_THIS_VIEW))
 
 
 def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"normals"}
     assert plan["back_sides"].on is None
     assert plan["transitions"].reason == "the camera stays at 12 radii, and level 2 takes over at 20.3"
@@ -85,10 +86,10 @@ def test_at_night_one_lamp_that_moves_calls_for_normals() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
     fly(add_light("POINT"), (-3.0, -2.0, 1.0), (3.0, -2.0, 1.0))
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"normals"}
     assert plan["normals"].reason.startswith("the lamp 'Point' moves or changes, so")
-    unlit = plan_of(crown, BakeSettings(unlit=True))
+    unlit = plan_of(crown, BakeSettings(unlit=True, viewer="camera"))
     assert on(unlit) == set()
     assert unlit["baked_light"].reason == "nothing is lit where the levels go, but the lamp 'Point' moves or changes"
 
@@ -97,7 +98,7 @@ def test_a_still_sun_lights_the_levels_as_blender_renders() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
     add_light("SUN")
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"normals"}
     assert plan["normals"].reason.startswith("Blender lights the tree as it renders")
 
@@ -124,7 +125,7 @@ def test_leaves_that_differ_in_gloss_call_for_it_where_billboards_are_seen() -> 
         polygon.material_index = 1
     assert on(plan_of(crown)) == ANYWHERE | {"gloss"}
     add_camera(3.0, crown)
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == set()
     assert plan["gloss"].reason.endswith("no billboard is seen")
 
@@ -161,10 +162,10 @@ def test_a_hundred_trees_stand_on_every_level_and_change_none() -> None:
     crown = add_crown()
     add_camera(3.0, crown)
     copies(crown, 100, 4.0)
-    facts = facts_of(crown)
+    facts = facts_of(crown, ONLY_THIS_VIEW)
     assert facts.camera is not None
     assert len(facts.camera.spans) == 100
-    plan = plan_of(crown)
+    plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"pruning", "far_levels", "normals"}
     assert plan["transitions"].reason.endswith("none of them is seen to change from level to level")
     assert plan["pruning"].reason.startswith("the camera sees the 100 trees from 3 to ")
@@ -191,6 +192,53 @@ def test_for_an_engine_or_if_asked_for_the_camera_does_not_count(settings: BakeS
     crown = add_crown()
     add_camera(3.0, crown)
     assert on(plan_of(crown, settings)) == ANYWHERE
+
+
+def keyed(owner: bpy.types.ID, path: str, *values: object) -> None:
+    """Gives a property these values, evenly over the frames."""
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 10 * len(values) - 9
+    for number, value in enumerate(values):
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=1 + 10 * number)
+    bpy.context.scene.frame_set(1)
+
+
+def test_a_camera_that_stands_still_says_nothing_about_who_looks() -> None:
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    plan = plan_of(crown)
+    assert on(plan) == ANYWHERE
+    assert plan["far_levels"].reason.startswith("the camera stands still, and the viewer may be anywhere, so ")
+    keyed(camera, "location", camera.location.copy(), camera.location.copy())
+    assert on(plan_of(crown)) == ANYWHERE, "keys that hold it still"
+
+
+@pytest.mark.parametrize("what", ["turns", "zooms", "orbits", "sees trees pass", "gives way"])
+def test_a_camera_that_is_animated_is_planned_by(what: str) -> None:
+    """It stays near the tree all the time, in one place or on a circle about it, where only the leaves are seen."""
+    crown = add_crown()
+    camera = add_camera(3.0, crown)
+    assert facts_of(crown).camera is None
+    middle, radius = bounds(crown)
+    if what == "turns":
+        keyed(camera, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+    elif what == "zooms":
+        keyed(camera.data, "lens", 20.0, 35.0)
+    elif what == "orbits":
+        turntable = bpy.data.objects.new("turntable", None)
+        bpy.context.scene.collection.objects.link(turntable)
+        turntable.location, camera.parent, camera.location = middle, turntable, (0.0, -3.0 * radius, 0.0)
+        keyed(turntable, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 3.0))
+    elif what == "sees trees pass":
+        fly(crown, (0.0, 0.0, 0.0), (0.0, 0.3 * radius, 0.0))
+    else:
+        other = add_camera(3.0, crown)
+        for frame, each in ((1, camera), (10, other)):
+            bpy.context.scene.timeline_markers.new(each.name, frame=frame).camera = each
+    facts = facts_of(crown)
+    assert facts.camera is not None
+    assert facts.camera.farthest == pytest.approx((3.3 if what == "sees trees pass" else 3.0) * radius, rel=1e-3)
+    assert not on(plan_of(crown)) & {"far_levels", "normals"}
 
 
 def test_a_camera_that_hangs_on_what_moves_is_followed() -> None:
@@ -245,7 +293,7 @@ def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
     other = bpy.data.objects.new("large", crown.data)
     other.matrix_world = Matrix.Scale(2.0, 4)
     bpy.context.scene.collection.objects.link(other)
-    facts = facts_of(crown)
+    facts = facts_of(crown, ONLY_THIS_VIEW)
     assert facts.camera is not None
     (own, _), (large, _) = facts.camera.spans
     assert large == pytest.approx(own / 2.0, rel=0.02)

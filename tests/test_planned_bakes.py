@@ -15,7 +15,7 @@ from addon.baked import Baked
 from addon.export.report import report
 from addon.settings import BakeSettings
 
-QUICK = BakeSettings(texture_size=64, candidates=50)
+QUICK = BakeSettings(texture_size=64, candidates=50, viewer="camera")
 
 
 def baked(*, radii: float, trees: int = 1, settings: BakeSettings = QUICK) -> Baked:
@@ -71,7 +71,7 @@ def test_the_camera_of_a_blend_file_counts_on_the_command_line(tmp_path: Path) -
     crown = add_crown()
     add_camera(3.2, crown)
     source = saved(tmp_path / "garden.blend")
-    for flags, transitions in [((), False), (("--viewer", "anywhere"), True), (("--engine", "godot"), True)]:
+    for flags, transitions in [(("--viewer", "camera"), False), ((), True), (("--engine", "godot"), True)]:
         plan = run("--input", source, "--plan-only", "--json", *flags)
         assert plan.returncode == 0, plan.stderr
         effects = {effect["name"]: effect for effect in json.loads(plan.stdout)}

@@ -1,4 +1,4 @@
-"""Settings refuse what cannot be followed, in one line that names flag, value, limit and default."""
+"""Settings refuse what cannot be followed, in one line that names setting, value, limit and default."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_value_outside_its_range_is_refused(name: str, value: object) -> None:
     with pytest.raises(SettingsError) as refusal:
         BakeSettings(**{name: value})
     message = str(refusal.value)
-    assert message.startswith(f"--{name.replace('_', '-')} is {value!r}, it must be ")
+    assert message.startswith(f"`{name}` is {value!r}, it must be ")
     assert "the default is " in message
     assert "\n" not in message
 
@@ -92,7 +92,7 @@ def test_effects_may_be_a_choice_or_a_list(effects: str) -> None:
 def test_settings_that_need_each_other() -> None:
     with pytest.raises(SettingsError, match="kmeans"):
         BakeSettings(method="kmeans")
-    with pytest.raises(SettingsError, match="--image-epsilon"):
+    with pytest.raises(SettingsError, match="`image_epsilon`"):
         BakeSettings(viewing_distance=2.0)
     assert BakeSettings(method="kmeans", max_billboards=20).max_billboards == 20
 

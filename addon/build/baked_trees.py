@@ -17,12 +17,14 @@ import numpy as np
 import leafcloud
 
 from ..plan.reach import View
+from ..scene.baked_levels import EXTRAS
+from ..scene.baked_levels import level_number as level_number
 from ..versions import get_modifier_input
-from .levels import EXTRAS, BuiltLevel
+from .levels import BuiltLevel
 from .lod_nodes import GROUP_NAME
 from .node_laws import NEVER
 
-_ANYWHERE = "with the viewer anywhere, for what is seen by a camera that stands still need not follow it"
+_ANYWHERE = "with `viewer=anywhere`, for levels need not follow a camera that sees one of them only"
 """How a bake gets the effects that a forest and a scene live by."""
 
 
@@ -52,13 +54,6 @@ class BakedTree:
     switch_distances: tuple[float, ...]
     centre: tuple[float, float, float]
     scale: float
-
-
-def level_number(obj: bpy.types.Object) -> int | None:
-    """Which level of a baked tree the object is; None of none, as of wood."""
-    extras = obj.get(EXTRAS)
-    number = extras.get("level") if obj.type == "MESH" and hasattr(extras, "get") else None
-    return number if isinstance(number, int) else None
 
 
 def woods() -> dict[bpy.types.Object, bpy.types.Object]:

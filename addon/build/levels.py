@@ -18,6 +18,7 @@ import leafcloud
 from ..placement import Placement
 from ..plan.reach import Reach, wood_reach
 from ..plan.thinning import Thinning
+from ..scene.baked_levels import EXTRAS as EXTRAS
 from ..scene.extract import Geometry, Tree, world_positions
 from ..scene.light import Light
 from ..scene.shading import USUAL_SPECULAR
@@ -47,9 +48,6 @@ from .side_nodes import add_side_modifier, apart
 from .swaying import Swaying, add_swaying, freedom, phases, plane_pivots, wind_extras
 from .wind_nodes import WindSettings, add_wind_modifier
 from .wood import Wood, simplified, whole
-
-EXTRAS = "leafcloud"
-"""The custom property, and so the key in glTF's extras, of objects and meshes."""
 
 
 @dataclass

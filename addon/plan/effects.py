@@ -60,6 +60,36 @@ def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
     return min(clouds, last), settings.cross and last > clouds
 
 
+@dataclass(frozen=True)
+class CameraNote:
+    """What the scene's camera has decided, and the value of the setting `viewer` that decides otherwise."""
+
+    text: str
+    viewer: str
+
+
+def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> CameraNote | None:
+    """What the levels lack because of the camera, and why; or that it was not planned by. None where it is neither."""
+    scene = _Scene(settings, facts, sight(settings, facts))
+    asked = asked_effects(settings.effects)
+    if scene.stands_still and asked.state("far_levels") is None:
+        return CameraNote("the camera stands still, so all levels are made", "camera")
+    if scene.seen is None:
+        return None
+    said = []
+    clouds, cross = plan_levels(settings, facts, effects)
+    planned = 0 if settings.chain == "pruning" else settings.levels
+    left_out = [f"level {number}" for number in range(clouds + 1, planned + 1)]
+    left_out += ["the cross"] if settings.cross and not cross else []
+    if left_out and asked.state("far_levels") is None:
+        verb = "is" if len(left_out) == 1 else "are"
+        said.append(f"{' and '.join(left_out)} {verb} left out: {_far_levels(scene).reason}")
+    follows = is_on(effects, "transitions") or is_on(effects, "pruning") or scene.seen.first != scene.seen.last
+    if not follows and asked.state("transitions") is None:
+        said.append(f"only level {scene.seen.first} is shown: {_transitions(scene).reason}")
+    return CameraNote("; ".join(said), "anywhere") if said else None
+
+
 def sees_pages(settings: BakeSettings, facts: Facts) -> bool:
     """Whether any camera may see a billboard. A page that none sees is packed at once, not as tightly as may be."""
     seen = sight(settings, facts)
@@ -108,8 +138,15 @@ class _Scene:
     seen: Sight | None
 
     @property
+    def stands_still(self) -> bool:
+        """Whether a camera is there that nothing is planned by, because it stands still."""
+        return self.facts.camera is None and self.facts.scene_camera is not None and self.settings.by_cameras
+
+    @property
     def free_camera(self) -> str:
         engine = self.facts.engine
+        if self.stands_still:
+            return "the camera stands still, and the viewer may be anywhere"
         return "the camera may be anywhere" if engine == "generic" else f"the camera may be anywhere in {engine}"
 
     @property
@@ -145,15 +182,16 @@ def _asked(settings: BakeSettings, name: str) -> Effect | None:
     on = asked.state(name)
     if on is None:
         return None
-    reason = f"asked for by --effects {settings.effects}"
-    if name not in asked.forced and name == "far_levels":
-        return Effect(name, on, f"asked for by --levels {settings.levels} beside --effects {settings.effects}")
-    if name not in asked.forced and name == "baked_light" and asked.base == "all":
-        return Effect(name, on, f"{_BY_NAME}, not by --effects {settings.effects}")
-    return Effect(name, on, reason)
+    if name in asked.forced:
+        return Effect(name, on, f"asked for by `effects={'+' if on else '-'}{name}`")
+    if name == "far_levels":
+        return Effect(name, on, f"asked for by `levels={settings.levels}` beside `effects={settings.effects}`")
+    if name == "baked_light" and asked.base == "all":
+        return Effect(name, on, f"{_BY_NAME}, not by `effects={settings.effects}`")
+    return Effect(name, on, f"asked for by `effects={settings.effects}`")
 
 
-_BY_NAME = "the light would have to stand still for good, so it has to be asked for by name or by --unlit"
+_BY_NAME = "the light would have to stand still for good, so it has to be asked for by name or by `unlit`"
 
 
 def _transitions(scene: _Scene) -> Effect:
@@ -310,7 +348,7 @@ def _whose_light(scene: _Scene) -> str:
     facts = scene.facts
     if facts.engine != "generic":
         return f"light may come from anywhere in {facts.engine}"
-    if facts.camera is None:
+    if facts.camera is None and not scene.stands_still:
         return "light may come from anywhere"
     return facts.lights.changing or "Blender lights the tree as it renders"
 

@@ -21,6 +21,8 @@ class Camera:
 
     spans: tuple[Span, ...]
     view: View
+    moves: bool = False
+    """Whether it moves, turns or zooms over the frames, or gives way to another camera."""
 
     @property
     def nearest(self) -> float:
@@ -67,7 +69,9 @@ class Facts:
     see_through: tuple[str, ...] = ()
     """Those of them through most of which what is behind them is seen; none where hardly a leaf has them."""
     camera: Camera | None = None
-    """None: the viewer may be anywhere."""
+    """The camera that the levels are planned by. None: the viewer may be anywhere."""
+    scene_camera: Camera | None = None
+    """The scene's, whether or not the levels are planned by it."""
     lights: Lights = Lights(())
     wind: Wind | None = None
     """What the scene's force fields blow on the tree."""

@@ -131,7 +131,7 @@ def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
     if count < MANY_COMPONENTS:
         raise LeavesError(
             "no object or material name says leaf, and no part is made of many small components; "
-            f"name the leaves; {_inventory(parts)}"
+            f"name the leaves in `leaves`; {_inventory(parts)}"
         )
     median = float(np.median(np.concatenate([sizes[i] for i in indices])))
     why = f"{count} small components (the median has {median:g} triangles), and no name says leaf"

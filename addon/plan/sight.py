@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import leafcloud
 
 from ..settings import BakeSettings
-from .facts import Facts, Span
+from .facts import Camera, Facts, Span
 from .reach import Reach, View, reaches, rising
 from .thinning import cut_off_distance
 
@@ -24,7 +24,8 @@ CROSS_DEVIATION = 0.5
 """How far the cross deviates from the leaves, as a share of R: 0.48 to 0.56 on the measured trees."""
 
 STILL = 1e-3
-"""A camera whose distance changes by no more than this share of it stands still."""
+"""A camera whose distance changes by no more than this share of it stands still. So does one that moves by no more than
+this share of its distance, turns by no more than this many radians, and zooms by no more than this share."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,19 @@ def sight(settings: BakeSettings, facts: Facts) -> Sight | None:
     into = range(1, len(reached))
     passed = tuple(number for number in into if any(_passes(span, *reached[number - 1 : number + 1]) for span in spans))
     return Sight(switches, first, last, passed)
+
+
+def stands_still(camera: Camera) -> bool:
+    """Whether neither the camera nor any tree before it moves: such a camera does not say who looks at the trees."""
+    return not camera.moves and not any(far - near > STILL * far for near, far in camera.spans)
+
+
+def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
+    """The facts for the settings' engine and viewer: these decide whether the levels are planned by a camera."""
+    camera = facts.scene_camera if settings.by_cameras else None
+    if camera is not None and settings.viewer == "auto" and stands_still(camera):
+        camera = None
+    return replace(facts, engine=settings.engine, camera=camera)
 
 
 def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
 from . import SceneError
+from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
 from .surface import ACTIVE, Surface, Texture, read_surface, transform_matrix
@@ -89,8 +90,8 @@ def extract(
 
     `objects` make the tree, with all that they instance; `None` takes everything that is visible and renders.
     `leaf_names` are exact object or material names of the leaves; `None` lets the scene tell (see `plan.leaves`).
-    Raises `SceneError` when there are no faces, when it cannot be told which are leaves, for coordinates that are not
-    finite, and for an object whose matrix is singular.
+    Raises `SceneError` when there are no faces, for levels of a baked tree, when it cannot be told which are leaves,
+    for coordinates that are not finite, and for an object whose matrix is singular.
     """
     selected = None if objects is None else list(objects)
     if selected == []:
@@ -98,6 +99,9 @@ def extract(
     gathered, dropped = gather(depsgraph, selected)
     if not gathered:
         raise SceneError(_nothing(dropped))
+    baked = next((copies.level for copies in gathered if copies.level is not None), None)
+    if baked is not None:
+        raise SceneError(_is_baked(baked))
     slots = _slots(gathered)
     try:
         choice = choose_leaves([_part(slot) for slot in slots], leaf_names, lambda i: _component_sizes(slots[i]))
@@ -295,6 +299,13 @@ def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] |
     if selected is not None and active is not None and active.original in [obj.original for obj in selected]:
         return active.name
     return frame.owner_name
+
+
+def _is_baked(level: bpy.types.Object) -> str:
+    made = record_of(level)
+    sources = "the objects that it was made of" if made is None else ", ".join(map(repr, made.sources[:8]))
+    remedy = f"bake {sources} (select them, or show them in renders and hide the levels there)"
+    return f"object {level.name!r} is a level of a baked tree: {remedy}"
 
 
 def _nothing(dropped: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
+from .baked_levels import level_number
 from .object_random import random_of
 from .realise import are_singular, first_not_finite
 
@@ -53,6 +54,8 @@ class Copies:
     """(n,) in [0, 1], what the Object Info node calls Random of each copy."""
     protect_group: int = -1
     """The number of the object's vertex group `PROTECT`, if it has one."""
+    level: bpy.types.Object | None = None
+    """The object itself, if it is a baked level."""
 
     @property
     def owner_name(self) -> str:
@@ -227,7 +230,8 @@ def _shown(
             own_matrix = np.array(owner.matrix_world, np.float64)
             group = obj.vertex_groups.find(PROTECT)
             places = np.empty((0, 4, 4))
-            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group)
+            level = None if level_number(obj.original) is None else obj.original
+            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
         randoms.setdefault(key, []).append(random_of(instance))
     shown = [

@@ -6,6 +6,7 @@ its own again. What was moved by hand off its keys since that frame was set goes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,10 +17,17 @@ from mathutils import Matrix, Vector
 
 from ..plan.facts import Camera, Lights, Span
 from ..plan.reach import View
+from ..plan.sight import STILL
 from .extract import Tree
 
 FRAMES = 64
 """At most so many of the scene's frames are looked at, evenly, with the first and the last."""
+
+_NEAREST = 1e-6
+"""World units: a camera in the very middle of a crown moves by shares of this."""
+
+_Pose = list[float]
+"""Numbers of which none changes by more than `STILL` while a camera stands still."""
 
 _Look = tuple[bool, tuple[float, ...]]
 """Whether a light shines at a frame, and what there is to see of it."""
@@ -43,6 +51,7 @@ def survey(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view
     worlds = [scene.world] if scene.world is not None else []
     cameras = _cameras(scene)
     distances: list[list[float]] = []
+    poses: list[_Pose] = []
     looks: list[list[_Look]] = []
     crowns = _crowns(layer, tree, centre)
     with _frame_kept(scene):
@@ -51,11 +60,24 @@ def survey(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view
                 scene.frame_set(frame)
             if (camera := _camera_at(cameras, frame)) is not None:
                 distances.append(crowns.distances(camera))
+                poses.append(_pose(camera.evaluated_get(layer.depsgraph), distances[0][0]))
             looks.append(
                 [*(_look_of_lamp(layer, lamp) for lamp in lamps), *(_look_of_world(world) for world in worlds)]
             )
     lights = _lights([*lamps, *worlds], list(zip(*looks, strict=True)))
-    return Surroundings(Camera(_spans(distances), view) if distances else None, lights)
+    if not distances:
+        return Surroundings(None, lights)
+    moves = len(set(cameras.values())) > 1 or bool(np.ptp(poses, axis=0).max() > STILL)
+    return Surroundings(Camera(_spans(distances), view, moves), lights)
+
+
+def _pose(camera: bpy.types.Object, away: float) -> _Pose:
+    """Where an evaluated camera stands in units of `away`, how it is turned, and the logarithms of its zoom."""
+    matrix = np.array(camera.matrix_world)
+    turned = np.array(camera.matrix_world.to_3x3().normalized())
+    # A scene may look through an object of any type; only cameras zoom.
+    zoom = (camera.data.lens, camera.data.ortho_scale) if camera.type == "CAMERA" else ()
+    return [*(matrix[:3, 3] / max(away, _NEAREST)), *turned.ravel(), *map(math.log, zoom)]
 
 
 def _spans(distances: Sequence[Sequence[float]]) -> tuple[Span, ...]:

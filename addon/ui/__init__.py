@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.handlers import persistent
 
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .job_operator import cancel_running
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
-from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus
+from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .viewport import LEAFCLOUD_OT_preview, add_handlers, remove_handlers, stop_preview
 
@@ -26,6 +27,12 @@ _CLASSES = (
 )
 
 
+def _forget_file(*_: object) -> None:
+    """Leave nothing of the file before: Blender keeps modules and the window manager when it opens another."""
+    forget_curve()
+    show_nothing(bpy.context.window_manager.leafcloud)
+
+
 def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
@@ -33,9 +40,11 @@ def register() -> None:
         setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     add_handlers()
+    bpy.app.handlers.load_post.append(persistent(_forget_file))
 
 
 def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_forget_file)
     cancel_running()
     stop_preview()
     remove_handlers()

@@ -13,8 +13,9 @@ from ..pipeline import layer_of, prepare, start_curve
 from ..scene import SceneError
 from ..settings import SMALLEST_TEXTURE, BakeSettings, SettingsError
 from . import measured
-from .job_operator import JobOperator, selected_trees
-from .properties import bake_settings
+from .job_operator import JobOperator
+from .properties import bake_settings, with_labels
+from .selection import selected_trees
 
 _CHOSEN = ("epsilon", "texture_size", "samples", "effort")
 """The settings that an offer sets."""
@@ -34,11 +35,14 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def begin(self, context: bpy.types.Context) -> leafcloud.Job[leafcloud.Curve]:
-        trees = selected_trees(context)
-        if len(trees) > 1:
-            raise SceneError(f"{len(trees)} trees are selected, and a curve is of one: select the objects of one tree")
-        [(self._name, tree)] = trees.items()
-        self._prepared = prepare(tree, bake_settings(context.scene.leafcloud), layer_of(context.scene))
+        settings = bake_settings(context.scene.leafcloud)
+        with selected_trees(context) as trees:
+            if len(trees) > 1:
+                raise SceneError(
+                    f"{len(trees)} trees are selected, and a curve is of one: select the objects of one tree"
+                )
+            [(self._name, tree)] = trees.items()
+            self._prepared = prepare(tree, settings, layer_of(context.scene))
         return start_curve(self._prepared, quick=True)
 
     def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:
@@ -171,7 +175,7 @@ def expected(properties: bpy.types.PropertyGroup) -> str:
     try:
         settings = bake_settings(properties)
     except SettingsError as error:
-        return str(error)
+        return with_labels(str(error))
     if measured.can_predict(settings):
         predicted = measured.expected(last, settings)
         return f"{last.title}: expected {predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"

@@ -11,6 +11,7 @@ from ..build.forest_nodes import GROUP_NAME, ForestSettings
 from ..build.node_laws import NEVER
 from ..build.rollback import removed_on_failure
 from ..pipeline import view_of
+from .properties import with_labels
 
 _DEFAULTS = ForestSettings(())
 _WITH_POINTS = ("MESH", "CURVE", "CURVES", "POINTCLOUD")
@@ -69,7 +70,7 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
                 before = [each for each in points.modifiers if each.name.startswith(GROUP_NAME)]
                 planted = forest.plant(points, width=wanted.width, far=wanted.far or NEVER)
         except ValueError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
         for modifier in before:
             points.modifiers.remove(modifier)

@@ -11,10 +11,8 @@ import leafcloud
 
 from ..job import POLL_SECONDS, Job, wait
 from ..scene import SceneError
-from ..scene.extract import Tree, extract
-from ..scene.trees import extract_trees, grouped
 from ..settings import SettingsError
-from .properties import leaf_names
+from .properties import with_labels
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -49,19 +47,12 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
     return True
 
 
-def selected_trees(context: bpy.types.Context) -> dict[str, Tree]:
-    """What is selected, as the settings part it into trees, by their names. Raises one of `REFUSALS`."""
-    settings, sources = context.scene.leafcloud, tuple(context.selected_objects)
-    depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
-    if settings.trees == "one":
-        name = (context.active_object or sources[0]).name
-        return {name: extract(depsgraph, sources, leaf_names=names)}
-    return extract_trees(depsgraph, grouped(sources, settings.trees), leaf_names=names)
-
-
 def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
     """Tells why nothing was done; the scene is as it was."""
-    operator.report({"ERROR"}, " ".join(str(error).split()))
+    said = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        said = f"cannot write {error.filename}: {error.strerror}; make room there, or choose another `out`"
+    operator.report({"ERROR"}, " ".join(with_labels(said).split()))
     return {"CANCELLED"}
 
 

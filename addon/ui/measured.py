@@ -14,6 +14,7 @@ from ..baked import Prepared
 from ..pipeline import chain_options
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
+from ..plan.sight import seen_as_set
 from ..settings import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)
@@ -101,9 +102,7 @@ def can_predict(settings: BakeSettings) -> bool:
 
 def expected(measured: Measured, settings: BakeSettings) -> leafcloud.Prediction:
     """Of a bake with these settings of the tree in the scene that was measured, planned anew."""
-    facts = replace(measured.facts, engine=settings.engine)
-    if not settings.by_cameras:
-        facts = replace(facts, camera=None)
+    facts = seen_as_set(settings, measured.facts)
     return measured.curve.predict(**chain_options(settings, facts, plan_effects(settings, facts)))
 
 

@@ -6,17 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
+from bpy.props import StringProperty
 
 import leafcloud
 
+from ..build.earlier import levels_of, name_before, replaced
 from ..build.rollback import removed_on_failure
 from ..export.files import write
-from ..grove import ChainsJob, finish_grove, free_name, plan_grove, prepare_grove, start_grove
+from ..export.staging import Staging
+from ..grove import ChainsJob, camera_notes, finish_grove, free_name, plan_grove, prepare_grove, start_grove
 from ..pipeline import file_name, layer_of
 from ..plan.effects import joint_effects
-from .job_operator import REFUSALS, JobOperator, can_begin, refuse, selected_trees, show
+from ..scene import SceneError
+from ..scene.baked_levels import remember
+from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
 from .measured import predicted, tell
-from .properties import bake_settings, show_plan
+from .properties import bake_settings, show_plan, with_labels
+from .selection import selected_trees
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
@@ -32,47 +38,98 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             settings = bake_settings(context.scene.leafcloud)
-            effects = plan_grove(selected_trees(context), settings, layer_of(context.scene))
+            with selected_trees(context) as trees:
+                planned = plan_grove(trees, settings, layer_of(context.scene), with_labels).values()
         except REFUSALS as error:
             return refuse(self, error)
-        show_plan(context.window_manager.leafcloud, effects)
+        effects = joint_effects([each.effects for each in planned])
+        show_plan(context.window_manager.leafcloud, effects, camera_notes(planned))
         return {"FINISHED"}
 
 
 class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
-    """Bake the selected objects into levels of detail, in a new collection"""
+    """Bake the selected objects into levels of detail, in a collection of their own. Selected levels are baked again"""
 
     bl_idname = "leafcloud.bake"
     bl_label = "Bake Levels"
     bl_options = {"REGISTER", "UNDO"}
 
+    viewer: StringProperty(
+        name="Viewer",
+        description="What to set the viewer to before the bake; empty: nothing",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+
     def begin(self, context: bpy.types.Context) -> ChainsJob:
-        trees = selected_trees(context)
-        self._sources = tuple(obj for tree in trees.values() for obj in tree.sources)
-        prepared = prepare_grove(trees, bake_settings(context.scene.leafcloud), layer_of(context.scene))
+        settings = context.scene.leafcloud
+        if self.viewer:
+            settings.viewer = self.viewer
+        self._directory = output_folder(settings.directory)
+        wanted = bake_settings(settings)
+        with selected_trees(context) as trees:
+            prepared = prepare_grove(trees, wanted, layer_of(context.scene), with_labels)
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
         return start_grove(self._prepared)
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> set[str]:
-        """Puts the levels into the scene in the sources' place, and writes them if a folder is given."""
-        scene = context.scene
-        name = free_name(file_name(_grove_name(list(self._prepared))))
-        with removed_on_failure():
+        """Puts the levels into the scene in the sources' place, and writes them if a folder is given.
+
+        The levels of an earlier bake of the same sources give way to them.
+        """
+        scene, sources = context.scene, [obj for each in self._prepared.values() for obj in each.tree.sources]
+        earlier = levels_of(scene, sources)
+        before = name_before(earlier, sources)
+        with replaced(earlier), removed_on_failure():
+            name = before or free_name(file_name(_grove_name(list(self._prepared))))
             grove = finish_grove(self._prepared, chains, name, scene)
-            if scene.leafcloud.directory:
-                directory = Path(bpy.path.abspath(scene.leafcloud.directory))
-                write(grove, directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
-        show_plan(context.window_manager.leafcloud, joint_effects([tree.effects for tree in grove.trees]))
+            if self._directory is not None:
+                write(grove, self._directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
+            remember(grove.collection, sources)
+            for tree in grove.trees:
+                remember(tree.collection, tree.prepared.tree.sources)
+        effects = joint_effects([tree.effects for tree in grove.trees])
+        show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
         for prepared, chain in zip(self._prepared.values(), chains, strict=True):
             tell(prepared, chain)
-        for obj in self._sources:
+        for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
+        _select(context, [level.object for tree in grove.trees for level in tree.levels[:1]])
         for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
             self.report({"WARNING"}, warning)
         levels = ", ".join(f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in grove.trees)
         self.report({"INFO"}, f"Baked {levels}, and hid their sources")
         return {"FINISHED"}
+
+
+def output_folder(directory: str) -> Path | None:
+    """The folder that a bake writes to; None for an empty path. Raises `SceneError` where it cannot write."""
+    if not directory:
+        return None
+    if directory.startswith("//") and not bpy.data.filepath:
+        raise SceneError(
+            f"`out` is {directory!r}, which lies beside the .blend file, and this file is not saved: save it, or "
+            "choose a whole path"
+        )
+    folder = Path(bpy.path.abspath(directory))
+    try:
+        with Staging(folder):
+            return folder
+    except (FileExistsError, NotADirectoryError) as error:
+        raise SceneError(f"`out` is {str(folder)!r}, but {error.filename} is not a folder: choose another") from error
+    except OSError as error:
+        raise SceneError(
+            f"`out` is {str(folder)!r}, where nothing can be written ({error.strerror or error}): choose another folder"
+        ) from error
+
+
+def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
+    """Select these objects alone, and make the first of them active."""
+    for obj in context.selected_objects:
+        obj.select_set(False)
+    for obj in objects:
+        obj.select_set(True)
+    context.view_layer.objects.active = objects[0]
 
 
 def _grove_name(trees: Sequence[str]) -> str:

@@ -52,6 +52,8 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         if status.stage:
             layout.progress(factor=status.fraction, text=f"{status.stage}, Esc to cancel")
         layout.operator("leafcloud.bake")
+        if status.note and status.viewer != settings.viewer:
+            _add_note(layout, context)
         layout.operator("leafcloud.preview", depress=is_previewed())
 
 
@@ -81,6 +83,20 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
             below.active = row.state != OFF
             for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _letters(context))]:
                 below.label(text=text, icon="BLANK1")
+
+
+_REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}
+"""What a button is called that bakes with this viewer."""
+
+
+def _add_note(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """A box that tells what the camera has decided, with a button that decides otherwise."""
+    status = context.window_manager.leafcloud
+    box = layout.box()
+    column = box.column(align=True)
+    for number, text in enumerate(textwrap.wrap(status.note, _letters(context))):
+        column.label(text=text, icon="INFO" if number == 0 else "BLANK1")
+    box.operator("leafcloud.bake", text=_REMEDIES[status.viewer]).viewer = status.viewer
 
 
 def _letters(context: bpy.types.Context) -> int:

@@ -7,16 +7,18 @@ keep bpy itself alive at exit, which crashes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..plan.effects import Effect
+from ..naming import with_names
+from ..plan.effects import CameraNote, Effect
 from ..setting import Described
-from ..settings import EFFECTS, BakeSettings, described
+from ..settings import EFFECTS, BakeSettings, asked_effects, described
+from ..versions import blend_relative_path
 
 AUTO, ON, OFF = "AUTO", "ON", "OFF"
 
@@ -34,11 +36,19 @@ _EFFECT_ITEMS = [
 
 @dataclass(frozen=True)
 class _Shown:
-    """How a setting looks in the interface: what it is called, how far its slider goes, how many digits it has."""
+    """How a setting looks in the interface: its label, how far its slider goes, how many digits it has.
+
+    choices: labels of choices that are not just the choice with a capital.
+    """
 
     label: str
     slider: float | None = None
     digits: int = 2
+    choices: Mapping[str, str] = field(default_factory=dict)
+
+    def choice(self, value: str) -> str:
+        """The label of one of the setting's choices."""
+        return self.choices.get(value, value.title())
 
 
 _SHOWN = {
@@ -63,10 +73,14 @@ _SHOWN = {
     "seed": _Shown("Seed"),
     "trees": _Shown("Trees"),
     "engine": _Shown("Engine"),
-    "viewer": _Shown("Viewer"),
+    "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }
 """The settings that the interface has; the others are the command line's."""
+
+
+_OTHERS = {"leaves": "Leaves", "out": "Folder", "effects": "Effects"}
+"""What messages name beside the settings: the labels of two properties and of a panel."""
 
 
 def effect_property(name: str) -> str:
@@ -74,25 +88,47 @@ def effect_property(name: str) -> str:
     return f"effect_{name}"
 
 
+def effect_label(name: str) -> str:
+    """How the interface calls the effect `name`."""
+    return name.replace("_", " ").title()
+
+
+def with_labels(message: str) -> str:
+    """The message with the label of every setting that it names."""
+    return with_names(message, _label_words)
+
+
+def _label_words(name: str, value: str | None) -> str | None:
+    if name in _SHOWN:
+        shown = _SHOWN[name]
+        return shown.label if value is None else f"{shown.label}: {shown.choice(value)}"
+    if name == "effects" and value is not None and (forced := asked_effects(value).forced):
+        return ", ".join(f"{effect_label(effect)}: {'On' if on else 'Off'}" for effect, on in forced.items())
+    # What only the command line has can be in a message of the core; then its name says what it is.
+    hidden = name.replace("_", " ") if name in {each.name for each in described()} else None
+    return _OTHERS.get(name, hidden)
+
+
 class LeafcloudSettings(bpy.types.PropertyGroup):
     """What the next bake of this scene is asked to do."""
 
     leaves: StringProperty(
-        name="Leaves",
+        name=_OTHERS["leaves"],
         description="Objects or materials that are leaves, with commas between; empty: found by name or by shape",
     )
     directory: StringProperty(
-        name="Folder",
+        name=_OTHERS["out"],
         description="Where to write the levels as glTF, with preview and report; empty: nothing is written",
         subtype="DIR_PATH",
+        options=blend_relative_path(),
     )
 
 
 def _property(each: Described, shown: _Shown) -> Any:
     setting = each.setting
-    said: dict[str, Any] = {"name": shown.label, "description": _sentence(setting.about)}
+    said: dict[str, Any] = {"name": shown.label, "description": _sentence(with_labels(setting.about))}
     if setting.choices:
-        items = [(name, name.title(), _sentence(what)) for name, what in setting.choices.items()]
+        items = [(name, shown.choice(name), _sentence(with_labels(what))) for name, what in setting.choices.items()]
         return EnumProperty(items=items, default=each.default, **said)
     if each.type is bool:
         return BoolProperty(default=each.default, **said)
@@ -129,7 +165,7 @@ for _each in described():
         LeafcloudSettings.__annotations__[_each.name] = _property(_each, _SHOWN[_each.name])
 for _name in EFFECTS:
     LeafcloudSettings.__annotations__[effect_property(_name)] = EnumProperty(
-        name=_name.replace("_", " ").title(),
+        name=effect_label(_name),
         description="Whether the levels carry this effect",
         items=_EFFECT_ITEMS,
         default=AUTO,
@@ -145,15 +181,28 @@ class LeafcloudPlanRow(bpy.types.PropertyGroup):
 
 
 class LeafcloudStatus(bpy.types.PropertyGroup):
-    """What the bake that runs now is doing; `stage` is empty while none runs. `plan` is the last one, or empty."""
+    """What the bake that runs now is doing; `stage` is empty while none runs. `plan` is the last one, or empty.
+
+    note: what there is to tell of the camera, or empty; viewer: the other value of that setting.
+    """
 
     stage: StringProperty(options={"SKIP_SAVE"})
     fraction: FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)
     plan: CollectionProperty(type=LeafcloudPlanRow, options={"SKIP_SAVE"})
+    note: StringProperty(options={"SKIP_SAVE"})
+    viewer: StringProperty(options={"SKIP_SAVE"})
 
 
-def show_plan(status: LeafcloudStatus, effects: Sequence[Effect]) -> None:
-    """Puts the effects into the table."""
+def show_nothing(status: LeafcloudStatus) -> None:
+    """As before any plan and any bake."""
+    show_plan(status, (), ())
+    status.stage, status.fraction = "", 0.0
+
+
+def show_plan(status: LeafcloudStatus, effects: Sequence[Effect], notes: Sequence[CameraNote]) -> None:
+    """Puts the effects into the table, and what there is to tell of the camera into its place."""
+    first = next(iter(notes), CameraNote("", ""))
+    status.note, status.viewer = _sentence(with_labels(first.text)), first.viewer
     status.plan.clear()
     for effect in effects:
         row = status.plan.add()

@@ -12,6 +12,7 @@ from ..build.rollback import removed_on_failure
 from ..build.scene_nodes import SceneSettings, add_scene_modifier
 from ..build.shared_scene import SharedTrees, levels_shown, shared_trees
 from ..pipeline import view_of
+from .properties import with_labels
 
 NAME = "Leafcloud Scene"
 
@@ -83,7 +84,7 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
                 context.scene.collection.objects.link(obj)
                 add_scene_modifier(obj, shared.trees, settings)
         except ValueError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
         for source in shared.sources:
             source.hide_render = True
@@ -101,7 +102,7 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
         if any(other != first for other in others):
             self.report({"WARNING"}, f"the trees are of different kinds: all are pruned as {name} is")
         if not first.measured:
-            chain = "bake it with the chain Pruning or Both to have them grow as is seen"
+            chain = with_labels("bake it with `chain=pruning` or `chain=both` to have them grow as is seen")
             self.report({"WARNING"}, f"pruned leaves of {name} grow by their area alone: {chain}")
         return SceneSettings(
             prune_start=first.start,

@@ -1,4 +1,5 @@
 //! Everything that the crate refuses. A message names the thing, its value, its limit and the remedy, in one line.
+//! A remedy names settings as Python's arguments, in backticks: interfaces put their own names there.
 
 use thiserror::Error;
 

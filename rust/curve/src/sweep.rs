@@ -242,7 +242,7 @@ pub fn sweep(
     let budget = max_texels.is_some() || (max_billboards.is_some() && *method != Method::KMeans);
     if budget && sweep == Sweep::Full {
         return Err(Error::invalid(
-            "a budget of billboards or texels decides on epsilon, which a cost curve varies: leave max_billboards and max_texels out",
+            "a budget of billboards or texels decides on `epsilon`, which a cost curve varies: leave `max_billboards` and `max_texels` out",
         ));
     }
     let mut curve = Curve {

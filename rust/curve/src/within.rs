@@ -218,7 +218,7 @@ impl Wish {
         ];
         match given.into_iter().find(|(_, given)| *given) {
             Some((name, _)) => Err(Error::invalid(format!(
-                "{name} leaves no choice of epsilon to seconds, image_error or a preset; leave one of them out"
+                "`{name}` leaves no choice of `epsilon` to `seconds`, `image_error` or a `preset`; leave one of them out"
             ))),
             None => Ok(()),
         }
@@ -319,7 +319,7 @@ impl Tries<'_> {
 
     fn beyond(&self, most: f64, least: f64) -> Error {
         Error::invalid(format!(
-            "image_error is {most}; the least that {} tries came to is {least}: raise it, texture_size or samples",
+            "`image_error` is {most}; the least that {} tries came to is {least}: raise it, `texture_size` or `samples`",
             self.count
         ))
     }
@@ -401,7 +401,7 @@ impl Tries<'_> {
         let swept = begun.elapsed().as_secs_f64();
         let quickest = self.offers.first().map_or(f64::NAN, |offer| offer.predicted.seconds);
         Error::invalid(format!(
-            "seconds is {most}; looking for settings took {swept:.1}, and the quickest are predicted to take {quickest:.1}: raise it"
+            "`seconds` is {most}; looking for settings took {swept:.1}, and the quickest are predicted to take {quickest:.1}: raise it"
         ))
     }
 }

@@ -83,7 +83,7 @@ fn what_cannot_be_swept_is_refused() {
     assert!(refuse(ChainSettings { texture_size: 8.into(), ..small() }).to_string().contains("between 64 and 16384"));
     let budget = ChainSettings { fit: FitSettings { max_texels: Some(9000), ..small().fit }, ..small() };
     let refused = sweep(&crown, None, &budget, Sweep::Full, Progress::silent()).unwrap_err().to_string();
-    assert!(refused.contains("leave max_billboards and max_texels out"), "{refused}");
+    assert!(refused.contains("leave `max_billboards` and `max_texels` out"), "{refused}");
     let wish = |wish| build_within(&crown, None, &small(), wish, Progress::silent()).unwrap_err().to_string();
     assert!(wish(Wish::Seconds(0.0)).contains("seconds is 0"));
     assert!(wish(Wish::Seconds(f64::NAN)).contains("greater than 0"));
@@ -93,7 +93,7 @@ fn what_cannot_be_swept_is_refused() {
     let fit = FitSettings { max_billboards: Some(9), ..FitSettings::default() };
     let fixed =
         build_within(&crown, None, &ChainSettings { fit, ..small() }, Wish::ImageError(0.5), Progress::silent());
-    assert!(fixed.unwrap_err().to_string().contains("max_billboards leaves no choice"));
+    assert!(fixed.unwrap_err().to_string().contains("`max_billboards` leaves no choice"));
 }
 
 #[test]

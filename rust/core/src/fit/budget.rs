@@ -65,7 +65,7 @@ pub fn smallest<T>(
 
 /// When no ε is large enough.
 pub fn out_of_reach(name: &str, limit: usize) -> Error {
-    Error::invalid(format!("{name} is {limit}, which no epsilon up to 1 was found to reach; raise it"))
+    Error::invalid(format!("`{name}` is {limit}, which no `epsilon` up to 1 was found to reach; raise it"))
 }
 
 #[cfg(test)]

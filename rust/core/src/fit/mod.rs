@@ -38,7 +38,7 @@ use bounds::Bounds;
 use density::Density;
 use pieces::{Pieces, Slab, Whole};
 pub(crate) use random::Stream;
-pub use settings::{Effort, FitSettings, ImageBound, Method, NO_LIMIT, Named, Preference, TEXELS_PER_EPSILON};
+pub use settings::{Effort, FitSettings, ImageBound, Method, Named, Preference, TEXELS_PER_EPSILON};
 use stochastic::Stochastic;
 use sweep::{Guard, Search};
 
@@ -142,7 +142,7 @@ fn check_precision(foliage: &Foliage, bound: f64) -> Result<()> {
     }
     Err(Error::invalid(format!(
         "the foliage lies {far:.3e} from the origin, where coordinates are rounded by {rounded:.1e}; leaves may move by {bound:.1e}: move \
-         the foliage nearer to the origin or raise epsilon"
+         the foliage nearer to the origin or raise `epsilon`"
     )))
 }
 
@@ -183,7 +183,7 @@ impl Task<'_> {
         Search {
             guard: Guard { facing: 0.0, slope: SLOPE },
             bin: pieces.least_bound() / BINS_PER_BOUND,
-            reach: self.settings.reach() as f32,
+            reach: self.settings.max_size.map_or(f32::INFINITY, |size| size as f32),
             favour,
             seed: self.settings.seed,
         }

@@ -135,7 +135,7 @@ pub struct FitSettings {
     /// not below `epsilon`.
     pub max_texels: Option<usize>,
     /// The greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, in [ε, 2]. A leaf
-    /// larger than that has a billboard of its own size; [`NO_LIMIT`] limits nothing. `None`: see [`FitSettings::reach`].
+    /// larger than that has a billboard of its own size. `None`: any distance.
     pub max_size: Option<f64>,
     /// Parts of a billboard with a gap between them become billboards of their own when the gap is at least this share of R.
     pub compact: Option<f64>,
@@ -151,13 +151,6 @@ pub struct FitSettings {
     /// A bound that grows with the distance from the viewer, where it is below ε.
     pub image: Option<ImageBound>,
 }
-
-/// The size limit of a fit that sets none: billboards a fifth of R across draw a third to a quarter of the fragments of unlimited ones, for
-/// some hundred triangles more (`docs/bench/size.md`).
-pub const DEFAULT_SIZE: f64 = 0.2;
-
-/// The size limit that limits nothing: no two leaves of a crown lie farther apart.
-pub const NO_LIMIT: f64 = 2.0;
 
 /// Texels that ε is long in a texture that fits its cloud: a level takes over where its deviation is seen smaller than as many pixels.
 pub const TEXELS_PER_EPSILON: f64 = 8.0;
@@ -194,19 +187,6 @@ pub const MIN_EPSILON: f64 = 1e-9;
 const LARGEST_WEIGHT: f64 = 1e6;
 
 impl FitSettings {
-    /// The size limit in force, as a share of R: `max_size`, else [`DEFAULT_SIZE`] or ε, whichever is more.
-    ///
-    /// Infinite without a `max_size` where a limit would work against the request: a given number of billboards, and the published methods,
-    /// which know no limit.
-    #[must_use]
-    pub fn reach(&self) -> f64 {
-        let published = self.method != Method::Stochastic || self.effort == Effort::Literal;
-        let default =
-            if published || self.max_billboards.is_some() { NO_LIMIT } else { DEFAULT_SIZE.max(self.epsilon) };
-        let size = self.max_size.unwrap_or(default);
-        if size < NO_LIMIT { size } else { f64::INFINITY }
-    }
-
     /// How much of each triangle counts as opaque: all of it unless `trim` asks for a look at the textures.
     #[must_use]
     pub fn opacity(&self, foliage: &Foliage) -> Opacity {
@@ -230,7 +210,7 @@ impl FitSettings {
             within("max_texels", count as f64, 256.0, 1e12)?;
         }
         if let Some(size) = self.max_size {
-            within("max_size", size, self.epsilon, NO_LIMIT)?;
+            within("max_size", size, self.epsilon, 2.0)?;
         }
         if let Some(gap) = self.compact {
             within("compact", gap, 1e-6, 2.0)?;

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec2};
 use super::{ChainSettings, Judges, drawn, sides, tune};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use crate::fit::{FitSettings, NO_LIMIT, Named, fit_within};
+use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Attributes, Foliage, Image, Material, Opacity};
 use crate::geometry::Frame;
 use crate::judge::{Judge, Judgement};
@@ -118,10 +118,10 @@ struct Layout {
 
 /// The layout within the settings. Where the default size limit gives more billboards than the page holds, the limit is left out.
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
-    let by_default = step.fit.max_size.is_none() && step.fit.reach().is_finite();
+    let by_default = settings.fit.max_size.is_none() && step.fit.max_size.is_some();
     match layout_of(step, &step.fit, settings, progress) {
         Err(Error::Invalid(_)) if by_default => {
-            let unlimited = FitSettings { max_size: Some(NO_LIMIT), ..step.fit.clone() };
+            let unlimited = FitSettings { max_size: None, ..step.fit.clone() };
             layout_of(step, &unlimited, settings, progress)
         }
         other => other,

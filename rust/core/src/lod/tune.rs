@@ -204,7 +204,7 @@ pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Res
 
 fn nothing_shows(page: &Image) -> Error {
     Error::invalid(format!(
-        "nothing shows on a page of {} × {} texels: the leaves are thinner there than the samples of a texel; raise texture_size or samples, \
+        "nothing shows on a page of {} × {} texels: the leaves are thinner there than the samples of a texel; raise `texture_size` or `samples`, \
          ask for fewer levels, or leave out the cross",
         page.width(),
         page.height()

@@ -280,7 +280,7 @@ impl Billboard {
 
 fn too_many(billboards: usize, size: PageSize) -> Error {
     Error::invalid(format!(
-        "{billboards} billboards do not fit on a texture of {size}; raise the texture size or epsilon"
+        "{billboards} billboards do not fit on a texture of {size}; raise `texture_size` or `epsilon`"
     ))
 }
 

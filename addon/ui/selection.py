@@ -1,0 +1,73 @@
+"""What is selected, as trees to work on. Baked levels stand for the objects that they were made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+import bpy
+
+from ..build.earlier import levels_of
+from ..scene import SceneError
+from ..scene.baked_levels import record_of
+from ..scene.extract import Tree, extract
+from ..scene.trees import extract_trees, grouped
+from .properties import leaf_names
+
+
+@contextmanager
+def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
+    """The trees that the settings make of what is selected, by their names.
+
+    During the block the scene shows them in place of the levels that an earlier bake made of them.
+    Raises one of `job_operator.REFUSALS`.
+    """
+    settings, sources = context.scene.leafcloud, _selected_sources(context)
+    members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
+    levels = [obj for obj in members if record_of(obj) is not None]
+    with _shown_instead(context.view_layer, sources, levels):
+        depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
+        if settings.trees == "one":
+            tree = extract(depsgraph, sources, leaf_names=names)
+            yield {tree.name: tree}
+        else:
+            yield extract_trees(depsgraph, grouped(sources, settings.trees), leaf_names=names)
+
+
+def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The selected objects, with the sources of those that are levels in their place."""
+    here = {obj.name_full: obj for obj in context.view_layer.objects}
+    sources: dict[bpy.types.Object, None] = {}
+    for obj in context.selected_objects:
+        made = record_of(obj)
+        names = (obj.name_full,) if made is None else made.sources
+        lost = [name for name in names if name not in here]
+        if lost:
+            raise SceneError(
+                f"object {obj.name!r} is a level of a baked tree, and {', '.join(map(repr, lost[:8]))}, of which it "
+                "was made, is not in the view layer: bring that back, or select another tree"
+            )
+        sources |= {here[name]: None for name in names}
+    return list(sources)
+
+
+@contextmanager
+def _shown_instead(
+    layer: bpy.types.ViewLayer, shown: Sequence[bpy.types.Object], hidden: Iterable[bpy.types.Object]
+) -> Iterator[None]:
+    """Shows some objects of the layer in the view and in renders, and hides others; at the end all is as before."""
+    here = set(layer.objects)
+    wanted = {**dict.fromkeys(shown, False), **{obj: True for obj in hidden if obj in here}}
+    before = {obj: (obj.hide_get(view_layer=layer), obj.hide_render) for obj in wanted}
+    selected = [obj for obj in wanted if obj.select_get(view_layer=layer)]
+    try:
+        for obj, hide in wanted.items():
+            obj.hide_set(hide, view_layer=layer)
+            obj.hide_render = hide
+        yield
+    finally:
+        for obj, (in_view, in_renders) in before.items():
+            obj.hide_set(in_view, view_layer=layer)
+            obj.hide_render = in_renders
+        for obj in selected:  # What is hidden is no longer selected.
+            obj.select_set(True, view_layer=layer)

@@ -1,0 +1,280 @@
+"""A bake after a bake: the levels of the same objects give way, and baked levels are no tree."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+from command_line import refusal, run, saved
+from lod_scenes import add_camera
+from scenes import add_mesh, read
+
+import addon
+from addon.scene import SceneError
+
+KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+
+
+@pytest.fixture(autouse=True)
+def _registered(_fresh_scene: None) -> Iterator[None]:
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture
+def sources(shrub: Path) -> list[bpy.types.Object]:
+    """The shrub's objects, selected, with settings that bake it quickly."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.candidates = 64, 1, 50
+    found = [bpy.data.objects["leaves"], bpy.data.objects["branches"]]
+    select(*found)
+    return found
+
+
+def select(*objects: bpy.types.Object, active: bpy.types.Object | None = None) -> None:
+    bpy.ops.object.select_all(action="DESELECT")
+    for obj in objects:
+        obj.hide_set(False)
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = active or objects[0]
+
+
+def names() -> dict[str, list[str]]:
+    """What is in the file and has users, by its kind."""
+    return {kind: sorted(item.name for item in getattr(bpy.data, kind) if item.users) for kind in KINDS}
+
+
+def shown() -> dict[str, tuple[bool, bool]]:
+    return {obj.name: (obj.visible_get(), obj.hide_render) for obj in bpy.context.scene.objects}
+
+
+def test_a_second_bake_takes_the_place_of_the_first(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    first, before, seen = bpy.data.objects["leaves_LOD0"].session_uid, names(), shown()
+    select(*sources)
+    bpy.ops.leafcloud.bake()
+    assert bpy.data.objects["leaves_LOD0"].session_uid != first
+    assert names() == before
+    assert shown() == seen
+    assert [each.name for each in bpy.context.scene.collection.children if "LOD" in each.name] == []
+
+
+def test_a_selected_level_stands_for_what_it_was_made_of(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    before = names()
+    assert [obj.name for obj in bpy.context.selected_objects] == ["leaves_LOD0"]
+    assert bpy.context.view_layer.objects.active.name == "leaves_LOD0"
+    settings = bpy.context.scene.leafcloud
+    settings.levels = 2
+    for name in ("leaves_LOD0", "leaves_LOD1_wood"):
+        select(bpy.data.objects[name])
+        assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    assert {*names()["objects"]} == {*before["objects"], "leaves_LOD2_wood", "leaves_LOD3"}
+    settings.levels = 1
+    bpy.ops.leafcloud.bake()
+    assert names() == before
+
+
+def test_a_level_can_be_planned_and_measured(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    seen = shown()
+    assert bpy.ops.leafcloud.plan() == {"FINISHED"}
+    assert bpy.ops.leafcloud.curve() == {"FINISHED"}
+    assert shown() == seen
+
+
+def test_a_bake_of_more_of_a_tree_takes_the_place_of_that_of_its_leaves(sources: list[bpy.types.Object]) -> None:
+    select(sources[0])
+    bpy.ops.leafcloud.bake()
+    assert "leaves_LOD0_wood" not in bpy.data.objects
+    select(*sources)
+    bpy.ops.leafcloud.bake()
+    assert "leaves_LOD0_wood" in bpy.data.objects
+    assert not [name for name in names()["objects"] if "_2" in name or "." in name]
+
+
+def test_another_tree_is_left_alone(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    other = sources[0].copy()
+    bpy.context.scene.collection.objects.link(other)
+    select(other)
+    bpy.ops.leafcloud.bake()
+    assert {"leaves_LOD0", "leaves.001_LOD0"} <= {*names()["objects"]}
+
+
+def test_instances_and_an_artists_own_objects_stay(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    levels, scene = bpy.data.collections["leaves"], bpy.context.scene
+    instance, lamp = bpy.data.objects.new("far", None), bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
+    instance.instance_type, instance.instance_collection = "COLLECTION", levels
+    scene.collection.objects.link(instance)
+    levels.objects.link(lamp)
+    lamp.parent = bpy.data.objects["leaves_LOD0"]
+    garden = bpy.data.collections.new("garden")
+    scene.collection.children.link(garden)
+    scene.collection.children.unlink(levels)
+    garden.children.link(levels)
+    levels.name = "shrub"
+    select(bpy.data.objects["leaves_LOD0"])
+    bpy.ops.leafcloud.bake()
+    assert [child.name for child in garden.children] == ["shrub"]
+    assert [child.name for child in scene.collection.children if child.name != "Collection"] == ["garden"]
+    assert instance.instance_collection == bpy.data.collections["shrub"]
+    assert lamp.name in bpy.data.collections["shrub"].objects
+    assert lamp.parent == bpy.data.objects["shrub_LOD0"]
+
+
+def test_a_second_bake_that_fails_leaves_the_first(
+    sources: list[bpy.types.Object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bpy.ops.leafcloud.bake()
+    before, seen = names(), shown()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device", "leaves_LOD0.glb")
+
+    monkeypatch.setattr("addon.ui.operators.remember", full)
+    with pytest.raises(RuntimeError, match=r"cannot write leaves_LOD0\.glb: No space left on device; .*another Folder"):
+        bpy.ops.leafcloud.bake()
+    assert names() == before
+    assert shown() == seen
+    assert "leaves_LOD1" in bpy.data.collections["leaves"].objects
+
+
+def test_a_refusal_leaves_everything_as_it_was(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    before, seen = names(), shown()
+    bpy.context.scene.leafcloud.leaves = "petals"
+    with pytest.raises(RuntimeError, match="petals"):
+        bpy.ops.leafcloud.bake()
+    assert (names(), shown()) == (before, seen)
+
+
+def test_several_trees_take_the_place_of_themselves(sources: list[bpy.types.Object]) -> None:
+    other = sources[0].copy()
+    other.location.x = 9.0
+    bpy.context.scene.collection.objects.link(other)
+    bpy.context.scene.leafcloud.trees = "parents"
+    select(sources[0], other)
+    bpy.ops.leafcloud.bake()
+    before = names()
+    assert {"grove", "leaves", "leaves.001"} <= {*before["collections"]}
+    assert {obj.name for obj in bpy.context.selected_objects} == {"leaves_LOD0", "leaves.001_LOD0"}
+    bpy.ops.leafcloud.bake()
+    assert names() == before
+    select(bpy.data.objects["leaves_LOD1"])
+    bpy.ops.leafcloud.bake()
+    assert {*names()["objects"]} == {*before["objects"]}
+    assert {child.name for child in bpy.data.collections["grove"].children} == {"leaves", "leaves.001"}
+
+
+def test_a_level_whose_tree_is_gone_says_so_at_once(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    bpy.data.objects.remove(sources[0])
+    with pytest.raises(
+        RuntimeError, match="'leaves_LOD0' is a level of a baked tree, and 'leaves', of which it was made"
+    ):
+        bpy.ops.leafcloud.bake()
+
+
+def test_names_follow_what_is_selected(sources: list[bpy.types.Object]) -> None:
+    cube = add_mesh("Cube", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    select(*sources, active=cube)
+    cube.select_set(False)
+    bpy.ops.leafcloud.bake()
+    assert "leaves_LOD0" in bpy.data.objects
+
+
+def test_reading_a_level_as_a_tree_is_refused(sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    with pytest.raises(SceneError, match="'leaves_LOD0' is a level of a baked tree: bake 'branches', 'leaves'"):
+        read()
+
+
+def test_the_command_line_says_at_once_that_a_file_holds_levels(
+    sources: list[bpy.types.Object], tmp_path: Path
+) -> None:
+    bpy.ops.leafcloud.bake()
+    source = saved(tmp_path / "baked.blend")
+    line = refusal(tmp_path / "out", "--input", source)
+    remedy = "bake 'branches', 'leaves' (select them, or show them in renders and hide the levels there)"
+    assert line == f"object 'leaves_LOD0' is a level of a baked tree: {remedy}"
+    plan = run("--input", source, "--plan-only")
+    assert (plan.returncode, plan.stderr) == (1, f"bake.py: {line}\n")
+    for obj in bpy.context.scene.objects:
+        obj.hide_set(obj not in sources)
+        obj.hide_render = obj not in sources
+    saved(source)
+    plan = run("--input", source, "--plan-only", "--json")
+    assert plan.returncode == 0, plan.stderr
+    assert json.loads(plan.stdout)
+
+
+# The folder
+
+
+@pytest.fixture
+def no_bake(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core must not be reached."""
+
+    def start(*_: object) -> None:
+        raise AssertionError("the bake has begun")
+
+    monkeypatch.setattr("addon.ui.operators.start_grove", start)
+
+
+@pytest.mark.usefixtures("no_bake")
+def test_a_folder_that_cannot_be_written_to_is_told_before_the_bake(
+    sources: list[bpy.types.Object], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    bpy.context.scene.leafcloud.directory = str(tmp_path / "file" / "out")
+    with pytest.raises(RuntimeError, match=r"Folder is '.*out', but .*file is not a folder: choose another"):
+        bpy.ops.leafcloud.bake()
+
+
+@pytest.mark.usefixtures("no_bake")
+def test_a_folder_beside_a_file_that_is_not_saved_is_told_before_the_bake(sources: list[bpy.types.Object]) -> None:
+    bpy.context.scene.leafcloud.directory = "//out"
+    with pytest.raises(RuntimeError, match=r"Folder is '//out', .* this file is not saved: save it"):
+        bpy.ops.leafcloud.bake()
+
+
+def test_a_folder_beside_the_file_is_written_to(sources: list[bpy.types.Object], tmp_path: Path) -> None:
+    saved(tmp_path / "garden.blend")
+    bpy.context.scene.leafcloud.directory = "//out"
+    bpy.ops.leafcloud.bake()
+    assert (tmp_path / "out" / "report.json").is_file()
+
+
+def test_the_folders_property_takes_paths_beside_the_file() -> None:
+    said = bpy.context.scene.leafcloud.bl_rna.properties["directory"]
+    assert getattr(said, "is_path_supports_blend_relative", True)
+    assert said.is_animatable
+
+
+# Another file
+
+
+def test_another_file_brings_nothing_of_the_last(sources: list[bpy.types.Object], tmp_path: Path) -> None:
+    from addon.ui import measured
+
+    add_camera((0.0, -9.0, 0.0))
+    bpy.ops.leafcloud.curve()
+    bpy.ops.leafcloud.bake()
+    status = bpy.context.window_manager.leafcloud
+    assert len(status.plan), status.note
+    assert measured.last() is not None
+    assert measured.told()
+    path = saved(tmp_path / "another.blend")
+    for opened in range(2):
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        status = bpy.context.window_manager.leafcloud
+        assert (len(status.plan), status.note, status.viewer, status.stage) == (0, "", "", ""), opened
+        assert measured.last() is None
+        assert measured.told() == ""
