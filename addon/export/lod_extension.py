@@ -2,8 +2,9 @@
 
 The scene has the node of each tree's level 0 alone, with its trunk. The extension on that node names those of the other
 levels, which lie in no scene, each with its own trunk as its child. `extras.MSFT_screencoverage` beside it has for each
-level the share of the picture's area down to which it is drawn: how much of it the disc of the crown's sphere covers
-where the next level takes over, in a picture of `ASPECT`. The last level is drawn down to 0.
+level the share of the picture's height down to which it is drawn: how much of it the crown's sphere covers where the
+next level takes over. The last level is drawn down to 0. The extension's text does not say of what coverage is a share;
+the importer that reads it, UnityGLTF, takes it for a share of the height.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ from .glb_file import read_glb, write_glb
 
 EXTENSION = "MSFT_lod"
 COVERAGE = "MSFT_screencoverage"
-ASPECT = 16.0 / 9.0
-"""Width of a picture over its height: that of most screens."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +30,12 @@ class LodChain:
 
 
 def screen_coverages(switch_distances: Sequence[float], radius: float, view: View) -> tuple[float, ...]:
-    """For each level the share of the picture's area, in [0, 1], that the sphere covers where the next takes over.
+    """For each level the share of the picture's height, in [0, 1], that the sphere covers where the next takes over.
 
     `switch_distances` rise from 0 and have the unit of `radius`; the last share is 0.
     """
     tangent = math.tan(view.field_of_view / 2.0)
-    shares = [math.pi / (4.0 * ASPECT) * (radius / (distance * tangent)) ** 2 for distance in switch_distances[1:]]
-    return (*(min(share, 1.0) for share in shares), 0.0)
+    return (*(min(radius / (distance * tangent), 1.0) for distance in switch_distances[1:]), 0.0)
 
 
 def add_lods(path: Path, chains: Iterable[LodChain]) -> None:

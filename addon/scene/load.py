@@ -85,6 +85,7 @@ def _remove_far_levels(objects: set[bpy.types.Object]) -> None:
     levels = [obj for obj in objects if obj.get("leafcloud", {}).get("level", 0) > 0]
     for obj in {member for level in levels for member in (level, *level.children_recursive)}:
         bpy.data.objects.remove(obj)
+    bpy.data.orphans_purge(do_recursive=True)  # Another bake may want their names.
 
 
 def _open_obj(path: Path) -> None:
