@@ -82,7 +82,8 @@ def _remove_far_levels(objects: set[bpy.types.Object]) -> None:
 
     Blender shows them before 4.5, and keeps them in a collection that is excluded from 4.5 on.
     """
-    levels = [obj for obj in objects if obj.get("leafcloud", {}).get("level", 0) > 0]
+    baked = {obj: obj.get("leafcloud") for obj in objects}
+    levels = [obj for obj, found in baked.items() if hasattr(found, "get") and found.get("level", 0) > 0]
     for obj in {member for level in levels for member in (level, *level.children_recursive)}:
         bpy.data.objects.remove(obj)
     bpy.data.orphans_purge(do_recursive=True)  # Another bake may want their names.
