@@ -243,6 +243,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         name=name,
         placement=prepared.placement,
         centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
+        radius=radius / prepared.placement.scale,
         roughness=prepared.gloss.roughness,
         metallic=prepared.gloss.metallic,
         specular=prepared.gloss.specular,

@@ -59,3 +59,9 @@ class Placement:
             return corners
         wound: Any = np.roll(corners[:, ::-1], 1, axis=1)
         return wound
+
+
+def y_up(vector: tuple[float, float, float]) -> list[float]:
+    """A vector of Blender's Z-up coordinates in glTF's, for extras."""
+    x, y, z = vector
+    return [x, z, 0.0 - y]  # Not −0.

@@ -300,9 +300,15 @@ class BakeSettings:
             },
         ),
     ] = "one"
-    engine: Annotated[str, Setting("which engine the glTF is for", "NAME", choices=dict.fromkeys(ENGINES, ""))] = (
-        "generic"
-    )
+    engine: Annotated[
+        str,
+        Setting(
+            "which engine the glTF is for: babylon, godot, unity and unreal get rank and pivot as texture coordinates, "
+            "the others as attributes by name",
+            "NAME",
+            choices=dict.fromkeys(ENGINES, ""),
+        ),
+    ] = "generic"
     effects: Annotated[
         str,
         Setting(

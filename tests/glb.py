@@ -41,17 +41,29 @@ class Node:
 
 
 def read_glb(path: Path) -> dict[str, Node]:
-    """All nodes of the file by name."""
+    """All nodes of the file by name, also those that lie in no scene."""
+    content, binary = read_chunks(path)
+    inner = {child for node in content["nodes"] for child in node.get("children", ())}
+    return _nodes(content, binary, [number for number in range(len(content["nodes"])) if number not in inner])
+
+
+def read_scene(path: Path) -> dict[str, Node]:
+    """The nodes of the default scene by name: what a plain reader draws."""
+    content, binary = read_chunks(path)
+    return _nodes(content, binary, content["scenes"][content["scene"]]["nodes"])
+
+
+def read_chunks(path: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON document and the binary chunk of the file."""
     data = path.read_bytes()
     magic, _, length = struct.unpack_from("<4sII", data)
     assert magic == b"glTF"
     assert length == len(data)
     json_length, _ = struct.unpack_from("<I4s", data, 12)
-    content = json.loads(data[20 : 20 + json_length])
-    return _nodes(content, data[20 + json_length + 8 :])
+    return json.loads(data[20 : 20 + json_length]), data[20 + json_length + 8 :]
 
 
-def _nodes(content: dict[str, Any], binary: bytes) -> dict[str, Node]:
+def _nodes(content: dict[str, Any], binary: bytes, roots: list[int]) -> dict[str, Node]:
     nodes: dict[str, Node] = {}
 
     def visit(index: int, parent: NDArray[np.float64]) -> None:
@@ -65,7 +77,7 @@ def _nodes(content: dict[str, Any], binary: bytes) -> dict[str, Node]:
         for child in node.get("children", ()):
             visit(child, matrix)
 
-    for root in content["scenes"][content["scene"]]["nodes"]:
+    for root in roots:
         visit(root, np.eye(4))
     return nodes
 

@@ -25,15 +25,15 @@ ROUNDING = 1e-5
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
-    "seconds",
+    "seconds", "trunk_triangles",
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """The shrub, baked with the effects that are there by default."""
+    """The shrub, baked with the effects that are there by default, and with ranks to be pruned by."""
     out = tmp_path_factory.mktemp("shrub")
-    return out, bake(shrub, out, *QUICK)
+    return out, bake(shrub, out, *QUICK, "--effects=+pruning")
 
 
 # What is written
@@ -143,28 +143,6 @@ def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, 
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     expected = [areas[ranks[:, 0, 0] < (i / 64) ** 2].sum() / areas.sum() for i in range(65)]
     np.testing.assert_allclose(extras["area_shares"], expected, atol=1e-6)
-
-
-def test_texture_coordinates_stand_in_for_rank_and_pivot(baked: tuple[Path, dict[str, Any]]) -> None:
-    nodes = read_glb(baked[0] / "shrub.glb")
-    for name in ("shrub_LOD0", "shrub_LOD1"):
-        for primitive in nodes[name].primitives:
-            attributes = primitive.attributes
-            assert {f"TEXCOORD_{number}" for number in range(4)} <= set(attributes)
-            assert "TEXCOORD_4" not in attributes
-            stored = np.hstack([attributes["TEXCOORD_2"], attributes["TEXCOORD_3"]])
-            expected = np.column_stack([attributes["_LEAF_RANK"][:, 0], attributes["_LEAF_PIVOT"]])
-            np.testing.assert_allclose(stored, expected, atol=1e-6)
-            assert not attributes["TEXCOORD_1"][:, 0].any()
-
-
-def test_attributes_of_one_width_survive_blender_s_importer(baked: tuple[Path, dict[str, Any]]) -> None:
-    """It fails at random, by the hashes of the names, on attributes of several widths."""
-    for primitive in read_glb(baked[0] / "shrub.glb")["shrub_LOD0"].primitives:
-        custom = [values for name, values in primitive.attributes.items() if name.startswith("_")]
-        assert {values.shape[1:] for values in custom} == {(3,)}
-        rank = primitive.attributes["_LEAF_RANK"]
-        assert (rank == rank[:, :1]).all()
 
 
 def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
@@ -362,7 +340,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
 
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
-    again = bake(shrub, tmp_path, *QUICK)
+    again = bake(shrub, tmp_path, *QUICK, "--effects=+pruning")
     for name in report["files"]:
         if not name.endswith((".blend", ".json")):
             assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name
@@ -388,19 +366,6 @@ def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) 
         assert set(primitive.attributes) == {"POSITION", "NORMAL", "TEXCOORD_0"}
         assert not primitive.targets
     assert "normalTexture" not in nodes["shrub_LOD1"].primitives[0].material
-
-
-def test_godot_reads_rank_and_pivot_from_custom_attributes(
-    shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
-) -> None:
-    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--engine", "godot")
-    for primitive in read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives:
-        attributes = primitive.attributes
-        assert np.array_equal(attributes["_CUSTOM0"], attributes["_LEAF_RANK"])
-        assert np.array_equal(attributes["_CUSTOM1"], attributes["_LEAF_PIVOT"])
-        assert np.array_equal(attributes["_CUSTOM2"], attributes["_LEAF_PIVOT_TARGET"])
-        assert not [name for name in attributes if name.startswith(("TEXCOORD_1", "COLOR"))]
-    assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
 def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: Path, tmp_path: Path) -> None:

@@ -147,6 +147,7 @@ def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True
         name="tree",
         placement=placement,
         centre=(0.5, 0.0, 0.5),
+        radius=1.0,
         transitions=transitions,
         pruning=pruning,
         switch_distances=distances,

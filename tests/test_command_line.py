@@ -52,7 +52,7 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
     assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == [
-        ["transitions", "on"], ["pruning", "on"], ["back_sides", "auto"], ["trunk_levels", "on"],
+        ["transitions", "on"], ["pruning", "off"], ["back_sides", "auto"], ["trunk_levels", "on"],
         ["far_levels", "on"], ["normals", "on"], ["gloss", "off"], ["translucency", "off"],
         ["blend_order", "off"], ["occlusion", "off"], ["self_shadowing", "off"], ["shadow_proxy", "off"],
         ["leaf_map", "off"], ["contrast", "off"], ["grazing_fade", "off"], ["wind", "off"], ["baked_light", "off"],

@@ -23,7 +23,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
     effects = plan_effects(BakeSettings(), FACTS)
     assert states(effects) == {
         "transitions": True,
-        "pruning": True,
+        "pruning": False,
         "back_sides": None,
         "trunk_levels": False,
         "far_levels": True,
@@ -72,7 +72,7 @@ def test_occlusion_shares_its_texture_with_gloss(effect: str) -> None:
 
 
 def test_one_leaf_is_not_pruned() -> None:
-    effects = plan_effects(BakeSettings(), replace(FACTS, leaves=1))
+    effects = plan_effects(BakeSettings(chain="both"), replace(FACTS, leaves=1))
     assert states(effects)["pruning"] is False
 
 
@@ -97,7 +97,7 @@ def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None
     ("asked", "changed"),
     [
         ("auto,+occlusion,-normals", {"occlusion": True, "normals": False}),
-        ("-pruning", {"pruning": False}),
+        ("+pruning", {"pruning": True}),
         ("+gloss", {"gloss": True}),
         ("auto,+back_sides", {"back_sides": True}),
     ],

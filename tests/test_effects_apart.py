@@ -60,7 +60,7 @@ EFFECTS_APART = {
             "addon.build.morphs:Pruning",
             "addon.build.prune_tables:prefix_table",
             "addon.build.prune_tables:area_shares",
-            "addon.export.gltf:_add_engine_attributes",
+            "addon.export.vertex_data:_engine_values",
         ),
         ("attributes leaf_rank", "attributes leaf_pivot is", "_LEAF_RANK", "prefixes"),
         without=("wind",),
@@ -123,7 +123,7 @@ EFFECTS_APART = {
     ),
     "wind": Own(
         ("addon.build.swaying", "addon.build.wind_nodes:add_wind_modifier", "addon.build.wind_nodes:wind_group"),
-        ("attributes leaf_phase", "node_groups Leafcloud Wind is there", "_LEAF_WIND"),
+        ("attributes leaf_phase", "node_groups Leafcloud Wind is there", "_LEAF_BILLBOARD_PIVOT"),
     ),
     "baked_light": Own(
         ("addon.lighting", "addon.scene.light", "addon.build.baked_light", "addon.export.unlit"),

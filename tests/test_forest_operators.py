@@ -167,7 +167,7 @@ def test_leaves_without_ranks_are_refused_and_nothing_is_left() -> None:
     leaves = baked.levels[0].object
     leaves.data.attributes.remove(leaves.data.attributes["leaf_rank"])
     before = counts()
-    with pytest.raises(RuntimeError, match="has no leaf_rank: bake it with Viewer: Anywhere"):
+    with pytest.raises(RuntimeError, match="has no leaf_rank: bake it with the chain Both or Pruning"):
         bpy.ops.leafcloud.scene()
     assert counts() == before
     assert leaves.visible_get()

@@ -26,7 +26,7 @@ from plan_scenes import (
 from addon.plan.effects import sees_pages
 from addon.settings import BakeSettings
 
-ANYWHERE = {"transitions", "pruning", "far_levels", "normals"}
+ANYWHERE = {"transitions", "far_levels", "normals"}
 """What is on of a plain crown where the viewer may be anywhere; back sides are left to each level."""
 
 # At 1080 pixels over 50° a deviation of ε = 0.04 R is seen 8 pixels large from 5.79 R, one of 0.14 R from 20.3 R.
@@ -108,13 +108,13 @@ def test_an_unlit_game_gets_the_light_of_a_still_sun() -> None:
     add_camera(3.0, crown)
     add_light("SUN")
     plan = plan_of(crown, BakeSettings(engine="three", unlit=True))
-    assert on(plan) == {"transitions", "pruning", "far_levels", "back_sides", "baked_light"}
+    assert on(plan) == {"transitions", "far_levels", "back_sides", "baked_light"}
     assert plan["baked_light"].reason == "nothing is lit where the levels go, and 'Sun' stand still"
 
 
 def test_an_unlit_game_without_a_light_in_the_scene_gets_none() -> None:
     plan = plan_of(add_crown(), BakeSettings(engine="three", unlit=True))
-    assert on(plan) == {"transitions", "pruning", "far_levels"}
+    assert on(plan) == {"transitions", "far_levels"}
     assert "no light is in the scene" in plan["baked_light"].reason
 
 
@@ -184,7 +184,20 @@ def test_one_tree_before_a_camera_that_nears_it_a_little() -> None:
 def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
     plan = plan_of(add_crown())
     assert on(plan) == ANYWHERE
-    assert plan["pruning"].reason == f"the camera may be anywhere, so it may see {CARDS} leaves from far away"
+    assert plan["pruning"].reason == "all leaves stay until level 1 takes over from them, as --chain billboards has it"
+
+
+@pytest.mark.parametrize("chain", ["pruning", "both"])
+@pytest.mark.parametrize("engine", ["generic", "three"])
+def test_chains_that_prune_call_for_pruning_where_the_viewer_may_be_anywhere(chain: str, engine: str) -> None:
+    plan = plan_of(add_crown(), BakeSettings(chain=chain, engine=engine))
+    assert plan["pruning"].on is True
+    assert plan["pruning"].reason.endswith(f"so it may see {CARDS} leaves from far away")
+
+
+@pytest.mark.parametrize("engine", ["generic", "godot", "three"])
+def test_the_chain_of_billboards_prunes_nothing_and_calls_for_no_ranks(engine: str) -> None:
+    assert plan_of(add_crown(), BakeSettings(chain="billboards", engine=engine))["pruning"].on is False
 
 
 @pytest.mark.parametrize("settings", [BakeSettings(engine="godot"), BakeSettings(viewer="anywhere")])

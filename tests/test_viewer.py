@@ -95,9 +95,9 @@ def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.
     """The last is baked to be pruned, but for a leaf; the others keep all their leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
-        bake(shrub, out, *QUICK)
+        bake(shrub, out, *QUICK, "--effects=+pruning")
     elif request.param == "moved":
-        bake(moved(shrub, folder), out, *QUICK)
+        bake(moved(shrub, folder), out, *QUICK, "--effects=+pruning")
     else:
         bake(moved(shrub, folder, protected=[400]), out, *QUICK, "--chain", "both", "--prune-pixels", "60")
     return out

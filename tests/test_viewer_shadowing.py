@@ -57,7 +57,7 @@ def write_quad(path: Path, opened: int, toward: tuple[int, int, int], *, shading
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "extras": {"leafcloud": {"level": 0}}}],
+        "nodes": [{"mesh": 0, "extras": {"leafcloud": {"level": 0, "centre": [0.5, 0.5, 0.0], "radius": 0.5**0.5}}}],
         "meshes": [{"primitives": [primitive]}],
         "materials": [material],
         "textures": [{"source": 0}, {"source": 1}],

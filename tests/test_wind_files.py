@@ -53,9 +53,9 @@ def windy_scene(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(windy_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Baked with the effects that the scene calls for, wind among them."""
+    """Baked with the effects that the scene calls for, wind among them, and with ranks to be pruned by."""
     out = tmp_path_factory.mktemp("windy")
-    bake(windy_scene, out, *QUICK)
+    bake(windy_scene, out, *QUICK, "--effects=+pruning")
     return out
 
 
@@ -116,49 +116,24 @@ def test_levels_have_what_they_need_and_no_more(nodes: dict[str, Node]) -> None:
         }
 
     morph = {"_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "_LEAF_BILLBOARD_PIVOT"}
-    coordinates = {f"TEXCOORD_{number}" for number in range(7)}
-    assert names(0) == {*morph, "_LEAF_WIND", *coordinates}
-    assert names(1) == {*morph, *coordinates}
-    assert names(2) == {"_LEAF_PIVOT", *(f"TEXCOORD_{number}" for number in range(4))}
+    assert names(0) == names(1) == {*morph, "TEXCOORD_0"}
+    assert names(2) == {"_LEAF_PIVOT", "TEXCOORD_0"}
     assert names(3) == {"TEXCOORD_0"}
     assert all(name.startswith("shrub") for name in nodes if "LOD" in name)
 
 
 def test_phases_are_even_and_the_hull_flutters_most(nodes: dict[str, Node]) -> None:
     [leaves] = primitives(nodes, 0)
-    phase, flutter, nothing = leaves.attributes["_LEAF_WIND"].T
-    _, first, of_vertex = np.unique(leaves.attributes["_LEAF_RANK"][:, 0], return_index=True, return_inverse=True)
+    rank, phase, flutter = leaves.attributes["_LEAF_RANK"].T
+    _, first, of_vertex = np.unique(rank, return_index=True, return_inverse=True)
     assert (phase == phase[first][of_vertex]).all()
     assert (flutter == flutter[first][of_vertex]).all()
-    assert not nothing.any()
     counts, _ = np.histogram(phase[first], bins=16, range=(0.0, 1.0))
     assert counts.min() >= 672 // 16 - 2
     pivots = leaves.attributes["_LEAF_PIVOT"][first]
     middle = (pivots.min(axis=0) + pivots.max(axis=0)) / 2.0
     depth = np.linalg.norm((pivots - middle) / (np.ptp(pivots, axis=0) / 2.0), axis=1)
     np.testing.assert_allclose(flutter[first], np.minimum(depth, 1.0), atol=1e-4)
-
-
-def test_texture_coordinates_repeat_it(nodes: dict[str, Node]) -> None:
-    for number in (0, 1):
-        for each in primitives(nodes, number):
-            pairs = np.column_stack([each.attributes[f"TEXCOORD_{number}"] for number in (4, 5, 6)])
-            wind = each.attributes.get("_LEAF_WIND", np.zeros((len(pairs), 3)))
-            expected = np.column_stack([wind[:, :2], each.attributes["_LEAF_BILLBOARD_PIVOT"], np.zeros(len(pairs))])
-            np.testing.assert_allclose(pairs, expected, atol=2e-7)
-
-
-def test_godot_finds_it_in_its_four_attributes(shrub: Path, tmp_path: Path) -> None:
-    bake(shrub, tmp_path, *QUICK, "--effects", EFFECTS, "--engine", "godot")
-    nodes = read_glb(tmp_path / "shrub.glb")
-    [leaves], [cloud] = primitives(nodes, 0), primitives(nodes, 1)
-    found = leaves.attributes
-    assert np.array_equal(found["_CUSTOM0"][:, 0], found["_LEAF_RANK"][:, 0])
-    assert np.array_equal(found["_CUSTOM0"][:, 1:], found["_LEAF_WIND"][:, :2])
-    for number, name in ((1, "_LEAF_PIVOT"), (2, "_LEAF_PIVOT_TARGET"), (3, "_LEAF_BILLBOARD_PIVOT")):
-        assert np.array_equal(found[f"_CUSTOM{number}"], found[name])
-        assert np.array_equal(cloud.attributes[f"_CUSTOM{number}"], cloud.attributes[name])
-    assert not any(name.startswith("TEXCOORD_") and name != "TEXCOORD_0" for name in found)
 
 
 def test_the_files_are_valid(folder: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:

@@ -82,8 +82,8 @@ def greatest_deviation(node: Node) -> float:
 
 
 def views(name: str, out: Path) -> dict[str, float]:
-    node = str(out / f"{name}.glb:{name}")
-    leaves, collapsed, level = f"{node}_LOD0", f"{node}_LOD0@1", f"{node}_LOD1"
+    leaves, level = (str(out / f"{name}_LOD{number}.glb:{name}_LOD{number}") for number in (0, 1))
+    collapsed = f"{leaves}@1"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "views.npz"
         script = [sys.executable, str(ROOT / "tools" / "flat_views.py"), str(file), "256", "8", "6"]

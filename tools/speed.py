@@ -107,7 +107,7 @@ def main() -> None:
 
 def measure(tree: Path, *, with_distances: bool) -> tuple[list[Near], list[list[Far]]]:
     """Of each subject what is seen near, and its curve over the distances."""
-    baked = bake_alone(tree, BakeSettings())
+    baked = bake_alone(tree, BakeSettings(effects="+pruning"))
     frames = in_browser(baked)
     camera = light_up(SIZE, MANY)
     curves = [curve(baked, camera, number) for number in range(3)] if with_distances else []

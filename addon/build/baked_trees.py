@@ -100,7 +100,8 @@ def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPru
     """
     mesh = leaves.data
     if "leaf_rank" not in mesh.attributes:
-        raise ValueError(f"mesh {mesh.name!r} has no leaf_rank: bake it {_ANYWHERE}, or with the effect pruning")
+        remedy = "bake it with the chain Both or Pruning and the viewer Anywhere, or turn the effect pruning on"
+        raise ValueError(f"mesh {mesh.name!r} has no leaf_rank: {remedy}")
     if "prune_start" not in leaves[EXTRAS]:
         size = _leaf_size(mesh)
         start = leafcloud.switch_distance(size, pixels, view.resolution, view.field_of_view) if size else NEVER

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..placement import Placement
+from ..placement import Placement, y_up
 from ..plan.reach import Reach, wood_reach
 from ..plan.thinning import Thinning
 from ..scene.baked_levels import EXTRAS as EXTRAS
@@ -70,15 +70,17 @@ class Costs:
 class Plan:
     """How the levels are to be built: the name of all, the tree's place, which effects are on, when levels are drawn.
 
-    centre: of the foliage, in the tree's coordinates; distances are taken from there. switch_distances and reaches, one
-    for each level with the leaves first, are in world units. roughness and metallic are the leaves' where no texture
-    says how glossy they are, specular is their Specular IOR Level; share is what of the light shines through them,
-    where there is a texture of it. light, if it is baked, is that of the leaves, to be multiplied by light_strength.
+    centre and radius: of the foliage, in the tree's coordinates; distances are taken from the centre. switch_distances
+    and reaches, one for each level with the leaves first, are in world units. roughness and metallic are the leaves'
+    where no texture says how glossy they are, specular is their Specular IOR Level; share is what of the light shines
+    through them, where there is a texture of it. light, if it is baked, is that of the leaves, to be multiplied by
+    light_strength.
     """
 
     name: str
     placement: Placement
     centre: tuple[float, float, float]
+    radius: float
     transitions: bool
     pruning: bool
     switch_distances: tuple[float, ...]
@@ -193,6 +195,7 @@ def _add_level(
 ) -> BuiltLevel:
     """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
+    obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(plan.centre), plan.radius
     members = {obj: plan.reaches[number]}
     wooden = None
     if wood is not None and wood.mesh is not None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..placement import y_up
 from ..plan.wind import GOLDEN
 from .morphs import add_point_attribute
 from .wind_nodes import WindSettings
@@ -86,20 +87,15 @@ def wind_extras(settings: WindSettings) -> dict[str, Any]:
     node's own units; `direction` alone is in the world."""
     stature, wind, swing = settings.stature, settings.wind, settings.swing
     return {
-        "direction": _y_up(wind.direction),
+        "direction": y_up(wind.direction),
         "strength": wind.strength,
         "gusts": wind.gusts,
         "period": stature.period,
-        "foot": _y_up(stature.foot),
-        "up": _y_up(stature.up),
+        "foot": y_up(stature.foot),
+        "up": y_up(stature.up),
         "height": stature.height,
         "spread": stature.spread,
         "sway": swing.sway,
         "branches": swing.branches,
         "flutter": swing.flutter,
     }
-
-
-def _y_up(vector: tuple[float, float, float]) -> list[float]:
-    x, y, z = vector
-    return [x, z, 0.0 - y]  # Not −0.

@@ -28,6 +28,8 @@ def clear_scene(scene: bpy.types.Scene) -> None:
             scene.collection.objects.link(obj)
     for obj in [obj for obj in bpy.data.objects if obj not in kept]:
         bpy.data.objects.remove(obj)
+    for mesh in [mesh for mesh in bpy.data.meshes if mesh.users == 0]:
+        bpy.data.meshes.remove(mesh)  # A tree that was baked before has the names that its levels are to get.
     for collection in list(bpy.data.collections):
         bpy.data.collections.remove(collection)
 

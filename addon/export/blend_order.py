@@ -27,10 +27,11 @@ from ..build.levels import Costs
 from .glb_file import (
     ARRAY_BUFFER,
     ELEMENT_ARRAY_BUFFER,
+    accessor_uses,
     accessor_values,
     append_view,
     read_glb,
-    without_unused_views,
+    without_unused,
     write_glb,
 )
 
@@ -70,7 +71,7 @@ class BlendOrders:
                     material = names[primitive["material"]] if "material" in primitive else None
                     if material in self._materials and primitive.get("mode", _TRIANGLES) == _TRIANGLES:
                         binary = self._cut(document, binary, mesh, number, toward)
-            binary = without_unused_views(document, binary)
+            binary = without_unused(document, binary)
         before = path.stat().st_size
         write_glb(path, document, binary)
         if len(self._orders) > known:  # Each cloud is in two files, and counts in one.
@@ -105,21 +106,17 @@ class BlendOrders:
 def _own_accessors(document: dict[str, Any], primitive: dict[str, Any]) -> None:
     """Copies the accessors that other primitives have, too: Blender's exporter writes what is equal once."""
     primitives = [each for mesh in document["meshes"] for each in mesh["primitives"]]
-    users = Counter(accessor for each in primitives for accessor in {values[name] for values, name in _uses(each)})
+    users = Counter(
+        accessor for each in primitives for accessor in {values[name] for values, name in accessor_uses(each)}
+    )
     own: dict[int, int] = {}
-    for values, name in _uses(primitive):
+    for values, name in accessor_uses(primitive):
         accessor = values[name]
         if users[accessor] > 1:
             if accessor not in own:
                 own[accessor] = len(document["accessors"])
                 document["accessors"].append(dict(document["accessors"][accessor]))
             values[name] = own[accessor]
-
-
-def _uses(primitive: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """Where a primitive names accessors: the object and the key."""
-    sets = [primitive["attributes"], *primitive.get("targets", [])]
-    return [(primitive, "indices"), *((values, name) for values in sets for name in values)]
 
 
 def _before(document: dict[str, Any], mesh: int) -> NDArray[np.float64]:

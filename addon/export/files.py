@@ -23,21 +23,24 @@ from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
+from .lod_extension import LodChain, add_lods, screen_coverages
 from .plain_materials import materials_of_meshes, plain_colors
 from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
 from .unlit import mean_light
+from .vertex_data import VertexData, engine_attributes
 
-_Addition = BlendOrders | ktx2.Ktx2Textures
+_Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
 
 
 def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
     """Writes all files of the bake into `directory`, whole or not at all, and gives the report.
 
     A file has what it is named after of all trees: NAME_LOD1.glb has the first cloud of each, and pages that they share
-    once. `blend` saves the open file, as it is, as NAME.blend beside the others. The levels have to be in a scene.
-    Raises `OSError` for a folder that cannot be written to, `ExportError` when Blender could not write a file.
+    once. NAME.glb shows level 0 of each, and names the other levels (`lod_extension`). `blend` saves the open file, as
+    it is, as NAME.blend beside the others. The levels have to be in a scene. Raises `OSError` for a folder that cannot
+    be written to, `ExportError` when Blender could not write a file.
     """
     name, trees = grove.name, grove.trees
     with Staging(directory) as staging:
@@ -65,6 +68,7 @@ def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> 
             file = staging.path(f"{name}.glb")
             gltf.export_collection(grove.collection, file)
             _add(additions, file)
+            add_lods(file, map(_lod_chain, trees))
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
@@ -93,13 +97,14 @@ def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
 def _additions(trees: Sequence[Baked]) -> list[_Addition]:
     """What is added to files behind Blender's exporter. Trees have their settings in common, and what is blended."""
     first = trees[0]
+    engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
     taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
-    textures = ktx2.Ktx2Textures(taken if first.prepared.settings.engine in ktx2.ENGINES else {})
+    textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
     if not is_on(first.effects, "blend_order"):
-        return [textures]
+        return [VertexData(engine), textures]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [BlendOrders(clouds, triangles, first.costs), textures]
+    return [VertexData(engine), BlendOrders(clouds, triangles, first.costs), textures]
 
 
 def _add(additions: Sequence[_Addition], file: Path) -> None:
@@ -112,13 +117,18 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
     """Makes the tree what files are to have of it, for the time of the export."""
     settings, facts = tree.prepared.settings, tree.prepared.facts
     with ExitStack() as changes:
-        changes.enter_context(gltf.engine_attributes(tree.levels, settings.engine))
+        changes.enter_context(engine_attributes(tree.levels))
         changes.enter_context(gltf.masked_leaves(tree.levels, blended_leaves(settings, facts)))
         changes.enter_context(materials_of_meshes(tree.levels))
         for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):
             if is_on(tree.effects, effect):
                 changes.enter_context(change(tree.levels))
         yield
+
+
+def _lod_chain(tree: Baked) -> LodChain:
+    names = tuple(level.object.name for level in tree.levels)
+    return LodChain(names, screen_coverages(tree.switch_distances, tree.prepared.foliage.radius, tree.view))
 
 
 def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:

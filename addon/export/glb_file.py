@@ -50,8 +50,35 @@ def accessor_values(document: dict[str, Any], binary: bytes, number: int) -> NDA
     return np.frombuffer(binary, kind, accessor["count"] * width, start).reshape(-1, width)
 
 
-def without_unused_views(document: dict[str, Any], binary: bytes) -> bytes:
-    """The chunk without the buffer views that neither an accessor nor an image names; the others get new numbers."""
+def append_accessor(document: dict[str, Any], binary: bytes, values: NDArray[Any]) -> tuple[int, bytes]:
+    """The number of a new vertex attribute with `values` (v, width), and the chunk with them in single precision."""
+    data = np.ascontiguousarray(values, np.float32)
+    view, binary = append_view(document, binary, data.tobytes(), target=ARRAY_BUFFER)
+    kind = next(name for name, width in _WIDTHS.items() if width == data.shape[1])
+    accessor = {"bufferView": view, "componentType": FLOAT, "count": len(data), "type": kind}
+    document["accessors"].append(accessor)
+    return len(document["accessors"]) - 1, binary
+
+
+def accessor_uses(primitive: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Where a primitive names accessors: the object and the key."""
+    sets = [primitive["attributes"], *primitive.get("targets", [])]
+    return [(primitive, "indices"), *((values, name) for values in sets for name in values)]
+
+
+def without_unused(document: dict[str, Any], binary: bytes) -> bytes:
+    """The chunk without what no primitive and no image names: accessors and views; the others get new numbers."""
+    primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]
+    uses = [use for primitive in primitives for use in accessor_uses(primitive)]
+    accessors, numbers = document["accessors"], sorted({values[name] for values, name in uses})
+    document["accessors"] = [accessors[number] for number in numbers]
+    renumbered = {number: place for place, number in enumerate(numbers)}
+    for values, name in uses:
+        values[name] = renumbered[values[name]]
+    return _without_unused_views(document, binary)
+
+
+def _without_unused_views(document: dict[str, Any], binary: bytes) -> bytes:
     users = [user for kind in ("accessors", "images") for user in document.get(kind, []) if "bufferView" in user]
     views, kept = document["bufferViews"], b""
     document["bufferViews"] = []

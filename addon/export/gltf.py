@@ -1,4 +1,4 @@
-"""glTF through Blender's own exporter, with what engines read put on the meshes for the time of the export only."""
+"""glTF through Blender's own exporter, and what is put into its files behind it or into materials meanwhile."""
 
 from __future__ import annotations
 
@@ -12,24 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..build.baked_light import FRONT
-from ..build.cloud_mesh import add_uv_map
 from ..build.levels import BuiltLevel
 from ..build.materials import TRANSLUCENCY_NODE
-from ..build.morphs import add_point_attribute
 from ..scene.surface import read_surface
 from .errors import ExportError, reason
 from .tangents import add_tangents
 from .translucency import add_translucency
 from .unlit import COLOR_OPTIONS, add_unlit
 from .waiting import WAITING_NODES, add_waiting
-
-FIRST_FALLBACK = 2
-"""TEXCOORD_2 is (rank, pivot.x), TEXCOORD_3 is (pivot.y, pivot.z), of the pivot in glTF's Y-up coordinates. With wind
-there are TEXCOORD_4, (phase, flutter), and TEXCOORD_5 and _6, (x, y) and (z, 0) of the billboard's pivot."""
-
-_CUSTOM = ("_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "_LEAF_BILLBOARD_PIVOT")
-"""What Godot finds in `_CUSTOM0` to `_CUSTOM3`: it drops all other names, and has no fifth. Phase and flutter stand
-beside the rank there."""
 
 _OPTIONS = {
     "export_format": "GLB",
@@ -46,21 +36,6 @@ _OPTIONS = {
     "export_apply": False,
     "export_current_frame": True,  # Else the exporter goes to frame 0.
 }
-
-
-@contextmanager
-def engine_attributes(levels: Sequence[BuiltLevel], engine: str) -> Iterator[None]:
-    """Puts rank, pivot and what the wind needs where engines find it, on each level that has any of it; takes all of
-    it away at the end."""
-    meshes = [level.object.data for level in levels if "leaf_pivot" in level.object.data.attributes]
-    added: list[tuple[bpy.types.Mesh, str]] = []
-    try:
-        for mesh in meshes:
-            added += [(mesh, name) for name in _add_engine_attributes(mesh, engine)]
-        yield
-    finally:
-        for mesh, name in added:
-            mesh.attributes.remove(mesh.attributes[name])
 
 
 @contextmanager
@@ -179,81 +154,6 @@ def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: 
 def y_up(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Vectors (…, 3) of Blender's Z-up coordinates in glTF's: (x, z, −y). The exporter turns only those it knows."""
     return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
-
-
-def _add_engine_attributes(mesh: bpy.types.Mesh, engine: str) -> list[str]:
-    values = _engine_values(mesh)
-    fallback = _add_fallback(mesh, values) if engine != "godot" else []
-    if engine == "godot":
-        values |= _custom_values(values)
-    for name, vectors in values.items():
-        add_point_attribute(mesh, name, "FLOAT_VECTOR", vectors)
-    return [*values, *fallback]
-
-
-def _engine_values(mesh: bpy.types.Mesh) -> dict[str, NDArray[np.float32]]:
-    """(v, 3) by name, also what is a number or two: Blender's importer (4.5, 5.0) fails at random on a mesh with
-    attributes of several widths, because it goes through their names in two orders."""
-    values = {}
-    if "leaf_rank" in mesh.attributes:
-        values["_LEAF_RANK"] = np.repeat(_numbers(mesh, "leaf_rank")[:, None], 3, axis=1)
-    for name in ("leaf_pivot", "leaf_pivot_target", "leaf_billboard_pivot"):
-        if name in mesh.attributes:
-            values[f"_{name.upper()}"] = _vectors(mesh, name)
-    if "leaf_phase" in mesh.attributes:
-        phase, flutter = _numbers(mesh, "leaf_phase"), _numbers(mesh, "leaf_flutter")
-        values["_LEAF_WIND"] = np.column_stack([phase, flutter, np.zeros_like(phase)])
-    return values
-
-
-def _custom_values(values: dict[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
-    """The same under the names that Godot keeps."""
-    custom = {f"_CUSTOM{number}": values[name] for number, name in enumerate(_CUSTOM) if name in values}
-    if (wind := values.get("_LEAF_WIND")) is not None:
-        custom["_CUSTOM0"] = np.column_stack([_rank(values), wind[:, :2]])
-    return custom
-
-
-def _rank(values: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
-    """(v,); −1, which is never pruned, where there is none."""
-    pivot = values["_LEAF_PIVOT"]
-    return values["_LEAF_RANK"][:, 0] if "_LEAF_RANK" in values else np.full(len(pivot), -1.0, np.float32)
-
-
-def _numbers(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
-    """(v,) the attribute `name`."""
-    numbers = np.empty(len(mesh.vertices), np.float32)
-    mesh.attributes[name].data.foreach_get("value", numbers)
-    return numbers
-
-
-def _vectors(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
-    """(v, 3) the attribute `name`, Y-up."""
-    vectors = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.attributes[name].data.foreach_get("vector", vectors)
-    return y_up(vectors.reshape(-1, 3))
-
-
-def _add_fallback(mesh: bpy.types.Mesh, values: dict[str, NDArray[np.float32]]) -> list[str]:
-    """Stores the values as texture coordinates, with the lower sets filled so that engines keep the numbers.
-
-    The exporter writes v as 1 − v; it is turned beforehand.
-    """
-    pivot = values["_LEAF_PIVOT"]
-    columns = [_rank(values), pivot]
-    if values.keys() & {"_LEAF_WIND", "_LEAF_BILLBOARD_PIVOT"}:
-        still = np.zeros_like(pivot)
-        columns += [values.get("_LEAF_WIND", still)[:, :2], values.get("_LEAF_BILLBOARD_PIVOT", pivot), still[:, :1]]
-    turned = np.column_stack(columns)
-    turned[:, 1::2] = 1.0 - turned[:, 1::2]
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", corners)
-    empty = np.zeros((len(corners), 2), np.float32)
-    names = [add_uv_map(mesh, f"empty_{number}", empty) for number in range(len(mesh.uv_layers), FIRST_FALLBACK)]
-    for number in range(turned.shape[1] // 2):
-        coordinates = turned[corners, 2 * number : 2 * number + 2]
-        names.append(add_uv_map(mesh, f"leaf_{FIRST_FALLBACK + number}", coordinates))
-    return names
 
 
 def _is_whole(path: Path) -> bool:

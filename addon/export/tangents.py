@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .glb_file import ARRAY_BUFFER, FLOAT, accessor_values, append_view, read_glb, write_glb
+from .glb_file import accessor_values, append_accessor, read_glb, write_glb
 
 
 def add_tangents(path: Path) -> None:
@@ -35,7 +35,8 @@ def add_tangents(path: Path) -> None:
             continue  # a mesh without texture coordinates: the map is not laid out on it
         positions, normals, uvs = (accessor_values(document, binary, attributes[name]) for name in names)
         triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
-        binary = _append(document, binary, primitive, _tangents(positions, normals, uvs, triangles))
+        tangents = _tangents(positions, normals, uvs, triangles)
+        attributes["TANGENT"], binary = append_accessor(document, binary, tangents)
     write_glb(path, document, binary)
 
 
@@ -69,16 +70,3 @@ def _tangents(
     tangents = np.where(length > 1e-20, tangents / np.maximum(length, 1e-20), other)
     sign = np.where(np.einsum("vi,vi->v", np.cross(normal, tangents), upward) < 0.0, -1.0, 1.0)
     return np.hstack([tangents, sign[:, None]]).astype(np.float32)
-
-
-def _append(document: dict[str, Any], binary: bytes, primitive: dict[str, Any], tangents: NDArray[np.float32]) -> bytes:
-    view, binary = append_view(document, binary, tangents.tobytes(), target=ARRAY_BUFFER)
-    accessor = {
-        "bufferView": view,
-        "componentType": FLOAT,
-        "count": len(tangents),
-        "type": "VEC4",
-    }
-    document["accessors"].append(accessor)
-    primitive["attributes"]["TANGENT"] = len(document["accessors"]) - 1
-    return binary

@@ -211,13 +211,22 @@ def _pruning(scene: _Scene) -> Effect:
     facts, settings, camera = scene.facts, scene.settings, scene.facts.camera
     if facts.leaves == 1:
         return Effect("pruning", False, "the foliage is one leaf, there is nothing to prune")
+    if settings.chain == "billboards":
+        return _pruning_of_scenes(scene)
     if camera is None:
         reason = f"{scene.free_camera}, so it may see {facts.leaves} leaves from far away"
         return Effect("pruning", True, reason)
-    if settings.chain != "billboards":
-        start = prune_start(settings, facts, camera.view)
-        begins = f"leaves are pruned from {start / facts.radius:.3g} on"
-        return Effect("pruning", camera.farthest > start, f"{scene.where}, and {begins}")
+    start = prune_start(settings, facts, camera.view)
+    begins = f"leaves are pruned from {start / facts.radius:.3g} on"
+    return Effect("pruning", camera.farthest > start, f"{scene.where}, and {begins}")
+
+
+def _pruning_of_scenes(scene: _Scene) -> Effect:
+    """For the chain of billboards, which prunes no leaves: a scene of many trees may."""
+    facts, camera = scene.facts, scene.facts.camera
+    if camera is None:
+        reason = "all leaves stay until level 1 takes over from them, as --chain billboards has it"
+        return Effect("pruning", False, reason)
     pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)
     if len(camera.spans) > 1 and pixels < 1.0:
         reason = f"{scene.where}, where a leaf is {pixels:.2g} pixels large, so a scene may share its leaves out"

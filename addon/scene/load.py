@@ -70,8 +70,23 @@ def _open(path: Path, opener: _Opener) -> None:
 
 
 def _open_gltf(path: Path) -> None:
-    _check_gltf(path)
+    before = set(bpy.data.objects)
+    levels_apart = _check_gltf(path)
     _run(path, bpy.ops.import_scene.gltf)
+    if levels_apart:
+        _remove_far_levels(set(bpy.data.objects) - before)
+
+
+def _remove_far_levels(objects: set[bpy.types.Object]) -> None:
+    """Removes the levels of a baked tree but the leaves, with their trunks: they lie in no scene of its file.
+
+    Blender shows them before 4.5, and keeps them in a collection that is excluded from 4.5 on.
+    """
+    baked = {obj: obj.get("leafcloud") for obj in objects}
+    levels = [obj for obj, found in baked.items() if hasattr(found, "get") and found.get("level", 0) > 0]
+    for obj in {member for level in levels for member in (level, *level.children_recursive)}:
+        bpy.data.objects.remove(obj)
+    bpy.data.orphans_purge(do_recursive=True)  # Another bake may want their names.
 
 
 def _open_obj(path: Path) -> None:
@@ -98,8 +113,8 @@ def _run(path: Path, operator: Callable[..., set[str]], **options: bool) -> None
         raise SceneError(f"{path} cannot be read: Blender gave up on it; check the file, or export it again")
 
 
-def _check_gltf(path: Path) -> None:
-    """Refuses a glTF file that is broken or whose vertices are not finite."""
+def _check_gltf(path: Path) -> bool:
+    """Whether a glTF file has levels by `MSFT_lod`. Refuses one that is broken or whose vertices are not finite."""
     try:
         document, body = _gltf_document(path)
         accessors = {
@@ -112,6 +127,7 @@ def _check_gltf(path: Path) -> None:
             positions = _gltf_positions(path, document, body, index)
             if positions is not None:
                 _check_finite(path, f"mesh {mesh_name!r}", positions)
+        return any("MSFT_lod" in node.get("extensions", {}) for node in document.get("nodes", []))
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, struct.error) as error:
         raise SceneError(f"{path} is not glTF, or is broken ({error}); export it again") from error
 

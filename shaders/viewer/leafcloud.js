@@ -109,6 +109,7 @@ export class Tree extends THREE.Group {
   /** The tree in the file at `url`, at rest. */
   static async load(url) {
     const gltf = await new GLTFLoader().loadAsync(url);
+    await addLevels(gltf);
     return new Tree(gltf, await visibilityOf(gltf));
   }
 
@@ -119,7 +120,7 @@ export class Tree extends THREE.Group {
     this.levels = levelsOf(gltf, visibility);
     this.level = 0;
     this.distance = 0;
-    const { center, radius } = boundsOf(this.levels[0], this);
+    const { center, radius } = sphereOf(this.levels[0], this);
     this.centre = center;
     this.radius = radius;
     this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
@@ -232,9 +233,17 @@ async function text(url) {
   return response.text();
 }
 
+/** Puts the levels beside the first one, on whose node `MSFT_lod` names them: they lie in no scene. */
+async function addLevels({ scene, parser }) {
+  const ids = parser.json.nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
+  const behind = await Promise.all(ids.map((id) => parser.getDependency("node", id)));
+  behind.forEach((level) => scene.add(level));
+}
+
 function levelsOf({ scene, parser }, visibility) {
   const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
   if (found.length === 0) throw new Error("No levels: this file is not one that Leafcloud wrote.");
+  if (!found[0].userData.leafcloud.centre) throw new Error("An older Leafcloud wrote this file: bake the tree again.");
   const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
   const levels = found.sort(byNumber).map((object) => newLevel(object, parser, visibility));
   levels.forEach((level, i) => {
@@ -252,9 +261,10 @@ function newLevel(object, parser, visibility) {
   const uniforms = newUniforms(pruning, wind);
   const [pruned, blended] = [[], []];
   for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
+    const table = tableOf(mesh, parser);
+    if (table?.firstTexcoord) nameNumbers(mesh.geometry, table.firstTexcoord);
     const leaves = moves(mesh.geometry);
     if (wind) mesh.frustumCulled = false; // The wind moves what it likes.
-    const table = tableOf(mesh, parser);
     if (mesh.material.transparent) blended.push(new BlendOrder(mesh, table?.order ?? null));
     if (leaves) {
       addAttributes(mesh.geometry, wind);
@@ -322,8 +332,34 @@ function tableOf(mesh, parser) {
   const { meshes, primitives } = parser.associations.get(mesh);
   const extras = parser.json.meshes[meshes].extras?.leafcloud;
   if (!extras) return undefined;
-  const { area_shares: shares, prefixes, blend_order: orders } = extras;
-  return { shares, prefixes: prefixes?.[primitives].triangles, order: orders?.[primitives] };
+  const { area_shares: shares, prefixes, blend_order: orders, first_texcoord: firstTexcoord } = extras;
+  return { shares, prefixes: prefixes?.[primitives].triangles, order: orders?.[primitives], firstTexcoord };
+}
+
+/** What GLTFLoader calls the sets of texture coordinates. */
+const SETS = ["uv", "uv1", "uv2", "uv3", "texcoord_4", "texcoord_5", "texcoord_6", "texcoord_7"];
+
+/** At which places among the numbers of these sets the file has each attribute, counted from the first set that is not
+ * for textures. */
+const NUMBERS = {
+  _leaf_rank: [0, 7, 11],
+  _leaf_pivot: [1, 2, 3],
+  _leaf_pivot_target: [4, 5, 6],
+  _leaf_billboard_pivot: [8, 9, 10],
+};
+
+/** Makes the attributes that a file for engines without custom attributes has as texture coordinates. */
+function nameNumbers(geometry, first) {
+  const sets = SETS.slice(first).flatMap((name) => geometry.attributes[name] ?? []);
+  const number = (vertex, place) => sets[place >> 1]?.getComponent(vertex, place % 2) ?? 0;
+  for (const [name, places] of Object.entries(NUMBERS)) {
+    if (places[0] >= 2 * sets.length) continue;
+    const values = Float32Array.from({ length: places.length * geometry.attributes.position.count }, (_, i) =>
+      number(Math.floor(i / places.length), places[i % places.length]),
+    );
+    geometry.setAttribute(name, new THREE.BufferAttribute(values, places.length));
+  }
+  SETS.slice(first).forEach((name) => geometry.deleteAttribute(name));
 }
 
 /** Names what the shaders read; where the file has no ranks, all leaves are protected. */
@@ -335,22 +371,17 @@ function addAttributes(geometry, wind) {
   geometry.setAttribute("lcPivot", pivot ?? position);
   geometry.setAttribute("lcPivotTarget", pivotTarget ?? pivot ?? position);
   if (wind) addWind(geometry, pivot ?? position);
-  READ.forEach((name) => geometry.deleteAttribute(name));
+  Object.keys(NUMBERS).forEach((name) => geometry.deleteAttribute(name));
 }
 
 /** What has no billboard to go to stays with its own pivot; only leaves flutter. */
 function addWind(geometry, pivot) {
-  const { position, _leaf_billboard_pivot: billboardPivot, _leaf_wind: own } = geometry.attributes;
+  const { position, _leaf_billboard_pivot: billboardPivot, _leaf_rank: own } = geometry.attributes;
   const column = (at) => new THREE.BufferAttribute(Float32Array.from({ length: position.count }, (_, i) => at(i)), 1);
   geometry.setAttribute("lcBillboardPivot", billboardPivot ?? pivot);
-  geometry.setAttribute("lcPhase", column((i) => own?.getX(i) ?? 0));
-  geometry.setAttribute("lcFreedom", column((i) => own?.getY(i) ?? 0));
+  geometry.setAttribute("lcPhase", column((i) => own?.getY(i) ?? 0));
+  geometry.setAttribute("lcFreedom", column((i) => own?.getZ(i) ?? 0));
 }
-
-const READ = [
-  ...["_leaf_rank", "_leaf_pivot", "_leaf_pivot_target", "_leaf_billboard_pivot", "_leaf_wind"],
-  ...["uv2", "uv3", "texcoord_4", "texcoord_5", "texcoord_6"],
-];
 
 /** The morph target as places instead of offsets, as an attribute instead of a texture. */
 function targetsOf(geometry) {
@@ -361,19 +392,12 @@ function targetsOf(geometry) {
   return new THREE.BufferAttribute(position.array.map((value, i) => value + offsets.array[i]), 3);
 }
 
-/** Of a level's leaves, without its wood: distances are taken from there, as in Blender. */
-function boundsOf({ object }, root) {
+/** About a level's leaves, without its wood, in the coordinates of `root`: distances are taken from its centre. */
+function sphereOf({ object }, root) {
   root.updateWorldMatrix(true, true);
-  const meshes = objectsOf(object).filter(({ isMesh }) => isMesh);
-  const leaves = meshes.filter(({ geometry }) => "lcRank" in geometry.attributes);
-  const box = new THREE.Box3();
-  for (const { geometry, matrixWorld } of leaves.length ? leaves : meshes) {
-    const { position } = geometry.attributes;
-    for (let i = 0; i < position.count; i++) {
-      box.expandByPoint(new THREE.Vector3().fromBufferAttribute(position, i).applyMatrix4(matrixWorld));
-    }
-  }
-  return box.getBoundingSphere(new THREE.Sphere());
+  const { centre, radius } = object.userData.leafcloud;
+  const toRoot = root.matrixWorld.clone().invert().multiply(object.matrixWorld);
+  return new THREE.Sphere(new THREE.Vector3(...centre), radius).applyMatrix4(toRoot);
 }
 
 /** A material of the level's own that includes the laws; with `shading` it shades itself. */

@@ -1,0 +1,231 @@
+"""What shaders read of a vertex: each number once in a file, in the form that the engine's importer keeps."""
+
+from __future__ import annotations
+
+import base64
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from command_line import QUICK, bake
+from glb import read_chunks, read_glb
+from godot import read_as_godot
+from node_trees import new_material
+from numpy.typing import NDArray
+from scenes import add_mesh
+from viewing import PAGE, PATIENCE
+
+from addon.settings import ENGINES
+from tools.browser import ask
+
+EFFECTS = "transitions,pruning,trunk_levels,wind"
+BY_NAME = ("generic", "three", "bevy")
+BY_COORDINATES = ("babylon", "godot", "unity", "unreal")
+PLAIN, PRUNED, WINDY = 44, 32, 48
+"""Bytes of a vertex of the leaves: position, normal, texture coordinates and morph target; what pruning adds in sets of
+two numbers, rank and two pivots in one of eight; what wind adds to that, another pivot, phase and freedom."""
+
+
+@pytest.fixture(scope="module")
+def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The shrub, pruned and in the wind, for one engine of each form."""
+    found = {}
+    for engine in ("generic", "godot"):
+        found[engine] = tmp_path_factory.mktemp(engine)
+        bake(shrub, found[engine], *QUICK, "--effects", EFFECTS, "--engine", engine)
+    return found
+
+
+def own_rows(mesh: bpy.types.Mesh) -> set[tuple[float, ...]]:
+    """Of each vertex in Blender, Y-up: place, rank, pivot; pivot target, phase; billboard pivot, freedom."""
+
+    def read(name: str, key: str, width: int) -> NDArray[np.float32]:
+        values = np.empty(width * len(mesh.vertices), np.float32)
+        mesh.attributes[name].data.foreach_get(key, values)
+        return values.reshape(-1, width)
+
+    def y_up(name: str) -> NDArray[np.float32]:
+        x, y, z = read(name, "vector", 3).T
+        return np.stack([x, z, -y], axis=1)
+
+    def number(name: str, missing: float) -> NDArray[np.float32]:
+        there = name in mesh.attributes
+        return read(name, "value", 1) if there else np.full((len(mesh.vertices), 1), missing, np.float32)
+
+    columns = [
+        *(y_up("position"), number("leaf_rank", -1.0), y_up("leaf_pivot")),
+        *(y_up("leaf_pivot_target"), number("leaf_phase", 0.0)),
+        *(y_up("leaf_billboard_pivot"), number("leaf_flutter", 0.0)),
+    ]
+    return set(map(tuple, np.hstack(columns).tolist()))
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str, Path], level: int) -> None:
+    """Equal to the level's own attributes in every bit, for each vertex."""
+    name = f"shrub_LOD{level}"
+    surfaces = read_as_godot(folders["godot"] / f"{name}.glb")[name]
+    rows = {tuple(row) for each in surfaces for row in np.hstack([each.vertices, *each.customs]).tolist()}
+    bpy.ops.wm.open_mainfile(filepath=str(folders["godot"] / "shrub.blend"))
+    assert [custom.shape[1] for each in surfaces for custom in each.customs] == [4, 4, 4]
+    assert rows == own_rows(bpy.data.objects[name].data)
+
+
+def test_godot_gets_two_vectors_where_nothing_blows(shrub: Path, tmp_path: Path) -> None:
+    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", "both", "--engine", "godot")
+    [surface] = read_as_godot(tmp_path / "shrub_LOD0.glb")["shrub_LOD0"]
+    assert [custom.shape[1] for custom in surface.customs] == [4, 4]
+    ranks = surface.customs[0][surface.indices, 0]
+    assert (ranks == ranks[:, :1]).all()
+    assert len(np.unique(ranks)) > 600
+    assert len(surface.blend_shapes) == 1
+    [cross] = read_as_godot(tmp_path / "shrub_LOD2.glb")["shrub_LOD2"]
+    assert cross.customs == []
+
+
+def test_both_forms_hold_the_same_numbers(folders: dict[str, Path]) -> None:
+    """By name: rank, phase and freedom, then the pivots. By coordinates: as Godot's vectors have them."""
+    named, packed = (read_glb(folders[engine] / "shrub.glb") for engine in ("generic", "godot"))
+    for level in (0, 1):
+        for one, other in zip(*(nodes[f"shrub_LOD{level}"].primitives for nodes in (named, packed)), strict=True):
+            sets = np.hstack([other.attributes[f"TEXCOORD_{number}"] for number in range(2, 8)])
+            missing = np.tile(np.float32([-1.0, 0.0, 0.0]), (len(sets), 1))
+            numbers = one.attributes.get("_LEAF_RANK", missing)
+            expected = [
+                *(numbers[:, :1], one.attributes["_LEAF_PIVOT"]),
+                *(one.attributes["_LEAF_PIVOT_TARGET"], numbers[:, 1:2]),
+                *(one.attributes["_LEAF_BILLBOARD_PIVOT"], numbers[:, 2:]),
+            ]
+            assert np.array_equal(sets, np.hstack(expected))
+            assert not [name for name in other.attributes if name.startswith("_")]
+            assert not [name for name in one.attributes if name.startswith("TEXCOORD_") and name != "TEXCOORD_0"]
+    assert named["shrub_LOD0"].mesh_extras["leafcloud"].get("first_texcoord") is None
+    assert packed["shrub_LOD0"].mesh_extras["leafcloud"]["first_texcoord"] == 2
+
+
+def bytes_of_a_vertex(path: Path, node: str) -> float:
+    """What the file stores for each vertex of a node, each accessor once."""
+    document, _ = read_chunks(path)
+    [mesh] = [document["meshes"][each["mesh"]] for each in document["nodes"] if each["name"] == node]
+    [primitive] = mesh["primitives"]
+    uses = [primitive["attributes"], *primitive.get("targets", [])]
+    numbers = {number for values in uses for number in values.values()}
+    views = [document["bufferViews"][document["accessors"][number]["bufferView"]] for number in numbers]
+    count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    return sum(view["byteLength"] for view in views) / count
+
+
+@pytest.mark.parametrize("engine", ["generic", "godot"])
+def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str, Path], tmp_path: Path) -> None:
+    """At most a number of padding for each attribute; a file has no accessor and no view that nothing reads."""
+    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", "both", "--engine", engine)
+    spare = 4 if engine == "generic" else 0
+    assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") <= PLAIN + PRUNED + spare
+    assert bytes_of_a_vertex(folders[engine] / "shrub.glb", "shrub_LOD0") == PLAIN + WINDY
+    document, binary = read_chunks(folders[engine] / "shrub.glb")
+    primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]
+    sets = [values for each in primitives for values in (each["attributes"], *each.get("targets", []))]
+    used = {number for values in sets for number in values.values()} | {each["indices"] for each in primitives}
+    assert used == set(range(len(document["accessors"])))
+    assert len(binary) <= sum(view["byteLength"] + 3 for view in document["bufferViews"]) + 3
+
+
+def test_leaves_that_nothing_prunes_are_stored_without_ranks(shrub: Path, tmp_path: Path) -> None:
+    report = bake(shrub, tmp_path, *QUICK, "--levels", 1)
+    assert {effect["name"]: effect["on"] for effect in report["effects"]}["pruning"] is False
+    assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") == PLAIN
+
+
+def test_every_engine_has_its_form() -> None:
+    assert set(BY_NAME) | set(BY_COORDINATES) == set(ENGINES)
+
+
+@pytest.mark.parametrize("engine", [*BY_NAME, *BY_COORDINATES])
+def test_engines_get_the_form_that_their_importers_keep(
+    engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    quick = ("--levels", 1, "--texture-size", 64, "--candidates", 20, "--epsilon", 0.2)
+    bake(shrub, tmp_path, *quick, "--effects", "transitions,pruning", "--engine", engine)
+    [leaves] = read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives
+    named = {"_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "TEXCOORD_0"}
+    sets = {f"TEXCOORD_{number}" for number in range(6)}
+    assert set(leaves.attributes) - {"POSITION", "NORMAL"} == (named if engine in BY_NAME else sets)
+    assert [issue for issue in gltf_issues(*tmp_path.glob("*.glb")) if issue["severity"] == 0] == []
+
+
+def test_attributes_by_name_survive_blender_s_importer(folders: dict[str, Path]) -> None:
+    """Which fails, by the hashes of the names, on attributes of several widths."""
+    script = "import bpy, sys; bpy.ops.import_scene.gltf(filepath=sys.argv[-1])"
+    for seed in ("0", "3", "4"):
+        command = [sys.executable, "-c", script, str(folders["generic"] / "shrub_LOD0.glb")]
+        done = subprocess.run(
+            command,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+
+
+def test_three_names_of_a_map_leave_the_sets_their_places(tmp_path: Path) -> None:
+    """A tree whose materials call their map by three names has three sets, all the same."""
+    corners, faces, materials = [], [], []
+    for number in range(12):
+        x, y, z = number % 4, number // 4, 0.3 * number
+        corners += [(x, y, z), (x + 0.4, y, z), (x, y + 0.4, z)]
+        faces.append((3 * number, 3 * number + 1, 3 * number + 2))
+    for number in range(3):
+        leaf, shader, tree = new_material()
+        leaf.name = f"leaf_{number}"
+        image = bpy.data.images.new(f"image_{number}", 4, 4)
+        image.pixels[:] = [0.2, 0.5, 0.1, 1.0] * 16
+        image.pack()
+        texture, places = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeUVMap")
+        texture.image, places.uv_map = image, f"map_{number}"
+        tree.links.new(places.outputs[0], texture.inputs[0])
+        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        materials.append(leaf)
+    obj = add_mesh("leaves", corners, faces, materials=materials)
+    for number in range(3):
+        obj.data.uv_layers.new(name=f"map_{number}")
+    for polygon in obj.data.polygons:
+        polygon.material_index = polygon.index % 3
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
+    effects = ("--effects", "transitions,pruning", "--levels", 1, "--texture-size", 64)
+    bake(tmp_path / "tree.blend", tmp_path / "out", *effects, "--engine", "godot")
+    surfaces = read_as_godot(tmp_path / "out" / "tree_LOD0.glb")["tree_LOD0"]
+    assert len(surfaces) == 3
+    for surface in surfaces:
+        ranks = surface.customs[0][:, 0]
+        assert ((ranks >= 0.0) & (ranks < 1.0)).all()
+        assert len(np.unique(ranks)) == 4
+    document, _ = read_chunks(tmp_path / "out" / "tree_LOD0.glb")
+    assert "texCoord" not in str(document["materials"])
+
+
+def test_the_viewer_moves_leaves_by_either_form_alike(folders: dict[str, Path]) -> None:
+    node = read_glb(folders["generic"] / "shrub.glb")["shrub_LOD0"]
+    extras = node.extras["leafcloud"]
+    centre = node.to_world(np.array([extras["centre"]]))[0]
+    away = 0.5 * (extras["transition_start"] + extras["transition_end"])
+    question = {
+        "tree": "/files/shrub.glb",
+        "settings": {"pruneStart": 0.7 * away},
+        "eyes": [(centre + away * np.array([0.6, 0.48, 0.64])).tolist()],
+        "seconds": 2.0,
+    }
+    seen = [ask(PAGE, question, patience=PATIENCE, files=folders[form])["seen"][0] for form in ("generic", "godot")]
+    one, other = (np.frombuffer(base64.b64decode(each["meshes"][0]["places"]), "<f4") for each in seen)
+    assert np.array_equal(one, other)
+    [primitive] = node.primitives
+    moved = np.linalg.norm(one.reshape(-1, 3) - primitive.attributes["POSITION"], axis=1)
+    assert moved.max() > 0.01
+    assert seen[0]["meshes"][0]["count"] < 3 * len(primitive.indices)
