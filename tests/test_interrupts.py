@@ -1,0 +1,95 @@
+"""Interrupts at any moment of a bake: one line, its status, within seconds, and all folders as they were."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command_line import BAKE, QUICK
+
+SURE = 0.3
+"""Of the time that a bake takes: no other one is done by then, though it may be faster."""
+
+ANSWER_SECONDS = 5.0
+"""An answer takes less than one on a machine that is not busy."""
+
+LINE = "bake.py: cancelled, nothing was written"
+
+
+def start(source: Path, out: Path, temporary: Path) -> subprocess.Popen[str]:
+    """A bake in a session of its own, which answers signals already."""
+    temporary.mkdir(exist_ok=True)
+    command = [sys.executable, BAKE, "--input", source, "--out", out, *QUICK, "--levels", "1"]
+    process = subprocess.Popen(
+        [str(each) for each in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # where the tests themselves ignore it
+    )
+    while process.poll() is None and not catches(process.pid, signal.SIGTERM):
+        time.sleep(0.001)
+    return process
+
+
+def catches(process: int, number: signal.Signals) -> bool:
+    """Python by itself does not catch SIGTERM."""
+    status = Path(f"/proc/{process}/status").read_text()
+    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught, 16) >> (number - 1) & 1)
+
+
+@pytest.fixture(scope="module")
+def seconds(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> float:
+    """What a bake takes that nothing interrupts."""
+    folder = tmp_path_factory.mktemp("whole")
+    process = start(shrub, folder / "out", folder / "temporary")
+    begin = time.monotonic()
+    process.communicate(timeout=200)
+    assert process.returncode == 0
+    assert not list((folder / "temporary").iterdir())
+    return time.monotonic() - begin
+
+
+MOMENTS = [(signal.SIGINT, number / 20.0) for number in range(21)] + [
+    (signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)
+]
+
+
+@pytest.mark.parametrize(("number", "share"), MOMENTS)
+def test_an_interrupted_bake_ends_at_once_and_leaves_all_as_it_was(
+    number: signal.Signals, share: float, seconds: float, shrub: Path, tmp_path: Path
+) -> None:
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    out.mkdir()
+    (out / "report.json").write_text("of an earlier bake")
+    process = start(shrub, out, temporary)
+    time.sleep(share * seconds)
+    process.send_signal(number)
+    begin = time.monotonic()
+    _, error = process.communicate(timeout=100)
+    assert time.monotonic() - begin < ANSWER_SECONDS
+    *progress, line = error.splitlines() or [""]
+    assert not list(temporary.iterdir())
+    if share > SURE and process.returncode == 0:
+        assert len(list(out.iterdir())) > 1
+        return
+    assert (process.returncode, line) == (128 + number, LINE), error
+    assert all(stage.endswith("…") for stage in progress), error
+    assert [(file.name, file.read_text()) for file in out.iterdir()] == [("report.json", "of an earlier bake")]
+
+
+def test_folders_that_were_made_for_a_bake_go_with_it(seconds: float, shrub: Path, tmp_path: Path) -> None:
+    process = start(shrub, tmp_path / "new" / "out", tmp_path / "temporary")
+    time.sleep(SURE * seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert not (tmp_path / "new").exists()
