@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .node_links import Input, Output, follow, output_of, shown_nodes
-from .surface import number_at, principled_of
+from .node_links import Input, Output, follow, number_at, output_of, shown_nodes
+from .surface import principled_of
 
 
 def losses(material: bpy.types.Material) -> list[str]:
