@@ -139,6 +139,49 @@ def group_end(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
     return next((node for node in tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output), None)
 
 
+def node_count(tree: bpy.types.NodeTree) -> int:
+    """The nodes that a renderer makes of a tree: a group's count wherever it is used, also within other groups."""
+    return folded(tree, _groups_in, lambda each, inside: len(each.nodes) + sum(inside))
+
+
+def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    return [node.node_tree for node in tree.nodes if node.type == "GROUP" and node.node_tree is not None]
+
+
+def trees_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    """The tree, and those of the groups in it and in these; each once."""
+    found = {tree: None}
+    waiting = [tree]
+    while waiting:
+        new = [each for each in _groups_in(waiting.pop()) if each not in found]
+        found |= dict.fromkeys(new)
+        waiting += new
+    return list(found)
+
+
+def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
+    """The inputs of a tree's shaders and groups behind which whoever goes all ways, as Blender's glTF exporter does,
+    is lost for minutes, or deeper than Python's stack."""
+    links = Links()
+    nodes = (node for node in tree.nodes if node.type == "GROUP" or any(each.type == "SHADER" for each in node.outputs))
+    inputs = [socket for node in nodes for socket in node.inputs if socket.type != "SHADER" and links.to(socket)]
+    ways = ((socket, folded(Input(socket, links=links), _inputs_behind, _longer)) for socket in inputs)
+    return [socket for socket, (count, length) in ways if count > MOST_WAYS or length > LONGEST_WAY]
+
+
+MOST_WAYS, LONGEST_WAY = 10_000, 200
+
+
+def _inputs_behind(target: Input) -> list[Input]:
+    source = follow(target)
+    return source.inputs() if isinstance(source, Output) else []
+
+
+def _longer(_: Input, ways: list[tuple[int, int]]) -> tuple[int, int]:
+    """How many ways there are from an input, and how long the longest is, by those of the inputs behind it."""
+    return 1 + sum(count for count, _ in ways), 1 + max((length for _, length in ways), default=0)
+
+
 def output_of(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
     """The material output that Cycles takes."""
     return next(filter(None, map(tree.get_output_node, ("CYCLES", "ALL", "EEVEE"))), None)

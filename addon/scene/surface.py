@@ -20,9 +20,24 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Links, Output, can_render, folded, follow, number_at, output_of, shown_nodes
+from . import SceneError
+from .node_links import (
+    Input,
+    Links,
+    Output,
+    can_render,
+    folded,
+    follow,
+    node_count,
+    number_at,
+    output_of,
+    shown_nodes,
+)
 
 Rgb = tuple[float, float, float]
+MOST_NODES = 5_000
+"""Of a material, in all its groups. Blender needs minutes for more."""
+
 ACTIVE = ""
 """As the name of a UV map or colour attribute: the one that the mesh renders with."""
 
@@ -99,7 +114,10 @@ class NotUnderstoodError(Exception):
 
 
 def read_surface(material: bpy.types.Material | None) -> Surface:
-    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material."""
+    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material.
+
+    Raises `SceneError` for more than `MOST_NODES`.
+    """
     if material is None:
         return Surface("default", (0.8, 0.8, 0.8))
     red, green, blue, alpha = material.diffuse_color
@@ -112,6 +130,11 @@ def read_surface(material: bpy.types.Material | None) -> Surface:
     )
     if not _has_nodes(material):
         return viewport
+    if (count := node_count(material.node_tree)) > MOST_NODES:
+        raise SceneError(
+            f"material {material.name!r} has {count:,} nodes, those of groups counted wherever a group is used; the "
+            f"limit is {MOST_NODES:,}: use fewer groups within groups, or bake the material to an image"
+        )
     try:
         principled, opacity, shader = _find_principled(material.node_tree)
         mixed = principled.node != shader.node
