@@ -4,19 +4,28 @@
     python bake.py --input FILE --out DIR …                       with the bpy wheel
 
 Both do the same. Exit status 0 means that every file that the report names was written whole; otherwise standard error
-has one line that says why, the status is 1 (2 for a wrong command line), and DIR is as it was. From the open scene only
-the camera and the lights are kept beside the levels; the file that it came from is not touched.
+has one line that says why, the status is 1 (2 for a wrong command line), and DIR is as it was. So it is, too, after an
+interrupt (130) or a request to end (143), until the files are moved into DIR together; later ones change nothing. From
+the open scene only the camera and the lights are kept beside the levels; the file that it came from is not touched.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
+
+if __name__ == "__main__":
+    # Before all that takes time. Under Blender the folder of this file is not among those that modules come from.
+    sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+    from addon.ending import answer_signals, leave
+
+    answer_signals("bake.py: cancelled, nothing was written")
+
+import argparse
+import json
 import tempfile
 import time
-import typing
+import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -48,6 +57,7 @@ class Refusal(Exception):
 
 def main(arguments: Sequence[str]) -> int:
     """Runs one bake; gives the exit status."""
+    from addon.ending import own_temporary_folder
     from addon.flags import UsageError, parse, settings_of
     from addon.settings import WISHES, asked_effects, flag
 
@@ -67,9 +77,14 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("--cost-curve is of clouds, and --chain pruning has none: leave it out")
         if len(options.input or ()) > 1 and (settings.unlit or asked_effects(settings.effects).state("baked_light")):
             raise UsageError("light is baked where trees stand, and files are no scene: open one that has all trees")
+        own_temporary_folder()
     except UsageError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
         return 2
+    except OSError as error:
+        remedy = "make room for temporary files, or name another folder in the environment variable TMPDIR"
+        print(f"{PROGRAM}: no temporary folder: {error}; {remedy}", file=sys.stderr, flush=True)
+        return 1
     with _own_console() as console:
         try:
             console.tell(_run(options, settings, console))
@@ -77,9 +92,6 @@ def main(arguments: Sequence[str]) -> int:
         except Refusal as error:
             console.refuse(str(error))
             return 1
-        except KeyboardInterrupt:
-            console.refuse("cancelled, nothing was written")
-            return 130
 
 
 def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
@@ -332,17 +344,16 @@ def _arguments() -> list[str]:
     return given[given.index("--") + 1 :] if "--" in given else given[1:]
 
 
-def _release_modules() -> None:
-    """Lets Python free Blender's modules at exit; bpy 4.2 crashes when one is still held then.
-
-    `typing` caches what its generics were made of: here classes of Blender's glTF exporter, whose methods refer to bpy.
-    """
-    for clear_cache in getattr(typing, "_cleanups", ()):
-        clear_cache()
+def _status() -> int:
+    """The exit status. An error that is nobody's refusal is shown whole."""
+    try:
+        return main(_arguments())
+    except SystemExit as ended:  # After --help.
+        return int(ended.code or 0)
+    except Exception:
+        traceback.print_exc()
+        return 1
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(ROOT))
-    status = main(_arguments())
-    _release_modules()
-    sys.exit(status)
+    leave(_status())

@@ -146,8 +146,8 @@ class BakeSettings:
     max_size: Annotated[
         float | None,
         Setting(
-            "greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, at "
-            "least `epsilon`; smaller billboards have more triangles and draw fewer empty pixels",
+            "greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, "
+            "at least `epsilon`; smaller billboards have more triangles and draw fewer empty pixels",
             "SHARE",
             Limits(0, 2, above=True),
             unset="0.2 on level 1, more behind it; no limit for a given number of billboards and the published methods",

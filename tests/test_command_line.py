@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import pytest
 from command_line import QUICK, bake, run, saved
 from glb import read_glb
 
@@ -92,3 +93,55 @@ def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path
     material = bpy.data.objects["scene_LOD0"].active_material
     texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
     assert texture.image.packed_file is not None
+
+
+def with_a_driver_that_fails(shrub: Path, folder: Path) -> Path:
+    """Its expression is not evaluated, because scripts in files are off."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    driver = bpy.data.objects["leaves"].driver_add("location", 0).driver
+    driver.type, driver.expression = "SCRIPTED", "bpy.context.scene.frame_current * 0.0"
+    return saved(folder / "scene.blend")
+
+
+def with_an_override(shrub: Path, folder: Path) -> Path:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    library = saved(folder / "library.blend")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["leaves"]
+    leaves = bpy.data.objects["leaves"].override_create()
+    bpy.context.scene.collection.objects.link(leaves)
+    leaves.location.x = 1.0
+    return saved(folder / "scene.blend")
+
+
+def with_a_driver_in_a_library(shrub: Path, folder: Path) -> Path:
+    library = with_a_driver_that_fails(shrub, folder).rename(folder / "library.blend")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["leaves"]
+    bpy.context.scene.collection.objects.link(bpy.data.objects["leaves"])
+    return saved(folder / "scene.blend")
+
+
+def with_a_script(shrub: Path, folder: Path) -> Path:
+    """Which would be run where scripts in files are on."""
+    text = bpy.data.texts.new("script.py")
+    text.write("import bpy\nbpy.app.handlers.depsgraph_update_post.append(lambda *_: None)\n")
+    text.use_module = True
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    return saved(folder / "scene.blend")
+
+
+@pytest.mark.parametrize(
+    "scene", [with_a_driver_that_fails, with_an_override, with_a_driver_in_a_library, with_a_script]
+)
+def test_a_bake_ends_and_leaves_no_temporary_files(
+    scene: Callable[[Path, Path], Path], shrub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = scene(shrub, tmp_path)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    bake(source, tmp_path / "out", *QUICK, "--levels", 1)
+    assert not list(temporary.iterdir())

@@ -1,98 +1,95 @@
-"""The wheel in a process that is interrupted or forked: every call answers or works."""
+"""Interrupts at any moment of a bake: one line, its status, within seconds, and all folders as they were."""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
+from command_line import BAKE, QUICK
 
-PREPARE = """
-import os, signal, sys, threading, time
-import numpy as np
-import leafcloud
+SURE = 0.3
+"""Of the time that a bake takes: no other one is done by then, though it may be faster."""
 
-def squares(count):
-    random = np.random.default_rng(1)
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.1
-    frames = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
-    positions = random.random((count, 1, 3)) + corners @ frames
-    triangles = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(count)[:, None, None]
-    return positions.reshape(-1, 3), triangles.reshape(-1, 3)
-"""
+ANSWER_SECONDS = 5.0
+"""An answer takes less than one on a machine that is not busy."""
 
-INTERRUPTED = """
-threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
-begin = time.monotonic()
-try:
-    call()
-except KeyboardInterrupt:
-    print(f"interrupted after {time.monotonic() - begin:.2f}", flush=True)
-else:
-    print(f"finished after {time.monotonic() - begin:.2f}", flush=True)
-os._exit(0)
-"""
+LINE = "bake.py: cancelled, nothing was written"
 
-LONG_CALLS = {
-    "render": """
-foliage = leafcloud.Foliage(*squares(20_000))
-call = lambda: [
-    leafcloud.render([foliage], (1, 0, 0), 4096, centre=foliage.centre, radius=foliage.radius, samples=16)
-    for _ in range(50)
+
+def start(source: Path, out: Path, temporary: Path) -> subprocess.Popen[str]:
+    """A bake in a session of its own, which answers signals already."""
+    temporary.mkdir(exist_ok=True)
+    command = [sys.executable, BAKE, "--input", source, "--out", out, *QUICK, "--levels", "1"]
+    process = subprocess.Popen(
+        [str(each) for each in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # where the tests themselves ignore it
+    )
+    while process.poll() is None and not catches(process.pid, signal.SIGTERM):
+        time.sleep(0.001)
+    return process
+
+
+def catches(process: int, number: signal.Signals) -> bool:
+    """Python by itself does not catch SIGTERM."""
+    status = Path(f"/proc/{process}/status").read_text()
+    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught, 16) >> (number - 1) & 1)
+
+
+@pytest.fixture(scope="module")
+def seconds(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> float:
+    """What a bake takes that nothing interrupts."""
+    folder = tmp_path_factory.mktemp("whole")
+    process = start(shrub, folder / "out", folder / "temporary")
+    begin = time.monotonic()
+    process.communicate(timeout=200)
+    assert process.returncode == 0
+    assert not list((folder / "temporary").iterdir())
+    return time.monotonic() - begin
+
+
+MOMENTS = [(signal.SIGINT, number / 20.0) for number in range(21)] + [
+    (signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)
 ]
-""",
-    "simplify": """
-n = 900
-x, y = np.meshgrid(np.arange(n), np.arange(n))
-positions = np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).random(n * n)])
-corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-triangles = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
-call = lambda: leafcloud.simplify(positions, triangles, error=0.05)
-""",
-    "blend_order": """
-positions = np.random.default_rng(1).random((3000, 3))
-triangles = np.arange(3000).reshape(-1, 3)
-call = lambda: leafcloud.blend_order(positions, triangles)
-""",
-    "ktx2": """
-chain = leafcloud.build_chain(leafcloud.Foliage(*squares(300)), levels=1, cross=False, texture_size=4096, samples=1)
-call = lambda: chain.levels[0].ktx2("base_color")
-""",
-    "Foliage": """
-positions, triangles = squares(1_500_000)
-call = lambda: leafcloud.Foliage(positions, triangles)
-""",
-}
-
-FORKED = """
-foliage = leafcloud.Foliage(*squares(300))
-before = leafcloud.fit(foliage).planes
-child = os.fork()
-if child == 0:
-    signal.alarm(60)
-    same = np.array_equal(leafcloud.fit(foliage).planes, before)
-    levels = len(leafcloud.build_chain(foliage, levels=1, texture_size=256).levels)
-    job = leafcloud.start_fit(foliage)
-    same &= np.array_equal(job.result().planes, before)
-    os._exit(0 if same and levels == 2 else 1)
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-"""
 
 
-def said(script: str) -> str:
-    """The output of a script that must end."""
-    done = subprocess.run([sys.executable, "-c", PREPARE + script], capture_output=True, text=True, timeout=200)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
+@pytest.mark.parametrize(("number", "share"), MOMENTS)
+def test_an_interrupted_bake_ends_at_once_and_leaves_all_as_it_was(
+    number: signal.Signals, share: float, seconds: float, shrub: Path, tmp_path: Path
+) -> None:
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    out.mkdir()
+    (out / "report.json").write_text("of an earlier bake")
+    process = start(shrub, out, temporary)
+    time.sleep(share * seconds)
+    process.send_signal(number)
+    begin = time.monotonic()
+    _, error = process.communicate(timeout=100)
+    assert time.monotonic() - begin < ANSWER_SECONDS
+    *progress, line = error.splitlines() or [""]
+    assert not list(temporary.iterdir())
+    if share > SURE and process.returncode == 0:
+        assert len(list(out.iterdir())) > 1
+        return
+    assert (process.returncode, line) == (128 + number, LINE), error
+    assert all(stage.endswith("…") for stage in progress), error
+    assert [(file.name, file.read_text()) for file in out.iterdir()] == [("report.json", "of an earlier bake")]
 
 
-@pytest.mark.parametrize("name", LONG_CALLS)
-def test_an_interrupt_is_answered_within_a_second(name: str) -> None:
-    """The calls take many seconds; the allowance is for a busy machine."""
-    outcome, _, seconds = said(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")
-    assert outcome == "interrupted"
-    assert float(seconds) < 1.3 + 0.7
-
-
-def test_a_forked_child_has_threads_of_its_own() -> None:
-    assert said(FORKED) == "0"
+def test_folders_that_were_made_for_a_bake_go_with_it(seconds: float, shrub: Path, tmp_path: Path) -> None:
+    process = start(shrub, tmp_path / "new" / "out", tmp_path / "temporary")
+    time.sleep(SURE * seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert not (tmp_path / "new").exists()

@@ -24,7 +24,7 @@ from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
 from .lod_extension import LodChain, add_lods, screen_coverages
-from .plain_materials import materials_of_meshes, plain_colors
+from .plain_materials import materials_of_meshes, plain_colors, untangled
 from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
@@ -118,6 +118,7 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
     settings, facts = tree.prepared.settings, tree.prepared.facts
     with ExitStack() as changes:
         changes.enter_context(engine_attributes(tree.levels))
+        changes.enter_context(untangled(tree.levels))
         changes.enter_context(gltf.masked_leaves(tree.levels, blended_leaves(settings, facts)))
         changes.enter_context(materials_of_meshes(tree.levels))
         for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):

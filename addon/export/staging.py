@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from .. import ending
+
 
 class Staging:
     """A hidden folder in `directory` that gathers files until `commit` moves them up, over older ones of their names.
@@ -25,21 +27,25 @@ class Staging:
         self._files: list[str] = []
 
     def __enter__(self) -> Self:
-        try:
-            for folder in reversed([self._directory, *self._directory.parents]):
-                if not folder.is_dir():
-                    folder.mkdir()
-                    self._made.append(folder)
-            self._folder = Path(tempfile.mkdtemp(prefix=".leafcloud-", dir=self._directory))
-        except OSError:
-            self._clean()
-            raise
+        with ending.step():
+            try:
+                for folder in reversed([self._directory, *self._directory.parents]):
+                    if not folder.is_dir():
+                        folder.mkdir()
+                        self._made.append(folder)
+                self._folder = Path(tempfile.mkdtemp(prefix=".leafcloud-", dir=self._directory))
+            except OSError:
+                self._clean()
+                raise
+            ending.unfinished.append(self._clean)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._clean()
+        with ending.step():
+            ending.unfinished.remove(self._clean)
+            self._clean()
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -64,15 +70,18 @@ class Staging:
     def commit(self) -> None:
         """Moves the files to where they belong. Raises `FileNotFoundError`, and moves none, where one is missing."""
         assert self._folder is not None
-        for name in self._files:
-            (self._folder / name).stat()
-        for name in self._files:
-            os.replace(self._folder / name, self._directory / name)
-        self._made.clear()
+        with ending.step():
+            for name in self._files:
+                (self._folder / name).stat()
+            for name in self._files:
+                os.replace(self._folder / name, self._directory / name)
+            self._made.clear()
+            ending.finish()
 
     def _clean(self) -> None:
         if self._folder is not None:
-            shutil.rmtree(self._folder)
+            # Renamed first: Blender may be writing there still when the process ends, and would add files.
+            shutil.rmtree(self._folder.rename(f"{self._folder}-removed"))
             self._folder = None
         for folder in reversed(self._made):
             folder.rmdir()

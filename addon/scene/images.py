@@ -12,6 +12,9 @@ from . import SceneError
 
 Pixels = NDArray[np.uint8]
 
+_BAND = 1 << 16
+"""Pixels that are turned into codes together."""
+
 
 def check_readable(image: bpy.types.Image, material_name: str) -> None:
     """Raises `SceneError` where it has none."""
@@ -51,11 +54,22 @@ def pixels_of(image: bpy.types.Image, material_name: str, *, data: bool = False)
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
-    rgba = _with_four_channels(values.reshape(height, width, image.channels)[::-1])
+    rows = values.reshape(height, width, image.channels)[::-1]
+    codes = np.empty((height, width, 4), np.uint8)
+    # Few rows at a time: what is made of them on the way stays in the processor's cache.
+    step = max(_BAND // width, 1)
+    for first in range(0, height, step):
+        codes[first : first + step] = _codes(image, rows[first : first + step], data=data)
+    return codes
+
+
+def _codes(image: bpy.types.Image, values: NDArray[np.float32], *, data: bool) -> Pixels:
+    """(h, w, 4) of an image's values (h, w, channels)."""
+    rgba = _with_four_channels(values)
     if data:
         # Blender shades with linear values: data in an image that is marked as colours are decoded, too.
-        values = rgba[..., :3] if _is_linear(image) else decoded(rgba[..., :3])
-        return as_bytes(np.concatenate([values, np.ones_like(rgba[..., 3:])], axis=2))
+        linear = rgba[..., :3] if _is_linear(image) else decoded(rgba[..., :3])
+        return as_bytes(np.concatenate([linear, np.ones_like(rgba[..., 3:])], axis=2))
     color, alpha = rgba[..., :3], rgba[..., 3:]
     if image.alpha_mode == "NONE":
         alpha = np.ones_like(alpha)

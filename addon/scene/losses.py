@@ -1,11 +1,14 @@
-"""What no channel keeps of materials, so that it is said: emission, displacement, coats and sheen."""
+"""What no channel keeps of materials, so that it is said: emission, displacement, coats and sheen.
+
+And the nodes that Blender's glTF exporter cannot follow.
+"""
 
 from __future__ import annotations
 
 import bpy
 
-from .node_links import Input, Output, follow, output_of, shown_nodes
-from .surface import number_at, principled_of
+from .node_links import Input, Output, follow, number_at, output_of, shown_nodes, tangled_inputs, trees_of
+from .surface import principled_of
 
 
 def losses(material: bpy.types.Material) -> list[str]:
@@ -27,6 +30,12 @@ def losses(material: bpy.types.Material) -> list[str]:
     if layers:
         found.append(
             f"{said}: no {' and no '.join(layers)} is in the clouds, which have one gloss; set the weight to 0"
+        )
+    tangled = sorted({socket.name for each in trees_of(tree) for socket in tangled_inputs(each)})
+    if tangled:
+        found.append(
+            f"{said}: its nodes share so much of what feeds {' and '.join(tangled)} that Blender's glTF exporter cannot"
+            f" follow them: in glTF its own faces have the first image there, or a constant; bake it to an image"
         )
     return found
 

@@ -30,7 +30,7 @@ from .flatten import (
     square,
 )
 from .images import check_readable
-from .node_links import Input, Output, follow, nodes_behind
+from .node_links import Input, Output, folded, follow, nodes_behind
 from .shader_sums import Builder, shining
 from .surface import NotUnderstoodError, Texture, principled_of, repeats, texture_of, uv_maps
 
@@ -87,6 +87,20 @@ def _moved_alike(image: bpy.types.Node, layout: Texture) -> bool:
 
 def is_of_tangent_space(target: Input) -> bool:
     """Whether a normal is that of the surface, turned by Normal Maps of tangent space and Bumps, or a mix of such."""
+    return folded(target, _normals_used, _is_of_tangent_space)
+
+
+def _normals_used(target: Input) -> list[Input]:
+    """The inputs that a node makes a normal of."""
+    source = follow(target)
+    if isinstance(source, Output) and source.node.type == "BUMP":
+        return [source.input("Normal")]
+    if isinstance(source, Output) and source.node.type in {"MIX", "VECT_MATH"}:
+        return [each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"}]
+    return []
+
+
+def _is_of_tangent_space(target: Input, used: list[bool]) -> bool:
     source = follow(target)
     if isinstance(source, Input):
         return source.socket.hide_value  # which stands for the surface's own
@@ -94,14 +108,10 @@ def is_of_tangent_space(target: Input) -> bool:
     match node.type:
         case "NORMAL_MAP":
             return str(node.space) == "TANGENT"
-        case "BUMP":
-            return is_of_tangent_space(source.input("Normal"))
         case "NEW_GEOMETRY":
             return source.socket.name in {"Normal", "True Normal"}
-        case "MIX" | "VECT_MATH":
-            vectors = {"VECTOR", "RGBA"}
-            mixed = [each for each in source.inputs() if each.socket.enabled and each.socket.type in vectors]
-            return all(is_of_tangent_space(each) for each in mixed)
+        case "BUMP" | "MIX" | "VECT_MATH":
+            return all(used)
     return False
 
 

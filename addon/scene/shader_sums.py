@@ -10,6 +10,8 @@ from typing import Any, Literal
 
 import bpy
 
+from .node_links import Links, folded, group_end
+
 SHINE = "Leafcloud Shine"
 """The node that emits, in materials that shine."""
 
@@ -31,6 +33,9 @@ def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> 
 
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
+_SHADERS = {"REROUTE": (0, 1), "MIX_SHADER": (1, 3), "ADD_SHADER": (0, 2)}
+"""From which input to which the shaders lie that a node passes on or mixes."""
+
 
 class Builder:
     """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
@@ -42,34 +47,55 @@ class Builder:
         self.light = light
         self.outside = outside
         """Of a group's tree: who builds around it, and the group's node there."""
+        self._links = Links()  # Those of the shaders; the nodes that are added read them.
+        self._sums: dict[bpy.types.NodeSocket, tuple[Any, Any]] = {}
 
     def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Of what feeds a shader input."""
-        link = next((link for link in target.links if not link.is_muted), None)
+        return folded(target, self._shaders_before, self._sum)
+
+    def _shaders_before(self, target: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
+        """The inputs, in this tree, for the shaders that make the one that feeds an input."""
+        link = self._links.to(target)
+        if link is None:
+            return []
+        node = link.from_node
+        if node.mute:
+            return [inner.from_socket for inner in node.internal_links if inner.to_socket == link.from_socket]
+        return list(node.inputs[slice(*_SHADERS.get(node.type, (0, 0)))])
+
+    def _sum(self, target: bpy.types.NodeSocket, before: list[tuple[Any, Any]]) -> tuple[Any, Any]:
+        link = self._links.to(target)
         if link is None:
             return _BLACK, 0.0
-        node, source = link.from_node, link.from_socket
+        if link.from_socket not in self._sums:
+            self._sums[link.from_socket] = self._new_sum(link.from_node, link.from_socket, before)
+        return self._sums[link.from_socket]
+
+    def _new_sum(
+        self, node: bpy.types.Node, source: bpy.types.NodeSocket, before: list[tuple[Any, Any]]
+    ) -> tuple[Any, Any]:
+        """Of a node's output, by the sums of the shaders before it."""
         if node.mute:
-            passed = next((inner.from_socket for inner in node.internal_links if inner.to_socket == source), None)
-            return (_BLACK, 0.0) if passed is None else self.color_and_alpha(passed)
+            return before[0] if before else (_BLACK, 0.0)
         match node.type:
             case "REROUTE":
-                return self.color_and_alpha(node.inputs[0])
+                return before[0]
             case "GROUP":
                 return self._of_group(node, source)
             case "GROUP_INPUT":
                 return self._from_outside(node, source)
             case "MIX_SHADER":
-                return self._mixed(node)
+                return self._mixed(node, *before)
             case "ADD_SHADER":
-                (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[:2])
+                (c1, a1), (c2, a2) = before
                 return self.vector("ADD", c1, c2), self.math("MINIMUM", self.math("ADD", a1, a2), 1.0)
             case "BSDF_TRANSPARENT" | "HOLDOUT":
                 return _BLACK, 0.0
         return self._of_shader(node)
 
-    def _mixed(self, node: bpy.types.Node) -> tuple[Any, Any]:
-        (c1, a1), (c2, a2) = (self.color_and_alpha(socket) for socket in node.inputs[1:3])
+    def _mixed(self, node: bpy.types.Node, first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[Any, Any]:
+        (c1, a1), (c2, a2) = first, second
         share = self.math("MINIMUM", self.math("MAXIMUM", self.read(node.inputs[0]), 0.0), 1.0)
         rest = self.math("SUBTRACT", 1.0, share)
         color = self.vector("ADD", self.scaled(c1, rest), self.scaled(c2, share))
@@ -104,20 +130,19 @@ class Builder:
         """The same inside the group, handed out by two sockets more."""
         if node.node_tree is None:
             return _BLACK, 0.0
-        tree = node.node_tree
-        end = next((n for n in tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
+        end = group_end(node.node_tree)
         if end is None:
             return _BLACK, 0.0
-        inside = Builder(tree, self.light, (self, node))
+        inside = Builder(node.node_tree, self.light, (self, node))
         inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
-        values = inside.color_and_alpha(inner)
-        color, alpha = values
+        color, alpha = inside.color_and_alpha(inner)
         return inside.handed_out(node, color, "NodeSocketColor"), inside.handed_out(node, alpha, "NodeSocketFloat")
 
     def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
         """A value of this tree, which is that of a group's node, by a socket more of that."""
         identifier = self.tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
-        end = next(node for node in self.tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output)
+        end = group_end(self.tree)
+        assert end is not None  # else nothing of it is shown
         self.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
         return next(socket for socket in group.outputs if socket.identifier == identifier)
 
@@ -136,7 +161,7 @@ class Builder:
 
     def read(self, target: bpy.types.NodeSocket) -> Any:
         """What feeds an input: a socket, or its own value."""
-        link = next((link for link in target.links if not link.is_muted), None)
+        link = self._links.to(target)
         if link is not None:
             return link.from_socket
         value = target.default_value

@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Input, Output, follow, shown_nodes
+from .node_links import Input, Output, follow, number_at, shown_nodes
 from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
 from .surface import (
     NotUnderstoodError,
     Texture,
     laid_alike,
-    number_at,
     principled_of,
     read_surface,
     texture_of,

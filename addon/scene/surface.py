@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -19,9 +20,24 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Output, can_render, follow, output_of, shown_nodes
+from . import SceneError
+from .node_links import (
+    Input,
+    Links,
+    Output,
+    can_render,
+    folded,
+    follow,
+    node_count,
+    number_at,
+    output_of,
+    shown_nodes,
+)
 
 Rgb = tuple[float, float, float]
+MOST_NODES = 5_000
+"""Of a material, in all its groups. Blender needs minutes for more."""
+
 ACTIVE = ""
 """As the name of a UV map or colour attribute: the one that the mesh renders with."""
 
@@ -102,6 +118,8 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
 
     `as_exported` reads the material as Blender's glTF exporter does: at the output for all renderers, and of mixed
     shaders the nearest Principled BSDF. A bake adds its fades to outputs for single renderers only.
+
+    Raises `SceneError` for more than `MOST_NODES`.
     """
     if material is None:
         return Surface("default", (0.8, 0.8, 0.8))
@@ -115,6 +133,11 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
     )
     if not _has_nodes(material):
         return viewport
+    if (count := node_count(material.node_tree)) > MOST_NODES:
+        raise SceneError(
+            f"material {material.name!r} has {count:,} nodes, those of groups counted wherever a group is used; the "
+            f"limit is {MOST_NODES:,}: use fewer groups within groups, or bake the material to an image"
+        )
     try:
         output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
         principled, opacity, shader = _find_principled(output)
@@ -206,13 +229,17 @@ def _lets_light_through(shader: Output) -> bool:
 
 def _shaders(shader: Output) -> Iterator[Output]:
     """The shader and those that it mixes, nearest first."""
-    waiting = [shader]
+    found = {shader}
+    waiting = deque(found)
     while waiting:
-        current = waiting.pop(0)
+        current = waiting.popleft()
         yield current
         if current.node.type in {"MIX_SHADER", "ADD_SHADER"}:
             behind = (follow(target) for target in current.inputs() if target.socket.type == "SHADER")
-            waiting += [source for source in behind if isinstance(source, Output)]
+            for source in behind:
+                if isinstance(source, Output) and source not in found:
+                    found.add(source)
+                    waiting.append(source)
 
 
 def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
@@ -310,19 +337,40 @@ def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
 
 def _map_behind(image: bpy.types.Node) -> str:
     """The UV map that an image is looked up by, through what moves it."""
-    target = image.inputs["Vector"]
-    while target.is_linked:
-        node, name = target.links[0].from_node, uv_map_of(target.links[0].from_socket)
+    links = Links()
+    link = links.to(image.inputs["Vector"])
+    while link is not None:
+        node, name = link.from_node, uv_map_of(link.from_socket)
         if name is not None:
             return name
         if node.type not in {"MAPPING", "REROUTE"}:
             break
-        target = node.inputs[0]
+        link = links.to(node.inputs[0])
     return ACTIVE
 
 
 def color_product(target: Input) -> Product:
     """The product behind a colour input. Raises `NotUnderstoodError`."""
+    return folded(target, _color_factors, _color_of)
+
+
+def _color_factors(target: Input) -> list[Input]:
+    """The inputs that a node multiplies, none where it is another node."""
+    source = follow(target)
+    if isinstance(source, Input) or not _multiplies_colors(source.node):
+        return []
+    if number_at(source.input("Factor_Float")) != 1.0:
+        raise NotUnderstoodError(f"is multiplied in part by the node {source.node.name!r}")
+    return [source.input("A_Color"), source.input("B_Color")]
+
+
+def _multiplies_colors(node: bpy.types.Node) -> bool:
+    return node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY"
+
+
+def _color_of(target: Input, factors: list[Product]) -> Product:
+    if factors:
+        return factors[0].times(factors[1])
     grey = number_at(target)
     if grey is not None:
         return Product((grey, grey, grey))
@@ -331,10 +379,6 @@ def color_product(target: Input) -> Product:
     if isinstance(source, Input) or node.type == "RGB":
         red, green, blue, _ = source.socket.default_value
         return Product((red, green, blue))
-    if node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY":
-        if number_at(source.input("Factor_Float")) == 1.0:
-            return color_product(source.input("A_Color")).times(color_product(source.input("B_Color")))
-        raise NotUnderstoodError(f"is multiplied in part by the node {node.name!r}")
     if source.socket.name == "Color":
         return _leaf_product(source)
     raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
@@ -358,6 +402,20 @@ def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
 
 def _value_product(target: Input) -> Product:
     """The product behind a value input."""
+    return folded(target, _value_factors, _value_of)
+
+
+def _value_factors(target: Input) -> list[Input]:
+    """As `_color_factors`."""
+    source = follow(target)
+    if isinstance(source, Input) or (source.node.type, getattr(source.node, "operation", "")) != ("MATH", "MULTIPLY"):
+        return []
+    return source.inputs()[:2]
+
+
+def _value_of(target: Input, factors: list[Product]) -> Product:
+    if factors:
+        return factors[0].times(factors[1])
     constant = number_at(target)
     if constant is not None:
         return Product((constant, constant, constant))
@@ -365,9 +423,6 @@ def _value_product(target: Input) -> Product:
     if isinstance(source, Input):
         raise NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
     node = source.node
-    if node.type == "MATH" and node.operation == "MULTIPLY":
-        first, second, _ = source.inputs()
-        return _value_product(first).times(_value_product(second))
     if source.socket.name == "Alpha" or (node.type == "TEX_IMAGE" and source.socket.name == "Color"):
         return _leaf_product(source)
     raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
@@ -436,19 +491,19 @@ def texture_of(source: Output) -> Texture:
 
 def _laid(texture: Texture, coordinates: Input) -> Texture:
     """The texture with the UV map, wrapping and transform that its coordinates say."""
-    source = follow(coordinates)
-    if isinstance(source, Input):
-        return texture
-    node = source.node
-    name = uv_map_of(source.socket)
-    if name is not None:
-        return replace(texture, uv_map=name)
-    if node.type == "MAPPING" and node.vector_type == "POINT":
-        laid = _laid(texture, source.input("Vector"))
-        return replace(laid, transform=_composed(_mapping(source), laid.transform))
-    if node.type == "COMBXYZ" and (wrapped := _wrapped(source)) is not None:
-        return _laid(replace(texture, extension="MIXED"), wrapped)
-    raise NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
+    while isinstance(source := follow(coordinates), Output):
+        node = source.node
+        name = uv_map_of(source.socket)
+        if name is not None:
+            return replace(texture, uv_map=name)
+        if node.type == "MAPPING" and node.vector_type == "POINT":
+            texture = replace(texture, transform=_composed(texture.transform, _mapping(source)))
+            coordinates = source.input("Vector")
+        elif node.type == "COMBXYZ" and (wrapped := _wrapped(source)) is not None:
+            texture, coordinates = replace(texture, extension="MIXED"), wrapped
+        else:
+            raise NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
+    return texture
 
 
 def _wrapped(combine: Output) -> Input | None:
@@ -484,13 +539,3 @@ def _mapping(source: Output) -> tuple[float, ...]:
 def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[float, ...]:
     first, second = (np.vstack([np.reshape(rows, (2, 3)), (0.0, 0.0, 1.0)]) for rows in (before, after))
     return tuple(float(value) for value in (second @ first)[:2].ravel())
-
-
-def number_at(target: Input) -> float | None:
-    """The number at an input of type value, `None` where it varies."""
-    source = follow(target)
-    if isinstance(source, Input) and source.socket.type == "VALUE":
-        return float(source.socket.default_value)
-    if isinstance(source, Output) and source.node.type == "VALUE":
-        return float(source.socket.default_value)
-    return None

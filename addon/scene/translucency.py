@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Input, Output, follow, shown_nodes
+from .node_links import Input, Output, folded, follow, number_at, shown_nodes
 from .rendered_shading import rendering_over
 from .shading import laid_like
 from .surface import (
@@ -36,7 +36,6 @@ from .surface import (
     Surface,
     Texture,
     color_product,
-    number_at,
     read_surface,
     shader_of,
 )
@@ -171,6 +170,22 @@ def _behind(target: Input) -> Output:
 
 def _share(shader: Output) -> float:
     """Of a shader's light what shines through, with one half wherever no constant says how much."""
+    start: Input | Output = shader
+    return folded(start, _mixed, _share_of)
+
+
+def _mixed(part: Input | Output) -> list[Input]:
+    """The inputs for the shaders that a shader mixes."""
+    shader = follow(part) if isinstance(part, Input) else part
+    if isinstance(shader, Input) or shader.node.type not in {"MIX_SHADER", "ADD_SHADER"}:
+        return []
+    return [target for target in shader.inputs() if target.socket.type == "SHADER"]
+
+
+def _share_of(part: Input | Output, mixed: list[float]) -> float:
+    shader = follow(part) if isinstance(part, Input) else part
+    if isinstance(shader, Input):
+        return 0.0
     match shader.node.type:
         case "BSDF_TRANSLUCENT":
             return 1.0
@@ -180,19 +195,13 @@ def _share(shader: Output) -> float:
             clear, inside = (number_at(shader.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
             return 0.5 if clear is None or inside is None else _through(clear, inside)
         case "MIX_SHADER":
-            factor, *targets = shader.inputs()
-            first, second = (_share_at(target) for target in targets)
-            number = number_at(factor)
+            first, second = mixed
+            number = number_at(shader.inputs()[0])
             share = 0.5 if number is None else _cut(number)
             return (1.0 - share) * first + share * second
         case "ADD_SHADER":
-            return 0.5 if any(_share_at(target) > 0.0 for target in shader.inputs()) else 0.0
+            return 0.5 if any(share > 0.0 for share in mixed) else 0.0
     return 0.0
-
-
-def _share_at(target: Input) -> float:
-    source = follow(target)
-    return _share(source) if isinstance(source, Output) else 0.0
 
 
 def _through(clear: float, inside: float) -> float:

@@ -1,0 +1,98 @@
+"""The wheel in a process that is interrupted or forked: every call answers or works."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+PREPARE = """
+import os, signal, sys, threading, time
+import numpy as np
+import leafcloud
+
+def squares(count):
+    random = np.random.default_rng(1)
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.1
+    frames = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
+    positions = random.random((count, 1, 3)) + corners @ frames
+    triangles = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(count)[:, None, None]
+    return positions.reshape(-1, 3), triangles.reshape(-1, 3)
+"""
+
+INTERRUPTED = """
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+begin = time.monotonic()
+try:
+    call()
+except KeyboardInterrupt:
+    print(f"interrupted after {time.monotonic() - begin:.2f}", flush=True)
+else:
+    print(f"finished after {time.monotonic() - begin:.2f}", flush=True)
+os._exit(0)
+"""
+
+LONG_CALLS = {
+    "render": """
+foliage = leafcloud.Foliage(*squares(20_000))
+call = lambda: [
+    leafcloud.render([foliage], (1, 0, 0), 4096, centre=foliage.centre, radius=foliage.radius, samples=16)
+    for _ in range(50)
+]
+""",
+    "simplify": """
+n = 900
+x, y = np.meshgrid(np.arange(n), np.arange(n))
+positions = np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).random(n * n)])
+corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+triangles = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
+call = lambda: leafcloud.simplify(positions, triangles, error=0.05)
+""",
+    "blend_order": """
+positions = np.random.default_rng(1).random((3000, 3))
+triangles = np.arange(3000).reshape(-1, 3)
+call = lambda: leafcloud.blend_order(positions, triangles)
+""",
+    "ktx2": """
+chain = leafcloud.build_chain(leafcloud.Foliage(*squares(300)), levels=1, cross=False, texture_size=4096, samples=1)
+call = lambda: chain.levels[0].ktx2("base_color")
+""",
+    "Foliage": """
+positions, triangles = squares(1_500_000)
+call = lambda: leafcloud.Foliage(positions, triangles)
+""",
+}
+
+FORKED = """
+foliage = leafcloud.Foliage(*squares(300))
+before = leafcloud.fit(foliage).planes
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    same = np.array_equal(leafcloud.fit(foliage).planes, before)
+    levels = len(leafcloud.build_chain(foliage, levels=1, texture_size=256).levels)
+    job = leafcloud.start_fit(foliage)
+    same &= np.array_equal(job.result().planes, before)
+    os._exit(0 if same and levels == 2 else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def said(script: str) -> str:
+    """The output of a script that must end."""
+    done = subprocess.run([sys.executable, "-c", PREPARE + script], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("name", LONG_CALLS)
+def test_an_interrupt_is_answered_within_a_second(name: str) -> None:
+    """The calls take many seconds; the allowance is for a busy machine."""
+    outcome, _, seconds = said(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")
+    assert outcome == "interrupted"
+    assert float(seconds) < 1.3 + 0.7
+
+
+def test_a_forked_child_has_threads_of_its_own() -> None:
+    assert said(FORKED) == "0"
