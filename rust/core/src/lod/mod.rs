@@ -224,7 +224,8 @@ impl ChainSettings {
     fn size_of(&self, index: usize, epsilon: f64) -> Option<f64> {
         let FitSettings { method, effort, max_billboards, max_size, .. } = self.fit;
         let published = method != Method::Stochastic || effort == Effort::Literal;
-        let default = (max_billboards.is_none() && !published).then(|| DEFAULT_SIZE * libm::pow(SIZE_STEP, index as f64));
+        let default =
+            (max_billboards.is_none() && !published).then(|| DEFAULT_SIZE * libm::pow(SIZE_STEP, index as f64));
         max_size.or(default).map(|size| size.max(epsilon).min(2.0))
     }
 
