@@ -28,8 +28,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         prog="bake.py",
         description="Bakes the leaves of a tree into levels of detail that do not pop.",
         epilog="Lengths are in the scene's units, shares are of the radius R of the leaves' bounding sphere. Exit "
-        "status: 0 success, 1 failure, 2 wrong command line, 130 interrupted, 143 terminated; unless it is 0, DIR is as "
-        "it was.",
+        "status: 0 success, 1 failure, 2 wrong command line, 130 interrupted, 143 terminated; unless it is 0, DIR is "
+        "as it was.",
         allow_abbrev=False,
     )
     parser.add_argument(
