@@ -160,7 +160,7 @@ def trees_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
 
 
 MOST_WAYS, LONGEST_WAY = 10_000, 200
-"""Behind an input, counted in inputs: Blender's glTF exporter takes a millisecond for each, and a frame of the stack."""
+"""Counted in inputs: the glTF exporter takes up to a millisecond and a frame of the stack for each."""
 
 
 def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
