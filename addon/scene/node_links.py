@@ -174,6 +174,10 @@ def trees_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     return list(found)
 
 
+MOST_WAYS, LONGEST_WAY = 10_000, 200
+"""Counted in inputs: the glTF exporter takes up to a millisecond and a frame of the stack for each."""
+
+
 def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     """The inputs of a tree's shaders and groups behind which whoever goes all ways, as Blender's glTF exporter does,
     is lost for minutes, or deeper than Python's stack."""
@@ -182,9 +186,6 @@ def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     inputs = [socket for node in nodes for socket in node.inputs if socket.type != "SHADER" and links.to(socket)]
     ways = ((socket, folded(Input(socket, links=links), _inputs_behind, _longer)) for socket in inputs)
     return [socket for socket, (count, length) in ways if count > MOST_WAYS or length > LONGEST_WAY]
-
-
-MOST_WAYS, LONGEST_WAY = 10_000, 200
 
 
 def _inputs_behind(target: Input) -> list[Input]:
