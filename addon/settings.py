@@ -150,7 +150,7 @@ class BakeSettings:
             "at least `epsilon`; smaller billboards have more triangles and draw fewer empty pixels",
             "SHARE",
             Limits(0, 2, above=True),
-            unset="0.2 on level 1, more behind it; no limit for a given number of billboards and the published methods",
+            unset="0.2 or, for large leaves, twice their radius; no limit for a given number of billboards",
         ),
     ] = None
     compact: Annotated[

@@ -513,9 +513,10 @@ def fit(
     out.
 
     Shape: ``max_size`` (share of R, in [ε, 2]) is the greatest distance of a billboard's leaves from the place where
-    the billboard was found (a larger leaf has its own size). None: any distance; in :func:`build_chain` 0.2 on
-    level 1 and 1.6 times as much from level to level, or ε where that is more, and any distance with
-    ``max_billboards`` and for the published methods (``density``, ``kmeans``, effort ``literal``);
+    the billboard was found (a larger leaf has its own size). None: any distance; in
+    :func:`build_chain` 0.2, or twice the mean radius of the leaves (behind level 1: of the billboards before) where
+    that is more, but any distance with ``max_billboards`` and for the published methods (``density``, ``kmeans``,
+    effort ``literal``);
     ``compact`` (share of R) parts billboards at gaps as wide; ``max_corners`` in [3, 16] is the number of an outline's
     corners, 4 for rectangles; ``trim`` makes outlines enclose what is opaque, and leaves weigh what is opaque of them.
 

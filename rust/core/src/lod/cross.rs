@@ -15,7 +15,7 @@ use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
 use crate::sheet::{PageSize, Sheet, SheetSettings};
-use crate::textures::{Channels, Drawn, Sky, bake_timed};
+use crate::textures::{Channels, Drawn, Samples, Sky, bake_timed};
 
 /// The leaves are the first of the parts; the page has at most the sides of `most`.
 pub(super) fn build(
@@ -45,17 +45,18 @@ pub(super) fn build(
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
-    let (page, channel_seconds) = bake_timed(&sheet, settings.samples, channels, |plane| {
-        let plane = planes[plane as usize];
-        let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
-            reach: f64::INFINITY,
-            foliage,
-            triangle,
-            targets: corners.map(|p| plane.project(p)),
-            corners,
-        };
-        triangles.iter().map(project).collect()
-    });
+    let (page, channel_seconds) =
+        bake_timed(&sheet, finer_samples(settings.samples, sheet.size, most), channels, |plane| {
+            let plane = planes[plane as usize];
+            let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
+                reach: f64::INFINITY,
+                foliage,
+                triangle,
+                targets: corners.map(|p| plane.project(p)),
+                corners,
+            };
+            triangles.iter().map(project).collect()
+        });
     let baked = Instant::now();
     progress.tell("bake", 0.8)?;
     let judges = Judges::new(parts, parts, &frame, settings)?;
@@ -112,6 +113,15 @@ fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, t
         height *= if higher { 2 } else { 1 };
     }
 }
+
+/// As many samples on the page as a page of the size `most` would have, within the limit of a texel: leaves are as thin as they were.
+fn finer_samples(samples: Samples, page: PageSize, most: PageSize) -> Samples {
+    let finer = (most.width.max(most.height) / page.width.max(page.height)).max(1);
+    Samples::new((samples.side() * finer).min(MOST_SAMPLES)).expect("within the limit")
+}
+
+/// Samples along the side of a texel, at most.
+const MOST_SAMPLES: usize = 16;
 
 /// The triangles of a part in the leaves' frame.
 fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usize, [DVec3; 3])> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec2};
 
-use super::{ChainSettings, Judges, drawn, sides, tune};
+use super::{ChainSettings, Judges, drawn, sides, size, tune};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, Named, fit_within};
@@ -116,21 +116,38 @@ struct Layout {
     seconds: [f64; 2],
 }
 
-/// The layout within the settings. Where the default size limit gives more billboards than the page holds, the limit is left out.
+/// The layout within the settings. A default size limit is doubled, in the end left out, while the level has too many triangles for what it
+/// replaces or more billboards than the page holds.
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
-    let by_default = settings.fit.max_size.is_none() && step.fit.max_size.is_some();
-    match layout_of(step, &step.fit, settings, progress) {
-        Err(Error::Invalid(_)) if by_default => {
-            let unlimited = FitSettings { max_size: None, ..step.fit.clone() };
-            layout_of(step, &unlimited, settings, progress)
+    let by_default = settings.fit.max_size.is_none();
+    let mut fit = step.fit.clone();
+    let mut done = 0.0;
+    loop {
+        let limited = by_default && fit.max_size.is_some();
+        let rest = progress.part(done, if limited { 0.5 * (1.0 + done) } else { 1.0 });
+        let found = layout_of(step, &fit, settings, limited, rest);
+        match found {
+            Ok(None) | Err(Error::Invalid(_)) if limited => fit.max_size = size::larger(fit.max_size),
+            Ok(found) => return Ok(found.expect("any number of triangles will do without a limit")),
+            Err(error) => return Err(error),
         }
-        other => other,
+        done = 0.5 * (1.0 + done);
     }
 }
 
-fn layout_of(step: &Step, fit: &FitSettings, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
+/// `None` where the triangles are counted and too many.
+fn layout_of(
+    step: &Step,
+    fit: &FitSettings,
+    settings: &ChainSettings,
+    counted: bool,
+    progress: Progress,
+) -> Result<Option<Layout>> {
     let (started, finer, opacity) = (Instant::now(), step.finer, &step.opacity);
     let cloud = fit_within(finer, opacity, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
+    if counted && !size::is_worth(cloud.planes.len() * (fit.max_corners - 2), finer.triangle_count()) {
+        return Ok(None);
+    }
     let fitted = Instant::now();
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
@@ -144,12 +161,13 @@ fn layout_of(step: &Step, fit: &FitSettings, settings: &ChainSettings, progress:
     let pack = if settings.tight_pages { Sheet::pack } else { Sheet::pack_loosely };
     let sheet = pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
     let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());
-    Ok(Layout { cloud, projection, sheet, two_sided, seconds })
+    Ok(Some(Layout { cloud, projection, sheet, two_sided, seconds }))
 }
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
-    let Layout { cloud, projection, sheet, two_sided, seconds: [fit, stretch] } = layout(step, settings, progress)?;
+    let Layout { cloud, projection, sheet, two_sided, seconds: [fit, stretch] } =
+        layout(step, settings, progress.part(0.0, 0.65))?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;

@@ -6,6 +6,7 @@ mod level;
 pub mod pruned_look;
 mod shared;
 mod sides;
+mod size;
 mod tune;
 
 pub use level::{Level, Seconds, billboards};
@@ -28,12 +29,6 @@ use crate::transition::leaf_pivots;
 
 /// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
-
-/// The size limit of level 1's billboards where none is set, as a share of R, and how much larger it is from level to level. Billboards a
-/// fifth of R across draw a third to a quarter of the fragments of unlimited ones, for some hundred triangles more
-/// (`docs/bench/size.md`).
-const DEFAULT_SIZE: f64 = 0.2;
-const SIZE_STEP: f64 = 1.6;
 
 /// How many times fewer billboards each level has where their number is given.
 const BILLBOARDS_STEP: usize = 4;
@@ -200,16 +195,11 @@ impl ChainSettings {
     /// What the level with this index, from 0, is fitted with; the level before has the ε `finer`. A budget is the first level's: those behind
     /// it follow from its ε, or, where the number of billboards is the input, from that.
     fn fit_of(&self, index: usize, finer: Option<f64>) -> FitSettings {
-        let epsilon = finer.map_or(self.fit.epsilon, |finer| (finer * EPSILON_STEP).min(1.0));
-        let max_size = self.size_of(index, epsilon);
-        if finer.is_none() {
-            return FitSettings { max_size, ..self.fit.clone() };
-        }
+        let Some(finer) = finer else { return self.fit.clone() };
         let coarser = libm::pow(EPSILON_STEP, index as f64);
         let fewer = |count: usize| (count / BILLBOARDS_STEP.pow(index as u32)).max(1);
         FitSettings {
-            epsilon,
-            max_size,
+            epsilon: (finer * EPSILON_STEP).min(1.0),
             max_billboards: self.fit.max_billboards.filter(|_| self.fit.method == Method::KMeans).map(fewer),
             max_texels: None,
             image: self.fit.image.map(|image| ImageBound { angle: image.angle * coarser, ..image }),
@@ -217,16 +207,6 @@ impl ChainSettings {
             whole_leaves: true,
             ..self.fit.clone()
         }
-    }
-
-    /// The size limit of the level with this index, from 0, and this ε. No default stands against a given number of billboards, nor changes
-    /// the published methods, which know no limit.
-    fn size_of(&self, index: usize, epsilon: f64) -> Option<f64> {
-        let FitSettings { method, effort, max_billboards, max_size, .. } = self.fit;
-        let published = method != Method::Stochastic || effort == Effort::Literal;
-        let default =
-            (max_billboards.is_none() && !published).then(|| DEFAULT_SIZE * libm::pow(SIZE_STEP, index as f64));
-        max_size.or(default).map(|size| size.max(epsilon).min(2.0))
     }
 
     /// The page of the level with this index, from 0.
@@ -332,6 +312,7 @@ pub fn build_chain(
         let finer = levels.last().map(Level::foliage).transpose()?;
         let finer = finer.as_ref().unwrap_or(foliage);
         let fit = settings.fit_of(index, levels.last().and_then(|finer| finer.epsilon));
+        let fit = FitSettings { max_size: size::limit(&fit, finer), ..fit };
         let opacity = fit.opacity(finer);
         if index == 0 && opacity.shows_nothing() {
             return Err(Error::invalid(

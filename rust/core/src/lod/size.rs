@@ -1,0 +1,107 @@
+//! The size limit of a level's billboards where none is set.
+//!
+//! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws two to eight times the
+//! fragments of its leaves. Billboards a fifth of R across draw a third to a quarter of that, for some hundred triangles more
+//! (`docs/bench/size.md`). Large leaves would be torn at that size, so billboards have room for leaves twice as wide as the mean one; level 2
+//! is made of the billboards of level 1, and so on, so its billboards are larger in turn. Where leaves are few and far apart, a billboard of
+//! that size holds one of them, and the level saves no triangles: then the limit grows.
+
+use crate::fit::{Effort, FitSettings, Method};
+use crate::foliage::{Foliage, area_vector};
+
+/// The least limit, as a share of R.
+const LEAST_SIZE: f64 = 0.2;
+
+/// How many times the mean radius of the leaves a billboard reaches, at least.
+const LEAVES: f64 = 2.0;
+
+/// The limit for a fit of `finer`, as a share of R: that of `fit`, at least its ε, or the default.
+///
+/// `None`, no limit, where the default would stand against a given number of billboards, and for the published methods, which know no limit.
+pub fn limit(fit: &FitSettings, finer: &Foliage) -> Option<f64> {
+    let published = fit.method != Method::Stochastic || fit.effort == Effort::Literal;
+    let default = || LEAST_SIZE.max(LEAVES * mean_radius(finer));
+    let size = fit.max_size.or_else(|| (fit.max_billboards.is_none() && !published).then(default));
+    size.map(|size| size.max(fit.epsilon).min(2.0))
+}
+
+/// The limit to try after `size`; `None`, no limit, from the whole crown on.
+pub fn larger(size: Option<f64>) -> Option<f64> {
+    size.map(|size| 2.0 * size).filter(|size| *size < 2.0)
+}
+
+/// Whether a level of so many triangles is worth drawing in place of so many: it has at most half.
+pub fn is_worth(triangles: usize, finer: usize) -> bool {
+    2 * triangles <= finer
+}
+
+/// The mean distance of a leaf's farthest corner from the mean of its corners, by the area of leaves; local frame.
+fn mean_radius(foliage: &Foliage) -> f64 {
+    let leaves = foliage.leaves();
+    let (mut radii, mut areas) = (0.0, 0.0);
+    for triangles in leaves.iter() {
+        let corners = || triangles.iter().flat_map(|&t| foliage.corners(t as usize));
+        let middle = corners().sum::<glam::DVec3>() / (3 * triangles.len()) as f64;
+        let radius = corners().map(|p| p.distance(middle)).fold(0.0, f64::max);
+        let area: f64 = triangles.iter().map(|&t| area_vector(foliage.corners(t as usize)).length()).sum();
+        radii += area * radius;
+        areas += area;
+    }
+    radii / areas
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::foliage::{Attributes, Foliage};
+
+    /// Two square leaves of this side at the ends of a line from −1 to 1: R is half the diagonal of their box.
+    fn two_leaves(side: f64) -> Foliage {
+        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y * side, z * side);
+        let leaf = |x: f64| [corner(x, -0.5, -0.5), corner(x, 0.5, -0.5), corner(x, 0.5, 0.5), corner(x, -0.5, 0.5)];
+        let positions = [leaf(-1.0), leaf(1.0)].concat();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+    }
+
+    #[test]
+    fn billboards_have_room_for_large_leaves() {
+        for side in [0.01, 0.1, 0.5] {
+            let foliage = two_leaves(side);
+            let radius = side * 0.5f64.sqrt() / foliage.frame().radius;
+            let expected = (2.0 * radius).max(0.2);
+            let found = limit(&FitSettings::default(), &foliage).unwrap();
+            assert!((found - expected).abs() < 1e-12, "side {side}: {found}, {expected} expected");
+        }
+    }
+
+    #[test]
+    fn limits_grow_to_the_whole_crown() {
+        let limits: Vec<f64> = std::iter::successors(Some(0.2), |size| larger(Some(*size))).collect();
+        assert_eq!(limits, [0.2, 0.4, 0.8, 1.6]);
+        assert!(is_worth(300, 600) && !is_worth(301, 600));
+    }
+
+    #[test]
+    fn a_limit_that_is_set_is_kept_and_at_least_epsilon() {
+        let foliage = two_leaves(0.1);
+        let set = |max_size, epsilon| limit(&FitSettings { max_size, epsilon, ..FitSettings::default() }, &foliage);
+        assert_eq!(set(Some(0.1), 0.04), Some(0.1));
+        assert_eq!(set(Some(0.1), 0.25), Some(0.25));
+        assert_eq!(set(None, 0.25), Some(0.25));
+    }
+
+    #[test]
+    fn a_number_of_billboards_and_the_published_methods_have_no_default() {
+        let foliage = two_leaves(0.1);
+        let plain = FitSettings::default();
+        let settings = [
+            FitSettings { max_billboards: Some(9), ..plain.clone() },
+            FitSettings { effort: Effort::Literal, ..plain.clone() },
+            FitSettings { method: Method::Density, ..plain },
+        ];
+        assert!(settings.iter().all(|settings| limit(settings, &foliage).is_none()));
+    }
+}
