@@ -45,6 +45,10 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 	tools/same_bytes.sh
 	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
 
+.PHONY: environments
+environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download what the tests need beside .venv
+	@tools/prerequisites.sh chromium
+
 .PHONY: bench
 bench: ## measure the speed of the core, and what it makes beside what else one might use (hours)
 	@tools/prerequisites.sh rust

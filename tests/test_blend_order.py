@@ -184,7 +184,7 @@ def test_it_is_not_part_of_all() -> None:
 def test_a_camera_that_sees_only_leaves_needs_none() -> None:
     crown = add_crown(principled("leaf", Alpha=0.5))
     add_camera(3.2, crown)
-    assert plan_of(crown)["blend_order"].on is False
+    assert plan_of(crown, BakeSettings(viewer="camera"))["blend_order"].on is False
 
 
 def test_pages_keep_how_far_they_are_seen_through() -> None:

@@ -240,7 +240,7 @@ def test_work_can_be_cancelled() -> None:
 def test_refusals_of_the_core_name_the_tree() -> None:
     red_and_blue()
     prepared = prepare_grove(read_trees(), BakeSettings(**SMALL, seconds=1e-6), bpy.context.view_layer)
-    with pytest.raises(leafcloud.LeafcloudError, match="tree 'maple': seconds"):
+    with pytest.raises(leafcloud.LeafcloudError, match="tree 'maple': `seconds`"):
         start_grove(prepared).result()
 
 
@@ -313,8 +313,9 @@ def test_files_have_all_trees_and_each_page_once(
     assert len(json_of(out / "wood_LOD1.glb")["images"]) == 2
     assert not gltf_issues(out / "wood.glb", *(out / f"wood_LOD{number}.glb" for number in range(3)))
     assert [len(tree["levels"]) for tree in report["trees"]] == [3, 3]
-    for number in (1, 2):  # Each tells its own share of the page.
-        assert 0.5 < sum(tree["levels"][number]["atlas_occupancy"] for tree in report["trees"]) <= 1.0
+    # Each tells its own share of the page. The small page of the cross impostors keeps regions aligned, which takes room.
+    for number, least in ((1, 0.5), (2, 0.25)):
+        assert least < sum(tree["levels"][number]["atlas_occupancy"] for tree in report["trees"]) <= 1.0
 
 
 def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> None:

@@ -2,7 +2,7 @@
 
 use leafcloud::error::Result;
 use leafcloud::fit::{Effort, FitSettings, Method};
-use leafcloud::lod::ChainSettings;
+use leafcloud::lod::{ChainSettings, is_published};
 use leafcloud::sheet::PageSize;
 use leafcloud::textures::Samples;
 
@@ -65,6 +65,7 @@ impl Choice {
                 epsilon: self.epsilon,
                 candidates: self.candidates,
                 max_billboards: self.max_billboards,
+                max_size: settings.fit.max_size.filter(|_| !is_published(self.method, self.effort)),
                 ..settings.fit.clone()
             },
             levels: self.levels,

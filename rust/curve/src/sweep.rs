@@ -6,7 +6,7 @@ use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::judge::{View, render, visibility};
-use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain};
+use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain, settled_size};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
 
@@ -245,6 +245,9 @@ pub fn sweep(
             "a budget of billboards or texels decides on `epsilon`, which a cost curve varies: leave `max_billboards` and `max_texels` out",
         ));
     }
+    // One size of billboards for all points: a default that grew for some would hide what the other settings do.
+    let settings =
+        &ChainSettings { fit: settled_size(&settings.fit, foliage, Progress::silent())?, ..settings.clone() };
     let mut curve = Curve {
         points: Vec::new(),
         refused: Vec::new(),

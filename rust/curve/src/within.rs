@@ -188,7 +188,7 @@ pub fn build_within(
     let begun = Instant::now();
     wish.check(settings)?;
     let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
-    let (model, offers) = (Model::new(&curve), offers(&curve));
+    let (model, offers, settings) = (Model::new(&curve), offers(&curve), &curve.settings);
     let tries = Tries { foliage, wood, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
     match wish {
         Wish::Preset(preset) => tries.place(preset),

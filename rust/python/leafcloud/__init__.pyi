@@ -12,6 +12,9 @@ Conventions, the same in every function:
 Everything is deterministic: the same input, settings and seed give the same bytes on any number of
 threads and on any machine. Every refusal of a value is a :class:`LeafcloudError` whose message names it, its limit
 and the remedy; an argument of a type that cannot be meant is a ``TypeError``, as everywhere in Python.
+
+Ctrl-C raises ``KeyboardInterrupt`` within a second in every call; work that cannot stop ends unseen in the background.
+Calls work in a child process after ``fork``, with threads of the child's own.
 """
 
 from collections.abc import Callable, Sequence

@@ -11,6 +11,7 @@ mod tune;
 
 pub use level::{Level, Seconds, billboards};
 pub use shared::share_page;
+pub use size::{is_published, settled as settled_size};
 
 use std::time::Instant;
 

@@ -6,8 +6,10 @@
 //! is made of the billboards of level 1, and so on, so its billboards are larger in turn. Where leaves are few and far apart, a billboard of
 //! that size holds one of them, and the level saves no triangles: then the limit grows.
 
-use crate::fit::{Effort, FitSettings, Method};
+use crate::error::Result;
+use crate::fit::{Effort, FitSettings, Method, fit_within};
 use crate::foliage::{Foliage, area_vector};
+use crate::progress::Progress;
 
 /// The least limit, as a share of R.
 const LEAST_SIZE: f64 = 0.2;
@@ -15,19 +17,49 @@ const LEAST_SIZE: f64 = 0.2;
 /// How many times the mean radius of the leaves a billboard reaches, at least.
 const LEAVES: f64 = 2.0;
 
+/// The limit that limits nothing: no two leaves lie farther apart.
+const WHOLE: f64 = 2.0;
+
 /// The limit for a fit of `finer`, as a share of R: that of `fit`, at least its ε, or the default.
 ///
 /// `None`, no limit, where the default would stand against a given number of billboards, and for the published methods, which know no limit.
 pub fn limit(fit: &FitSettings, finer: &Foliage) -> Option<f64> {
-    let published = fit.method != Method::Stochastic || fit.effort == Effort::Literal;
     let default = || LEAST_SIZE.max(LEAVES * mean_radius(finer));
-    let size = fit.max_size.or_else(|| (fit.max_billboards.is_none() && !published).then(default));
-    size.map(|size| size.max(fit.epsilon).min(2.0))
+    let size =
+        fit.max_size.or_else(|| (fit.max_billboards.is_none() && !is_published(fit.method, fit.effort)).then(default));
+    size.map(|size| size.max(fit.epsilon).min(WHOLE))
+}
+
+/// Whether a method is done as it was published, without a size limit.
+#[must_use]
+pub fn is_published(method: Method, effort: Effort) -> bool {
+    method != Method::Stochastic || effort == Effort::Literal
+}
+
+/// The settings with the limit that level 1 of `foliage` has in the end, by fits at their ε: for many fits that are to be compared.
+///
+/// # Errors
+/// As a fit.
+pub fn settled(fit: &FitSettings, foliage: &Foliage, progress: Progress) -> Result<FitSettings> {
+    let with = |max_size| FitSettings { max_size, ..fit.clone() };
+    let mut size = limit(fit, foliage);
+    if fit.max_size.is_some() || size.is_none() {
+        return Ok(with(size));
+    }
+    let (opacity, bound) = (fit.opacity(foliage), fit.epsilon * foliage.frame().radius);
+    while size.is_some() {
+        let cloud = fit_within(foliage, &opacity, &with(size), bound, progress, None)?;
+        if is_worth(cloud.planes.len() * (fit.max_corners - 2), foliage.triangle_count()) {
+            return Ok(with(size));
+        }
+        size = larger(size);
+    }
+    Ok(with(Some(WHOLE)))
 }
 
 /// The limit to try after `size`; `None`, no limit, from the whole crown on.
 pub fn larger(size: Option<f64>) -> Option<f64> {
-    size.map(|size| 2.0 * size).filter(|size| *size < 2.0)
+    size.map(|size| 2.0 * size).filter(|size| *size < WHOLE)
 }
 
 /// Whether a level of so many triangles is worth drawing in place of so many: it has at most half.
