@@ -425,7 +425,9 @@ def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path
     assert len(half.polygons) == pytest.approx(len(full.polygons) / 2, rel=0.02)
     assert sum(face.area for face in half.polygons) == pytest.approx(sum(face.area for face in full.polygons), rel=1e-4)
 
-    obj = points([(0.0, 0.0, 0.0), (0.9 * near, 0.0, 0.0), (1.5 * near, 0.0, 0.0), (99.0 * near, 0.0, 0.0)])
+    first, second, last = forest.distances
+    places = (0.0, (first + second) / 2.0, (second + last) / 2.0, 99.0 * near)
+    obj = points([(place, 0.0, 0.0) for place in places])
     forest.plant(obj)
     add_camera((0.0, 0.0, 0.0))
     saved, found = tmp_path / "forest.blend", tmp_path / "found.json"

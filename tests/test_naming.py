@@ -15,6 +15,7 @@ from command_line import run
 from scenes import add_mesh
 
 import addon
+import leafcloud
 from addon.flags import with_flags
 from addon.plan.effects import camera_note, plan_effects
 from addon.plan.facts import Camera, Facts, Lights
@@ -164,9 +165,10 @@ def test_what_the_core_refuses_names_the_sidebars_settings() -> None:
     settings.texture_size, settings.epsilon, settings.candidates = 64, 0.001, 1
     with pytest.raises(RuntimeError, match=r"\d+ billboards do not fit on .*; raise Texture Width or Error Bound"):
         bpy.ops.leafcloud.bake()
-    settings.max_billboards = 9
-    with pytest.raises(RuntimeError, match=r"decides on Error Bound, .*: leave Most Billboards and max texels out"):
-        bpy.ops.leafcloud.curve()
+    foliage = leafcloud.Foliage(corners.reshape(-1, 3), np.arange(4500).reshape(-1, 3))
+    with pytest.raises(leafcloud.LeafcloudError) as refused:
+        leafcloud.cost_curve(foliage, max_billboards=9)
+    assert "leave Most Billboards and max texels out" in with_labels(str(refused.value))
 
 
 def test_help_names_flags() -> None:

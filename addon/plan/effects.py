@@ -225,7 +225,7 @@ def _pruning_of_scenes(scene: _Scene) -> Effect:
     """For the chain of billboards, which prunes no leaves: a scene of many trees may."""
     facts, camera = scene.facts, scene.facts.camera
     if camera is None:
-        reason = "all leaves stay until level 1 takes over from them, as --chain billboards has it"
+        reason = "all leaves stay until level 1 takes over from them, as `chain=billboards` has it"
         return Effect("pruning", False, reason)
     pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)
     if len(camera.spans) > 1 and pixels < 1.0:

@@ -58,6 +58,15 @@ def level_number(obj: bpy.types.Object) -> int | None:
     return number if isinstance(number, int) else None
 
 
+def follows_a_bake(obj: bpy.types.Object) -> bool:
+    """Whether the object is a baked level and no tree to bake.
+
+    Level 0 as a glTF file has it is leaves like any others: nothing moves it, and no other levels stand beside it.
+    """
+    number = level_number(obj)
+    return number is not None and (number > 0 or len(obj.modifiers) > 0 or record_of(obj) is not None)
+
+
 def record_of(obj: bpy.types.Object) -> Record | None:
     """How a level, its trunk or its shadow was made; None for any other object."""
     found = (record(collection) for collection in obj.users_collection)

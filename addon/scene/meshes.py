@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import SceneError
-from .baked_levels import level_number
+from .baked_levels import follows_a_bake
 from .object_random import random_of
 from .realise import are_singular, first_not_finite
 
@@ -55,7 +55,7 @@ class Copies:
     protect_group: int = -1
     """The number of the object's vertex group `PROTECT`, if it has one."""
     level: bpy.types.Object | None = None
-    """The object itself, if it is a baked level."""
+    """The object itself, if it is a baked level and no tree."""
 
     @property
     def owner_name(self) -> str:
@@ -230,7 +230,7 @@ def _shown(
             own_matrix = np.array(owner.matrix_world, np.float64)
             group = obj.vertex_groups.find(PROTECT)
             places = np.empty((0, 4, 4))
-            level = None if level_number(obj.original) is None else obj.original
+            level = obj.original if follows_a_bake(obj.original) else None
             found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
         randoms.setdefault(key, []).append(random_of(instance))
