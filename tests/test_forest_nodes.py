@@ -409,7 +409,7 @@ with open(sys.argv[2], "w") as file:
 
 def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
-    settings = BakeSettings(epsilon=0.2, candidates=20, levels=1, texture_size=64, effects="+pruning")
+    settings = BakeSettings(epsilon=0.2, candidates=20, levels=1, texture_size=256, effects="+pruning")
     baked = bake(read(), settings)
     centre = baked.prepared.placement.to_tree(baked.prepared.foliage.centre)
     near = baked.switch_distances[1]
@@ -425,9 +425,7 @@ def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path
     assert len(half.polygons) == pytest.approx(len(full.polygons) / 2, rel=0.02)
     assert sum(face.area for face in half.polygons) == pytest.approx(sum(face.area for face in full.polygons), rel=1e-4)
 
-    first, second, last = forest.distances
-    places = (0.0, (first + second) / 2.0, (second + last) / 2.0, 99.0 * near)
-    obj = points([(place, 0.0, 0.0) for place in places])
+    obj = points([(0.0, 0.0, 0.0), (0.9 * near, 0.0, 0.0), (1.5 * near, 0.0, 0.0), (99.0 * near, 0.0, 0.0)])
     forest.plant(obj)
     add_camera((0.0, 0.0, 0.0))
     saved, found = tmp_path / "forest.blend", tmp_path / "found.json"

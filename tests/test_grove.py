@@ -313,7 +313,7 @@ def test_files_have_all_trees_and_each_page_once(
     assert len(json_of(out / "wood_LOD1.glb")["images"]) == 2
     assert not gltf_issues(out / "wood.glb", *(out / f"wood_LOD{number}.glb" for number in range(3)))
     assert [len(tree["levels"]) for tree in report["trees"]] == [3, 3]
-    # Each tells its own share of the page. The small page of the cross impostors keeps regions aligned, which takes room.
+    # Each tells its own share of the page. On the small page of the cross impostors alignment takes room.
     for number, least in ((1, 0.5), (2, 0.25)):
         assert least < sum(tree["levels"][number]["atlas_occupancy"] for tree in report["trees"]) <= 1.0
 
