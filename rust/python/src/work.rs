@@ -51,7 +51,7 @@ pub fn interruptible<T: Send + 'static>(
             Ok(result) => return Ok(result?),
             Err(mpsc::RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
             Err(mpsc::RecvTimeoutError::Timeout) => {
-                py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?
+                py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?;
             }
         }
     }

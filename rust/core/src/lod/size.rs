@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn a_limit_that_is_set_is_kept_and_at_least_epsilon() {
         let foliage = two_leaves(0.1);
-        let set = |max_size, epsilon| limit(&FitSettings { max_size, epsilon, ..FitSettings::default() }, &foliage);
+        let set = |max_size, epsilon| limit(&FitSettings { epsilon, max_size, ..FitSettings::default() }, &foliage);
         assert_eq!(set(Some(0.1), 0.04), Some(0.1));
         assert_eq!(set(Some(0.1), 0.25), Some(0.25));
         assert_eq!(set(None, 0.25), Some(0.25));
