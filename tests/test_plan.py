@@ -184,7 +184,7 @@ def test_one_tree_before_a_camera_that_nears_it_a_little() -> None:
 def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
     plan = plan_of(add_crown())
     assert on(plan) == ANYWHERE
-    assert plan["pruning"].reason == "all leaves stay until level 1 takes over from them, as --chain billboards has it"
+    assert plan["pruning"].reason == "all leaves stay until level 1 takes over from them, as `chain=billboards` has it"
 
 
 @pytest.mark.parametrize("chain", ["pruning", "both"])
