@@ -3,7 +3,7 @@
 Blender can neither be interrupted nor left in the usual way. An exception that a signal's handler raises crashes it, or
 comes out of an operator as an error of that operator. And where anything still refers to bpy when Python ends, as a
 driver does whose expression failed, Blender does not stop its threads, and the process waits for them for ever. So
-nothing is raised: what is unfinished is removed, and `os._exit` ends the process.
+nothing is raised: unfinished files are removed, and `os._exit` ends the process.
 
 A thread does so for signals, for C code may keep the main thread for long; that one waits as soon as it runs Python.
 
@@ -72,7 +72,7 @@ def step() -> Iterator[None]:
 
 
 def finish() -> None:
-    """To be called in a step: the process has done what it was started for, and signals come too late."""
+    """Let later signals change nothing: the work is done. Call this within a step."""
     global _finished
     _finished = True
 

@@ -1,4 +1,4 @@
-"""Levels of an earlier bake of the same objects, of which the levels of a new bake take the place."""
+"""Replace the levels of an earlier bake of the same objects."""
 
 from __future__ import annotations
 

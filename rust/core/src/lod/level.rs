@@ -116,8 +116,8 @@ struct Layout {
     seconds: [f64; 2],
 }
 
-/// The layout within the settings. A default size limit is doubled, in the end left out, while the level has too many triangles for what it
-/// replaces or more billboards than the page holds.
+/// The layout within the settings. The default size limit doubles, up to none, while the level has more than half of the triangles of the level
+/// before it or more billboards than the page holds.
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
     let by_default = settings.fit.max_size.is_none();
     let mut fit = step.fit.clone();
