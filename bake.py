@@ -48,7 +48,7 @@ SLOW_SECONDS = 1.0
 
 
 _MADE = {"camera": "only those for this view", "anywhere": "all of them"}
-"""What a value of the setting `viewer` makes of the levels."""
+"""The levels that each value of the setting `viewer` makes."""
 
 
 class Refusal(Exception):
@@ -345,7 +345,7 @@ def _arguments() -> list[str]:
 
 
 def _status() -> int:
-    """The exit status. An error that is nobody's refusal is shown whole."""
+    """The exit status. An unexpected error is shown with its traceback."""
     try:
         return main(_arguments())
     except SystemExit as ended:  # After --help.

@@ -183,7 +183,7 @@ class BakeSettings:
         Setting("a likely direction of view in the scene, for `facing_views`; may be given again", "X,Y,Z"),
     ] = ()
     facing_views: Annotated[
-        float, Setting("what a billboard loses that none of `views` sees face-on", "SHARE", _SHARE)
+        float, Setting("score penalty of billboards that no view of `views` sees face-on", "SHARE", _SHARE)
     ] = 0.0
     image_epsilon: Annotated[
         float | None,
@@ -320,13 +320,13 @@ class BakeSettings:
     viewer: Annotated[
         str,
         Setting(
-            "who looks at the levels",
+            "the distances that levels are made for",
             "NAME",
             choices={
-                "auto": "the scene's cameras, over all frames, if they or the trees move and the files are for no "
-                "engine; else as anywhere, for a camera that stands still does not say who looks",
-                "anywhere": "a viewer who may come and go as far as there are levels: all levels are made",
-                "camera": "the scene's cameras also if they stand still: only levels that they see are made",
+                "auto": "distances of the scene's cameras over all frames if the cameras or the trees move and "
+                "no engine is set; else all distances, because the place of a still camera is often an accident",
+                "anywhere": "all distances: all levels are made",
+                "camera": "distances of the scene's cameras, moving or not: only the levels that they see are made",
             },
         ),
     ] = "auto"
@@ -344,7 +344,7 @@ class BakeSettings:
 
     @property
     def by_cameras(self) -> bool:
-        """Whether the scene's cameras may be all who look."""
+        """Whether the scene's cameras may decide which levels are made."""
         return self.viewer != "anywhere" and self.engine == "generic"
 
     def _check_fit(self) -> None:

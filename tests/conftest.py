@@ -78,6 +78,16 @@ def _no_handlers_left(_fresh_scene: None) -> Iterator[None]:
     assert not left, f"left in bpy.app.handlers: {left}"
 
 
+@pytest.fixture
+def registered(_no_handlers_left: None) -> Iterator[None]:
+    """Registers the add-on during a test."""
+    import addon
+
+    addon.register()
+    yield
+    addon.unregister()
+
+
 @pytest.fixture(autouse=True, scope="session")
 def _no_classes_left() -> Iterator[None]:
     """Fails the run when classes of the add-on are still registered at its end: they crash and hang Blender, too."""

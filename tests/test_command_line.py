@@ -79,13 +79,19 @@ def test_help_tells_every_default() -> None:
         assert f"(default: {default})" in text
 
 
-def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
+def linked_leaves(shrub: Path, folder: Path) -> tuple[bpy.types.Object, Path]:
+    """The shrub's leaves, linked into an empty file, and their library."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
-    library = saved(tmp_path / "library.blend")
+    library = saved(folder / "library.blend")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
         wanted.objects = ["leaves"]
-    bpy.context.scene.collection.objects.link(bpy.data.objects["leaves"])
+    return bpy.data.objects["leaves"], library
+
+
+def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
+    leaves, library = linked_leaves(shrub, tmp_path)
+    bpy.context.scene.collection.objects.link(leaves)
     bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
     library.unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
@@ -104,12 +110,8 @@ def with_a_driver_that_fails(shrub: Path, folder: Path) -> Path:
 
 
 def with_an_override(shrub: Path, folder: Path) -> Path:
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    library = saved(folder / "library.blend")
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
-        wanted.objects = ["leaves"]
-    leaves = bpy.data.objects["leaves"].override_create()
+    linked, _ = linked_leaves(shrub, folder)
+    leaves = linked.override_create()
     bpy.context.scene.collection.objects.link(leaves)
     leaves.location.x = 1.0
     return saved(folder / "scene.blend")
@@ -125,7 +127,7 @@ def with_a_driver_in_a_library(shrub: Path, folder: Path) -> Path:
 
 
 def with_a_script(shrub: Path, folder: Path) -> Path:
-    """Which would be run where scripts in files are on."""
+    """The script would run if scripts in files were on."""
     text = bpy.data.texts.new("script.py")
     text.write("import bpy\nbpy.app.handlers.depsgraph_update_post.append(lambda *_: None)\n")
     text.use_module = True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
@@ -11,18 +10,12 @@ import bpy
 import pytest
 from command_line import run, saved
 
-import addon
 from addon.ui.panels import LEAFCLOUD_PT_bake
+
+pytestmark = pytest.mark.usefixtures("registered")
 
 LEVELS = ["leaves_LOD0", "leaves_LOD1", "leaves_LOD2", "leaves_LOD3"]
 """Of a bake with the settings that a new scene has: the leaves, two clouds, the cross."""
-
-
-@pytest.fixture(autouse=True)
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
 
 
 @pytest.fixture

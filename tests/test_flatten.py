@@ -16,7 +16,8 @@ from addon.scene import SceneError
 from addon.scene.describe import describe_material
 from addon.scene.extract import extract
 from addon.scene.flatten import flatten
-from addon.scene.surface import Texture, read_surface
+from addon.scene.surface import read_surface
+from addon.scene.textures import Texture
 
 QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
 """The upper row first: red, green; blue, nothing."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import bpy
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from lod_scenes import add_camera, evaluate, place
 from scenes import add_mesh, bake, read
 
-import addon
 import leafcloud
 from addon.baked import Baked
 from addon.build.baked_trees import baked_tree
@@ -19,14 +17,9 @@ from addon.build.scene_nodes import SceneSettings
 from addon.settings import BakeSettings
 from addon.versions import get_modifier_input
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 LEAVES, SIDE = 60, 0.1
-
-
-@pytest.fixture(autouse=True)
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
 
 
 def baked_crown(name: str = "tree", chain: str = "both", *, wood: bool = True) -> Baked:

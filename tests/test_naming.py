@@ -31,13 +31,6 @@ KEYWORDS = {each.name for each in described() if "_" in each.name} | {"epsilon"}
 """Names of settings that nobody could take for words."""
 
 
-@pytest.fixture
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
-
-
 def texts(path: Path) -> Iterator[str]:
     """The texts in a module that are no docstrings; what an f-string fills in is an X."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -92,7 +85,7 @@ def test_each_face_puts_its_own_words(message: str, flags: str, labels: str) -> 
     assert with_labels(message) == labels
 
 
-@pytest.mark.usefixtures("_registered")
+@pytest.mark.usefixtures("registered")
 def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line() -> None:
     """Any two properties at their ends, their choices, or beyond what their own limits let through."""
     settings = bpy.context.scene.leafcloud
@@ -143,7 +136,7 @@ def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
                 suits_the_sidebar(with_labels(message))
 
 
-@pytest.mark.usefixtures("_registered")
+@pytest.mark.usefixtures("registered")
 def test_no_label_or_tooltip_has_the_words_of_the_command_line() -> None:
     classes = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith(("LEAFCLOUD_", "Leafcloud"))]
     assert len(classes) > 10
@@ -155,7 +148,7 @@ def test_no_label_or_tooltip_has_the_words_of_the_command_line() -> None:
                 suits_the_sidebar(f"{said.name} {said.description}")
 
 
-@pytest.mark.usefixtures("_registered")
+@pytest.mark.usefixtures("registered")
 def test_what_the_core_refuses_names_the_sidebars_settings() -> None:
     corners = np.random.default_rng(1).normal(size=(1500, 1, 3)) + np.random.default_rng(2).normal(size=(1500, 3, 3))
     leaves = add_mesh("leaves", corners.reshape(-1, 3).tolist(), np.arange(4500).reshape(-1, 3).tolist())

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import pytest
 
-import addon
 import leafcloud
 from addon.settings import CHAINS, EFFECTS, BakeSettings
 from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
-
-
-@pytest.fixture(autouse=True)
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
 
 
 @pytest.fixture

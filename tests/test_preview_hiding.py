@@ -20,12 +20,7 @@ from addon.build.node_laws import NEVER
 from addon.ui.viewport import is_previewed, start_preview, stop_preview
 from addon.viewport.hiding import KEY, hide
 
-
-@pytest.fixture(autouse=True)
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
+pytestmark = pytest.mark.usefixtures("registered")
 
 
 @contextmanager

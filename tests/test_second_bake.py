@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -12,17 +11,11 @@ from command_line import refusal, run, saved
 from lod_scenes import add_camera
 from scenes import add_mesh, read
 
-import addon
 from addon.scene import SceneError
 
+pytestmark = pytest.mark.usefixtures("registered")
+
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
-
-
-@pytest.fixture(autouse=True)
-def _registered(_fresh_scene: None) -> Iterator[None]:
-    addon.register()
-    yield
-    addon.unregister()
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ from node_trees import new_image, new_material, texture_node
 
 from addon.scene.describe import describe_material
 from addon.scene.shading import Gloss, gloss_of, read_shading
-from addon.scene.surface import Texture, read_surface
+from addon.scene.surface import read_surface
+from addon.scene.textures import Texture
 
 CHANNELS = ("normals", "gloss")
 

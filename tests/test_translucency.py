@@ -21,7 +21,8 @@ from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.scene.describe import describe_material
 from addon.scene.flatten import flatten
-from addon.scene.surface import Texture, read_surface
+from addon.scene.surface import read_surface
+from addon.scene.textures import Texture
 from addon.scene.translucency import Translucent, read_translucency, translucent_of
 from addon.settings import BakeSettings
 

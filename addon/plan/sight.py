@@ -58,7 +58,7 @@ def sight(settings: BakeSettings, facts: Facts) -> Sight | None:
 
 
 def stands_still(camera: Camera) -> bool:
-    """Whether neither the camera nor any tree before it moves: such a camera does not say who looks at the trees."""
+    """Whether neither the camera nor any tree before it moves: then it says nothing about other distances."""
     return not camera.moves and not any(far - near > STILL * far for near, far in camera.spans)
 
 

@@ -16,10 +16,12 @@ from .flatten import USUAL_LOOK, Flattened, Look, flatten
 from .images import Pixels, as_bytes, check_readable, decoded, encoded, pixels_of, resized
 from .losses import losses
 from .node_links import shown_nodes
+from .products import Rgb
 from .rendered_shading import Rendering, render_gloss, render_normals, unit_sizes
 from .shader_sums import Light
 from .shading import Shading, read_shading
-from .surface import Rgb, Surface, Texture, read_surface, uv_maps
+from .surface import Surface, read_surface
+from .textures import Texture, uv_maps
 from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
 

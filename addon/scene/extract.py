@@ -24,7 +24,8 @@ from . import SceneError
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
-from .surface import ACTIVE, Surface, Texture, read_surface, transform_matrix
+from .surface import Surface, read_surface
+from .textures import ACTIVE, Texture, transform_matrix
 
 __all__ = ["Geometry", "SceneError", "Tree", "extract", "part_names", "texture_uvs", "world_positions"]
 

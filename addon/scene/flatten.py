@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from . import SceneError
 from .node_links import output_of, shown_nodes
 from .shader_sums import Builder, Light, shining
-from .surface import ACTIVE, Texture, uv_maps
+from .textures import ACTIVE, Texture, uv_maps
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""

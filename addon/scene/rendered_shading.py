@@ -32,7 +32,8 @@ from .flatten import (
 from .images import check_readable
 from .node_links import Input, Output, folded, follow, nodes_behind
 from .shader_sums import Builder, shining
-from .surface import NotUnderstoodError, Texture, principled_of, repeats, texture_of, uv_maps
+from .surface import principled_of
+from .textures import NotUnderstoodError, Texture, repeats, texture_of, uv_maps
 
 GLOSS = ("Roughness", "Metallic")
 NORMAL = ("Normal",)

@@ -14,15 +14,8 @@ import bpy
 
 from .node_links import Input, Output, follow, number_at, shown_nodes
 from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
-from .surface import (
-    NotUnderstoodError,
-    Texture,
-    laid_alike,
-    principled_of,
-    read_surface,
-    texture_of,
-    transform_matrix,
-)
+from .surface import principled_of, read_surface
+from .textures import NotUnderstoodError, Texture, laid_alike, texture_of, transform_matrix
 
 USUAL_SPECULAR = 0.5
 """The Specular IOR Level of an index of refraction of 1.5, which glTF has by default."""

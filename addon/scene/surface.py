@@ -9,54 +9,21 @@ takes its place.
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from . import SceneError
-from .node_links import (
-    Input,
-    Links,
-    Output,
-    can_render,
-    folded,
-    follow,
-    node_count,
-    number_at,
-    output_of,
-    shown_nodes,
-)
+from .node_links import Input, Output, can_render, follow, node_count, output_of, shown_nodes
+from .products import Product, Rgb, alpha_product, color_product
+from .textures import ACTIVE, NotUnderstoodError, Texture, laid_alike, map_behind, repeats
 
-Rgb = tuple[float, float, float]
 MOST_NODES = 5_000
 """Of a material, in all its groups. Blender needs minutes for more."""
-
-ACTIVE = ""
-"""As the name of a UV map or colour attribute: the one that the mesh renders with."""
-
-
-@dataclass(frozen=True)
-class Texture:
-    """An image and how it is laid on the mesh."""
-
-    image: bpy.types.Image | None
-    """`None` for a rendering that is still to be made."""
-    uv_map: str = ACTIVE
-    extension: str = "REPEAT"
-    """What lies outside [0, 1]: REPEAT, EXTEND, CLIP, MIRROR, or MIXED where the two axes differ."""
-    transform: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    """(2, 3) by rows: carries the UV map's coordinates to the image's."""
-
-    @property
-    def words(self) -> str:
-        return "its rendering" if self.image is None else f"the image {self.image.name!r}"
 
 
 @dataclass(frozen=True)
@@ -85,32 +52,6 @@ class Surface:
     @property
     def texture(self) -> Texture | None:
         return self.layout or self.color_texture or self.alpha_texture
-
-
-@dataclass(frozen=True)
-class Product:
-    """A product of a factor (three equal numbers for alpha), an image's channel and a colour attribute."""
-
-    factor: Rgb = (1.0, 1.0, 1.0)
-    texture: Texture | None = None
-    channel: str = "Color"
-    attribute: str | None = None
-
-    @property
-    def constant(self) -> bool:
-        return self.texture is None and self.attribute is None
-
-    def times(self, other: Product) -> Product:
-        if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
-            raise NotUnderstoodError("multiplies two images or two colour attributes")
-        textured = self if self.texture else other
-        red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
-        attribute = other.attribute if self.attribute is None else self.attribute
-        return Product((red, green, blue), textured.texture, textured.channel, attribute)
-
-
-class NotUnderstoodError(Exception):
-    """Words that follow "its base colour"."""
 
 
 def read_surface(material: bpy.types.Material | None, *, as_exported: bool = False) -> Surface:
@@ -153,11 +94,6 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
         warning = f"material {material.name!r} mixes several shaders: {only}"
         surface = replace(surface, warnings=(*surface.warnings, warning))
     return surface
-
-
-def transform_matrix(texture: Texture | None) -> NDArray[np.float64]:
-    """(2, 3) the map from the UV map's coordinates to the image's; the identity without a texture."""
-    return np.array(Texture.transform if texture is None else texture.transform).reshape(2, 3)
 
 
 def principled_of(material: bpy.types.Material) -> Output | None:
@@ -253,7 +189,7 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
 
 def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
     try:
-        product, cutoff = _alpha_product(targets)
+        product, cutoff = alpha_product(targets)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base colour use different texture coordinates")
@@ -282,11 +218,6 @@ def _check_factor(product: Product) -> None:
         raise NotUnderstoodError(f"has the factor ({shown}), part of which lies outside of [0, 1]")
 
 
-def laid_alike(first: Texture, second: Texture) -> bool:
-    """Whether two images lie on the mesh in the same way."""
-    return replace(first, image=second.image) == second
-
-
 def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
     layout = _layout(tree) if can_render(tree) else None
     return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
@@ -296,246 +227,6 @@ def _layout(tree: bpy.types.NodeTree) -> Texture:
     """How a rendering is laid: as its first image is, or as its only UV Map node says."""
     nodes = shown_nodes(tree)
     images = [node for node in nodes if node.type == "TEX_IMAGE"]
-    maps = [_map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]
+    maps = [map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]
     plain = repeats(nodes) and not any(node.type == "MAPPING" for node in nodes)
     return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")
-
-
-def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
-    """Whether what nodes show over [0, 1]² goes on like that, but for what Mapping nodes do."""
-    images = all(node.extension == "REPEAT" for node in nodes if node.type == "TEX_IMAGE")
-    return images and all(
-        link.to_node.type in {"TEX_IMAGE", "MAPPING", "REROUTE"}
-        for node in nodes
-        for output in node.outputs
-        if uv_map_of(output) is not None
-        for link in output.links
-    )
-
-
-def uv_maps(nodes: Iterable[bpy.types.Node]) -> set[str]:
-    """The names of the UV maps that nodes look at, `ACTIVE` for the one that renders."""
-    nodes = list(nodes)
-    linked = (output for node in nodes for output in node.outputs if output.is_linked)
-    names = {name for output in linked if (name := uv_map_of(output)) is not None}
-    unlinked = any(node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked for node in nodes)
-    return names | {ACTIVE} if unlinked else names
-
-
-def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
-    """The UV map that an output is, `None` where it is something else; a vector of a named attribute counts as one."""
-    node = output.node
-    match node.type:
-        case "UVMAP":
-            return str(node.uv_map)
-        case "TEX_COORD" if output.name == "UV":
-            return ACTIVE
-        case "ATTRIBUTE" if output.name == "Vector" and node.attribute_type == "GEOMETRY":
-            return str(node.attribute_name)
-    return None
-
-
-def _map_behind(image: bpy.types.Node) -> str:
-    """The UV map that an image is looked up by, through what moves it."""
-    links = Links()
-    link = links.to(image.inputs["Vector"])
-    while link is not None:
-        node, name = link.from_node, uv_map_of(link.from_socket)
-        if name is not None:
-            return name
-        if node.type not in {"MAPPING", "REROUTE"}:
-            break
-        link = links.to(node.inputs[0])
-    return ACTIVE
-
-
-def color_product(target: Input) -> Product:
-    """The product behind a colour input. Raises `NotUnderstoodError`."""
-    return folded(target, _color_factors, _color_of)
-
-
-def _color_factors(target: Input) -> list[Input]:
-    """The inputs that a node multiplies, none where it is another node."""
-    source = follow(target)
-    if isinstance(source, Input) or not _multiplies_colors(source.node):
-        return []
-    if number_at(source.input("Factor_Float")) != 1.0:
-        raise NotUnderstoodError(f"is multiplied in part by the node {source.node.name!r}")
-    return [source.input("A_Color"), source.input("B_Color")]
-
-
-def _multiplies_colors(node: bpy.types.Node) -> bool:
-    return node.type == "MIX" and node.data_type == "RGBA" and node.blend_type == "MULTIPLY"
-
-
-def _color_of(target: Input, factors: list[Product]) -> Product:
-    if factors:
-        return factors[0].times(factors[1])
-    grey = number_at(target)
-    if grey is not None:
-        return Product((grey, grey, grey))
-    source = follow(target)
-    node = source.socket.node
-    if isinstance(source, Input) or node.type == "RGB":
-        red, green, blue, _ = source.socket.default_value
-        return Product((red, green, blue))
-    if source.socket.name == "Color":
-        return _leaf_product(source)
-    raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
-
-
-def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
-    """The product behind the alpha inputs and its cut-off, `None` where it is not cut."""
-    constants = [number_at(target) for target in targets]
-    varying = [target for target, constant in zip(targets, constants, strict=True) if constant is None]
-    scale = math.prod(constant for constant in constants if constant is not None)
-    product = Product((scale, scale, scale))
-    if not varying:
-        return product, None
-    if len(varying) > 1:
-        raise NotUnderstoodError("comes from a Mix Shader and from the Principled BSDF")
-    behind, cutoff = _cut(varying[0])
-    if cutoff is not None and scale != 1.0:
-        raise NotUnderstoodError("is scaled after it is cut off")
-    return product.times(_value_product(behind)), cutoff
-
-
-def _value_product(target: Input) -> Product:
-    """The product behind a value input."""
-    return folded(target, _value_factors, _value_of)
-
-
-def _value_factors(target: Input) -> list[Input]:
-    """As `_color_factors`."""
-    source = follow(target)
-    if isinstance(source, Input) or (source.node.type, getattr(source.node, "operation", "")) != ("MATH", "MULTIPLY"):
-        return []
-    return source.inputs()[:2]
-
-
-def _value_of(target: Input, factors: list[Product]) -> Product:
-    if factors:
-        return factors[0].times(factors[1])
-    constant = number_at(target)
-    if constant is not None:
-        return Product((constant, constant, constant))
-    source = follow(target)
-    if isinstance(source, Input):
-        raise NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
-    node = source.node
-    if source.socket.name == "Alpha" or (node.type == "TEX_IMAGE" and source.socket.name == "Color"):
-        return _leaf_product(source)
-    raise NotUnderstoodError(f"comes from the output {source.socket.name!r} of the node {node.name!r}")
-
-
-def _leaf_product(source: Output) -> Product:
-    """An image or a colour attribute, at the output Color or Alpha."""
-    node = source.node
-    if node.type == "TEX_IMAGE":
-        return Product(texture=texture_of(source), channel=source.socket.name)
-    if node.type == "VERTEX_COLOR":
-        return Product(attribute=node.layer_name)
-    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
-        return Product(attribute=node.attribute_name)
-    raise NotUnderstoodError(f"comes from the node {node.name!r}")
-
-
-def _cut(target: Input) -> tuple[Input, float | None]:
-    """The input that is cut off, and where: it counts as 1 from the cut-off on, as 0 below."""
-    source = follow(target)
-    if isinstance(source, Input) or source.node.type != "MATH":
-        return target, None
-    first, second, *_ = source.inputs()
-    a, b = number_at(first), number_at(second)
-    match source.node.operation:
-        case "ROUND":
-            return first, 0.5
-        case "GREATER_THAN" if b is not None:
-            return first, _above(b)
-        case "LESS_THAN" if a is not None:
-            return second, _above(a)
-        case "SUBTRACT" if a == 1.0:
-            return _cut_below(second) or (target, None)
-    return target, None
-
-
-def _above(limit: float) -> float:
-    """The cut-off of what has to be greater: half a code above 0, where it matters."""
-    return max(limit, 0.5 / 255.0)
-
-
-def _cut_below(target: Input) -> tuple[Input, float] | None:
-    """The same for a value that is 1 below the cut-off and 0 from there on."""
-    source = follow(target)
-    if isinstance(source, Input) or source.node.type != "MATH":
-        return None
-    first, second, *_ = source.inputs()
-    a, b = number_at(first), number_at(second)
-    if source.node.operation == "LESS_THAN" and b is not None:
-        return first, b
-    if source.node.operation == "GREATER_THAN" and a is not None:
-        return second, a
-    return None
-
-
-def texture_of(source: Output) -> Texture:
-    """The image of an Image Texture node and how it is laid. Raises `NotUnderstoodError`."""
-    node = source.node
-    if node.image is None:
-        raise NotUnderstoodError(f"comes from the node {node.name!r}, which has no image")
-    if node.projection != "FLAT" or node.image.source not in {"FILE", "GENERATED"}:
-        kind = f"{node.image.source.lower()}, {node.projection.lower()} projection"
-        raise NotUnderstoodError(f"comes from the image {node.image.name!r} ({kind})")
-    return _laid(Texture(node.image, extension=node.extension), source.input("Vector"))
-
-
-def _laid(texture: Texture, coordinates: Input) -> Texture:
-    """The texture with the UV map, wrapping and transform that its coordinates say."""
-    while isinstance(source := follow(coordinates), Output):
-        node = source.node
-        name = uv_map_of(source.socket)
-        if name is not None:
-            return replace(texture, uv_map=name)
-        if node.type == "MAPPING" and node.vector_type == "POINT":
-            texture = replace(texture, transform=_composed(texture.transform, _mapping(source)))
-            coordinates = source.input("Vector")
-        elif node.type == "COMBXYZ" and (wrapped := _wrapped(source)) is not None:
-            texture, coordinates = replace(texture, extension="MIXED"), wrapped
-        else:
-            raise NotUnderstoodError(f"has texture coordinates from the node {node.name!r}")
-    return texture
-
-
-def _wrapped(combine: Output) -> Input | None:
-    """The vector whose u and v the glTF importer wraps apart (Separate, Wrap or Ping-Pong, Combine), else `None`."""
-    separated: list[Output] = []
-    for target in combine.inputs()[:2]:
-        source = follow(target)
-        if isinstance(source, Output) and source.node.type == "MATH" and source.node.operation in {"WRAP", "PINGPONG"}:
-            source = follow(source.inputs()[0])
-        if not isinstance(source, Output) or source.node.type != "SEPXYZ":
-            return None
-        separated.append(source)
-    u, v = separated
-    if u.node != v.node or (u.socket.name, v.socket.name) != ("X", "Y"):
-        return None
-    return u.input("Vector")
-
-
-def _mapping(source: Output) -> tuple[float, ...]:
-    """(2, 3) by rows: a Mapping node of type Point, which scales, then turns, then moves."""
-    location, rotation, scale = (source.input(name) for name in ("Location", "Rotation", "Scale"))
-    if any(isinstance(follow(target), Output) for target in (location, rotation, scale)):
-        raise NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
-    moved, (tilt_x, tilt_y, angle), (sx, sy, _) = (
-        follow(target).socket.default_value for target in (location, rotation, scale)
-    )
-    if tilt_x or tilt_y:
-        raise NotUnderstoodError(f"has texture coordinates that are tilted by the node {source.node.name!r}")
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return (cosine * sx, -sine * sy, moved[0], sine * sx, cosine * sy, moved[1])
-
-
-def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[float, ...]:
-    first, second = (np.vstack([np.reshape(rows, (2, 3)), (0.0, 0.0, 1.0)]) for rows in (before, after))
-    return tuple(float(value) for value in (second @ first)[:2].ravel())

@@ -27,18 +27,11 @@ from dataclasses import dataclass, replace
 import bpy
 
 from .node_links import Input, Output, folded, follow, number_at, shown_nodes
+from .products import Product, Rgb, color_product
 from .rendered_shading import rendering_over
 from .shading import laid_like
-from .surface import (
-    NotUnderstoodError,
-    Product,
-    Rgb,
-    Surface,
-    Texture,
-    color_product,
-    read_surface,
-    shader_of,
-)
+from .surface import Surface, read_surface, shader_of
+from .textures import NotUnderstoodError, Texture
 
 GREATEST_SHARE = 0.9
 """What is left has to do for all that translucent leaves reflect."""

@@ -56,7 +56,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
 
     viewer: StringProperty(
         name="Viewer",
-        description="What to set the viewer to before the bake; empty: nothing",
+        description="Value for the setting Viewer, set before the bake. Empty keeps the setting",
         options={"HIDDEN", "SKIP_SAVE"},
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.meshes import Copies, own_mesh
-from ..scene.surface import transform_matrix
+from ..scene.textures import transform_matrix
 from .paint import Paint, paint_of
 
 Floats = NDArray[np.float32]

@@ -8,7 +8,8 @@ import bpy
 
 from ..build.baked_light import BACK, FRONT, strength_of
 from ..build.materials import page_of
-from ..scene.surface import Texture, read_surface
+from ..scene.surface import read_surface
+from ..scene.textures import Texture
 
 _FROM_EYE = 0.5
 """The share of the preview's light that comes from the eye; the rest comes from everywhere."""
