@@ -1,7 +1,7 @@
-"""From Blender to plain values: `load` opens a file, `extract` reads the tree's geometry, `describe` its materials."""
+"""Readers from Blender data to plain values: `load` opens files, `extract` reads geometry, `describe` materials."""
 
 from __future__ import annotations
 
 
 class SceneError(Exception):
-    """What is in the scene or in the file cannot be baked. One line: the thing, its value, and what to do."""
+    """Scene or file content that cannot be baked. The message is one line: the thing, its value, the remedy."""

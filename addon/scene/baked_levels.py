@@ -1,4 +1,4 @@
-"""What a bake leaves on its levels, by which they are known again: custom properties."""
+"""Custom properties that mark baked levels, so that a later bake recognizes them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import bpy
 
 EXTRAS = "leafcloud"
-"""The custom property, and so the key in glTF's extras, of objects and meshes."""
+"""The custom property of objects and meshes. It is also the key in the glTF extras."""
 
 _BAKE = "leafcloud_bake"
 """The custom property of a collection of levels: a `Record` as JSON."""
@@ -17,10 +17,10 @@ _BAKE = "leafcloud_bake"
 
 @dataclass(frozen=True)
 class Record:
-    """How a collection of levels was made. All names are full ones, sorted.
+    """Record of how a bake made a collection of levels. Names are full names (`full_names`), sorted.
 
-    name: of the collection, with which the names of its levels begin. sources: the objects that the levels were made
-    of. made: the objects and collections that the bake has put into the collection.
+    name: the name of the collection; the names of its levels begin with it. sources: the baked objects.
+    made: the objects and collections that the bake put into the collection.
     """
 
     name: str
@@ -29,17 +29,17 @@ class Record:
 
 
 def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Object]) -> None:
-    """Note how a collection of levels was made, as long as only the bake has put anything into it.
+    """Store on a collection of levels how a bake made it. Call this while the collection holds only the bake's objects.
 
-    It remembers names, not objects: a pointer would keep objects in the file that an artist has deleted, and would
-    bring them along wherever the collection is appended.
+    The record holds names, not pointers. A pointer would keep deleted objects in the file, and appending the
+    collection would append them, too.
     """
     made = [*collection.all_objects, *collection.children_recursive]
     collection[_BAKE] = json.dumps(asdict(Record(collection.name, full_names(sources), full_names(made))))
 
 
 def record(collection: bpy.types.Collection) -> Record | None:
-    """How a collection of levels was made; None for any other."""
+    """Return how a bake made a collection of levels; None for any other collection."""
     if _BAKE not in collection:
         return None
     found = json.loads(collection[_BAKE])
@@ -47,27 +47,27 @@ def record(collection: bpy.types.Collection) -> Record | None:
 
 
 def full_names(blocks: Iterable[bpy.types.ID]) -> tuple[str, ...]:
-    """The names of data-blocks, sorted; those that are linked from a library have its name behind theirs."""
+    """Return the names of data-blocks, sorted. The name of a linked data-block ends with its library's name."""
     return tuple(sorted(block.name_full for block in blocks))
 
 
 def level_number(obj: bpy.types.Object) -> int | None:
-    """The number of the baked level that the object is; None for any other object, a level's trunk too."""
+    """Return the number of a baked level; None for any other object, including a level's trunk."""
     extras = obj.get(EXTRAS)
     number = extras.get("level") if obj.type == "MESH" and hasattr(extras, "get") else None
     return number if isinstance(number, int) else None
 
 
 def follows_a_bake(obj: bpy.types.Object) -> bool:
-    """Whether the object is a baked level and no tree to bake.
+    """Return whether an object is a baked level, which cannot be baked again.
 
-    Level 0 as a glTF file has it is leaves like any others: nothing moves it, and no other levels stand beside it.
+    Level 0 imported from a glTF file counts as ordinary leaves: it has no modifiers and is in no collection of levels.
     """
     number = level_number(obj)
     return number is not None and (number > 0 or len(obj.modifiers) > 0 or record_of(obj) is not None)
 
 
 def record_of(obj: bpy.types.Object) -> Record | None:
-    """How a level, its trunk or its shadow was made; None for any other object."""
+    """Return how a bake made a level, its trunk or its shadow proxy; None for any other object."""
     found = (record(collection) for collection in obj.users_collection)
     return next((each for each in found if each is not None and obj.name_full in each.made), None)

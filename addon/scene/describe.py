@@ -1,4 +1,4 @@
-"""Materials as the core takes them: factors, one image, how alpha counts."""
+"""Material descriptions for the core: factors, images, alpha mode."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from .tints import Islands, are_tints, is_tint, nearest_tints, typical_looks
 from .translucency import Translucency, read_translucency
 
 _SEEN = 1.0 / 512.0
-"""Tints that differ less from white tell no leaves apart."""
+"""Tints closer to white than this are dropped."""
 
 _FEW = 0.01
-"""Of a material's texels: so many may be cut without a word."""
+"""Share of a material's texels that may be clipped without a warning."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Of linear Rec. 709 colours, which is what Blender turns a colour into where a value is wanted."""
+"""Weights for linear Rec. 709 colors. Blender uses them to convert a color to a value."""
 
 
 class MaterialDescription(TypedDict):
-    """The keywords of `leafcloud.Material`."""
+    """Keyword arguments of `leafcloud.Material`."""
 
     name: str
     base_color: tuple[float, float, float, float]
@@ -54,9 +54,13 @@ class MaterialDescription(TypedDict):
 
 @dataclass(frozen=True)
 class Described:
-    """materials: by their number in the geometry, and behind those further looks of them. colors: (t, 3, 4) linear
-    factors by corner, `None` for white; back_colors: (t, 3, 3) in their place on the back, `None` for the same.
-    material_ids: (t,) into `materials`, whose numbers in the geometry are `owners`.
+    """Descriptions of a geometry's materials.
+
+    materials: one per material of the geometry, in its order, then further renderings of the same materials.
+    colors: (t, 3, 4) linear factors by corner; `None` for white.
+    back_colors: (t, 3, 3) the factors of the back; `None` if they equal `colors`.
+    material_ids: (t,) indices into `materials`.
+    owners: the index in the geometry's materials of each of `materials`.
     """
 
     materials: list[MaterialDescription]
@@ -70,14 +74,15 @@ class Described:
 def describe_material(
     material: bpy.types.Material | None, channels: Collection[str] = (), share: float = 0.0
 ) -> tuple[MaterialDescription, list[str]]:
-    """A material in the words of the core, and a sentence for each thing that could not be read.
+    """Return a material's description for the core, and a sentence for each feature that could not be read.
 
-    `channels` out of "normals" and "gloss" are described, too; without them a leaf is smooth and rough. `share`: of the
-    light that shines through the tree's leaves (see `translucency`); where it is 0 they are opaque.
+    `channels`: the channels to describe, out of "normals" and "gloss" (roughness and metallic). Without them the leaf
+    gets flat normals, roughness 1 and metallic 0. `share`: the share of light that passes through the tree's leaves
+    (see `translucency`); 0 for opaque leaves.
 
-    `base_color` is linear; `image` is (h, w, 4) sRGB with straight alpha, row 0 on top, `None` where no image counts.
-    A colour attribute that multiplies them is not here but in `Geometry.colors`.
-    Raises `SceneError` when an image has no pixels, because its file is missing or cannot be read.
+    `base_color` is linear. `image` is (h, w, 4) sRGB with straight alpha, row 0 on top; `None` without an image.
+    A color attribute that multiplies them is in `Geometry.colors`.
+    Raises `SceneError` when an image has no pixels because its file is missing or cannot be read.
     """
     description, messages, _ = _described(material, channels, share, lambda: 1.0)
     return description, messages
@@ -89,9 +94,10 @@ def describe_materials(
     matrix: NDArray[np.float64] | None = None,
     share: float = 0.0,
 ) -> Described:
-    """All materials of a geometry, and what tells its leaves apart, which `matrix` carries to the world.
+    """Describe all materials of a geometry, and the tints of single leaves.
 
-    `channels` and `share` as in `describe_material`. Raises `SceneError` as `describe_material`.
+    `channels` and `share` as in `describe_material`. `matrix`: (4, 4) the geometry's world matrix; `None` is the
+    identity. Raises `SceneError` as `describe_material`.
     """
     world = np.eye(4) if matrix is None else matrix
     sizes = _unit_sizes(geometry, world)
@@ -135,8 +141,10 @@ def describe_materials(
 def _tinted(
     colors: NDArray[np.float32] | None, sides: NDArray[np.float32] | None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """The colours of both sides by corner, of colours (t, 3, 4) and tints (2, t, 3, 3) of either; `None` of backs
-    that are as the fronts."""
+    """Return the corner colors of fronts (t, 3, 4) and backs (t, 3, 3), from colors (t, 3, 4) and tints (2, t, 3, 3).
+
+    The backs are `None` if they equal the fronts.
+    """
     if sides is None:
         return colors, None
     front, back = sides
@@ -148,34 +156,36 @@ def _tinted(
 
 
 def _share_shading(of: MaterialDescription, description: MaterialDescription) -> None:
-    """Gives a description the gloss and the normals of another."""
+    """Copy roughness, metallic and normals from the description `of` to another."""
     description["normal"], description["gloss"] = of["normal"], of["gloss"]
     description["roughness"], description["metallic"] = of["roughness"], of["metallic"]
 
 
 def _looks(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
-    """The looks for which a material is to be rendered so that tints say the rest, and what there is to say of it."""
+    """Return the looks to render a material for, and messages. Tints cover the remaining variation."""
     flat, said = _between_sides(material, flat)
     if not flat.varies or are_tints(material, flat, leaves):
         return [flat.look], said
     if not flat.by_random:
         return [flat.look], [
             *said,
-            f"material {material.name!r}: islands or places make more of its leaves than a tint, which is all that is "
-            f"kept of it; let Object Info > Random tell them apart, for it is rendered for several random numbers",
+            f"material {material.name!r}: islands or positions change its leaves by more than a tint, and only the "
+            f"tint is kept; vary them by Object Info > Random, which is rendered for several values",
         ]
     looks, count = typical_looks(leaves, flat.look.side), len(np.unique(leaves.randoms))
     side = min(looks[0].largest, len(flat.pixels))
     return looks, [
         *said,
-        f"material {material.name!r}: Object Info > Random makes more of its leaves than a tint, so it is rendered for "
-        f"{len(looks)} of {count} random numbers, to images of {side} texels a side",
+        f"material {material.name!r}: Object Info > Random changes its leaves by more than a tint, so it is rendered "
+        f"for {len(looks)} of {count} random numbers, to images of {side} × {side} texels",
     ]
 
 
 def _between_sides(material: bpy.types.Material, front: Flattened) -> tuple[Flattened, list[str]]:
-    """A rendering of which both sides of the leaves are tints: that of the front, if it is one, or of what lies between
-    them; and what there is to say where neither is."""
+    """Return a rendering that both sides of the leaves are tints of, and messages.
+
+    Tries the front, then a rendering halfway between front and back. If both fail, returns the front and a warning.
+    """
     if not front.by_side:
         return front, []
     back = flatten(material, front.light, replace(front.look, side=1.0))
@@ -184,12 +194,12 @@ def _between_sides(material: bpy.types.Material, front: Flattened) -> tuple[Flat
     between = flatten(material, front.light, replace(front.look, side=0.5))
     if is_tint(back, between) and is_tint(front, between):
         return between, []
-    said = f"material {material.name!r}: its back is more than a tint of its front, which is all that is kept of it"
+    said = f"material {material.name!r}: its back is more than a tint of its front, and only the tint is kept"
     return front, [f"{said}; give both sides the same pattern"]
 
 
 def _unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> Callable[[int], float | None]:
-    """How long a unit of texture coordinates is on a material's leaves, which is found out once somebody asks."""
+    """Return a function that gives the world size of one UV unit on a material's leaves, computed on first use."""
     if geometry.uvs is None:
         return lambda _: None
     known = cache(lambda: unit_sizes(geometry, matrix))
@@ -203,9 +213,9 @@ def _described(
     size: Callable[[], float | None],
     look: Look = USUAL_LOOK,
 ) -> tuple[MaterialDescription, list[str], Flattened | None]:
-    """What it is, what there is to say of it, and its rendering where there is one.
+    """Return a material's description, messages, and its rendering if it had to be rendered.
 
-    `size`: how long one unit of texture coordinates is on the leaves, `None` where they have none.
+    `size` returns the world size of one UV unit on the leaves; `None` if they have no UV map.
     """
     surface = read_surface(material)
     through = read_translucency(material, surface) if share > 0.0 else Translucency()
@@ -223,7 +233,7 @@ def _described(
         translucency=(0.0, 0.0, 0.0),
         translucency_image=None,
     )
-    # A mix whose translucency is read is read whole.
+    # The surface warns that it reads only part of a mix of shaders; with translucency all of the mix is read.
     messages = [] if through.share > 0.0 else list(surface.warnings)
     messages += [] if material is None else losses(material)
     flat = None
@@ -234,9 +244,9 @@ def _described(
         if flat is not None:
             description.update(_of_rendering(flat.pixels))  # type: ignore[typeddict-item]  # some of its keys
         if not surface.gaps:
-            description["alpha_mode"] = surface.alpha_mode  # which is understood
+            description["alpha_mode"] = surface.alpha_mode  # read from the nodes
     if through.share > 0.0:
-        assert material is not None  # which is opaque
+        assert material is not None  # a missing material counts as opaque
         messages += _part_light(description, material, through, share, look)
     if material is not None and channels:
         messages += _shade(description, material, read_shading(material, surface.texture), channels, size)
@@ -250,7 +260,7 @@ def _shade(
     channels: Collection[str],
     size: Callable[[], float | None],
 ) -> list[str]:
-    """Describes gloss and normals as far as the channels ask for them, and says what is rendered."""
+    """Describe roughness, metallic and normals if `channels` asks for them. Return messages about renderings."""
     messages = []
     if "gloss" in channels:
         description["gloss"], said = _data(material, shading.gloss, render_gloss, size)
@@ -264,7 +274,7 @@ def _shade(
 
 
 class _Flat(TypedDict, total=False):
-    """What a rendering of a material says."""
+    """The keys of `MaterialDescription` that a rendering sets."""
 
     base_color: tuple[float, float, float, float]
     image: Pixels
@@ -273,30 +283,30 @@ class _Flat(TypedDict, total=False):
 
 
 def _flat(material: bpy.types.Material, surface: Surface, light: Light, look: Look) -> tuple[Flattened | None, str]:
-    """The material as Cycles renders it, if it can, and what there is to say of it."""
+    """Return the material as Cycles renders it, `None` if it cannot be rendered, and a message."""
     said = f"material {surface.name!r}: {' and '.join(surface.gaps)}"
     if surface.layout is None:
         shown = ", ".join(f"{value:.3g}" for value in (*surface.color, surface.alpha))
         return None, (
-            f"{said}; the viewport display colour ({shown}) stands for it. Connect an Image Texture to a Principled "
-            f"BSDF, or set the viewport colour"
+            f"{said}; the viewport display color ({shown}) replaces it. Connect an Image Texture to a Principled "
+            f"BSDF, or set the viewport color"
         )
     for node in shown_nodes(material.node_tree):
         if node.type == "TEX_IMAGE":
             check_readable(node.image, surface.name)
     flat = flatten(material, light, look)
-    said = f"{said}; it is rendered to an image of {len(flat.pixels)} texels a side"
+    said = f"{said}; it is rendered to an image of {len(flat.pixels)} × {len(flat.pixels)} texels"
     maps = sorted(uv_maps(shown_nodes(material.node_tree)))
     if len(maps) > 1:
         named = " and ".join(repr(name) if name else "the active one" for name in maps)
         laid = repr(surface.layout.uv_map) if surface.layout.uv_map else "the active one"
         said += f", as if its UV maps ({named}) were all {laid}"
-    # A colour attribute that was understood multiplies the rendering as it multiplies the rest.
+    # A color attribute that was read multiplies the rendering through `Geometry.colors`.
     lost = [name for name in flat.lost if surface.color_attribute is None or "Attribute" not in name]
     if lost:
-        said += f", so what the nodes {' and '.join(lost)} say of single leaves is lost"
-    alike = ", alike for all leaves" if flat.varies else ""
-    return flat, f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it{alike}"
+        said += f", so per-leaf variation from {' and '.join(lost)} is dropped"
+    alike = ", the same for all leaves" if flat.varies else ""
+    return flat, f"{said}; glTF level 0 uses Blender's own material export{alike}"
 
 
 def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
@@ -305,14 +315,14 @@ def _of_rendering(pixels: NDArray[np.float32]) -> _Flat:
 
 
 def _straight(pixels: NDArray[np.float32]) -> Pixels:
-    """A rendering in sRGB with straight alpha."""
+    """Convert a linear premultiplied rendering to sRGB with straight alpha."""
     alpha = pixels[..., 3:]
     color = np.divide(pixels[..., :3], alpha, out=np.zeros_like(pixels[..., :3]), where=alpha > 1e-4)
     return as_bytes(np.concatenate([encoded(color), alpha], axis=2))
 
 
 def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"]:
-    """How a rendered alpha counts: as a mask where it has edges, but hardly anything between."""
+    """Return the alpha mode of a rendered alpha: a mask if few texels are between transparent and opaque."""
     if alpha.min() > 0.999:
         return "OPAQUE"
     between = np.mean((alpha > 0.1) & (alpha < 0.9))
@@ -321,8 +331,10 @@ def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"
 
 
 def opacity_of(surface: Surface) -> NDArray[np.float64]:
-    """(h, w) what a surface's alpha and its image make of it; (1, 1) without an image. Raises `SceneError` for one that
-    is missing."""
+    """Return (h, w) a surface's alpha times that of its image; (1, 1) without an image.
+
+    Raises `SceneError` for a missing image.
+    """
     image = _image(surface)
     return surface.alpha * (np.ones((1, 1)) if image is None else image[..., 3] / 255.0)
 
@@ -330,19 +342,19 @@ def opacity_of(surface: Surface) -> NDArray[np.float64]:
 def _part_light(
     description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float, look: Look
 ) -> list[str]:
-    """Parts the light of a translucent material by the `share` of the tree's leaves, and says what has no room.
+    """Split a material's light into reflected and transmitted by the tree's `share`. Return warnings about clipping.
 
-    See `translucency` for the form.
+    See `translucency` for the formula.
     """
     red, green, blue, alpha = description["base_color"]
     reflected = _brightened((red, green, blue), description["image"], through.reflected / (1.0 - share))
     shining = _brightened(through.color, _translucency_image(material, through.texture, look), 1.0 / share)
     description["base_color"], description["image"] = (*reflected.factor, alpha), reflected.image
     description["translucency"], description["translucency_image"] = shining.factor, shining.image
-    limits = [(reflected.cut, "reflects", 1.0 - share), (shining.cut, "lets through", share)]
+    limits = [(reflected.cut, "reflects", 1.0 - share), (shining.cut, "transmits", share)]
     return [
-        f"material {material.name!r} {does} more than {limit:.0%} of the light, which is all that fits the most "
-        f"translucent leaves of the tree: its brightest colours are cut there; give it darker ones"
+        f"material {material.name!r} {does} more than {limit:.0%} of the light, the limit set by the tree's most "
+        f"translucent leaves: its brightest colors are clipped there; give it darker ones"
         for cut, does, limit in limits
         if cut
     ]
@@ -361,11 +373,11 @@ class _Brightened:
     factor: Rgb
     image: Pixels | None
     cut: bool
-    """Whether more than a few of its colours would be brighter than 1."""
+    """Whether more than `_FEW` of the texels were clipped at 1."""
 
 
 def _brightened(factor: Rgb, image: Pixels | None, by: float) -> _Brightened:
-    """factor · image, brighter: neither may be greater than 1, so what is too much for the one goes into the other."""
+    """Brighten factor · image. Neither may exceed 1, so the excess of the factor goes into the image."""
     red, green, blue = (by * part for part in factor)
     most = max(red, green, blue)
     if most <= 1.0 + 1e-6 or image is None:
@@ -383,23 +395,26 @@ def _data(
     render: Callable[[bpy.types.Material, Texture, float], Rendering],
     size: Callable[[], float | None],
 ) -> tuple[Pixels | None, list[str]]:
-    """(h, w, 4) the codes of an image that holds data, no colours, rendered where there is none; and what to say."""
+    """Return (h, w, 4) the 8-bit values of a data texture, rendered if it has no image, and messages."""
     if texture is None:
         return None, []
     if texture.image is not None:
         return pixels_of(texture.image, material.name, data=True), []
     unit = size()
     if unit is None:
-        said = f"material {material.name!r}: its gloss or normals have to be rendered over a UV map, and its leaves"
-        return None, [f"{said} have none; rough and smooth stands for it, unwrap the leaves"]
+        said = f"material {material.name!r}: its roughness, metallic or normals have to be rendered over a UV map, and"
+        return None, [
+            f"{said} its leaves have none; roughness 1, metallic 0 and mesh normals are used; unwrap the leaves"
+        ]
     rendering = render(material, texture, unit)
     return rendering.pixels, [rendering.said]
 
 
 def _image(surface: Surface) -> Pixels | None:
-    """The colours of one image and the alpha of the same or another, white or opaque where there is none.
+    """Return (h, w, 4) the colors of one image with the alpha of the same or another; `None` without images.
 
-    As large as the larger of both: a mask keeps its detail over a palette.
+    A missing color is white, a missing alpha opaque. The result has the larger size of both, so that a mask keeps its
+    detail over a small palette.
     """
     color, alpha = surface.color_texture, surface.alpha_texture
     if color is None and alpha is None:
@@ -411,7 +426,7 @@ def _image(surface: Surface) -> Pixels | None:
     if color is not None:
         result = pixels[color.image].copy()
     else:
-        assert opacity is not None  # there is one for colour or for alpha
+        assert opacity is not None  # one of both textures exists
         result = np.full((*opacity.shape, 4), 255, np.uint8)
     if opacity is not None:
         height, width = (max(sides) for sides in zip(result.shape[:2], opacity.shape, strict=True))
@@ -421,7 +436,7 @@ def _image(surface: Surface) -> Pixels | None:
 
 
 def _opacity(pixels: Pixels, texture: Texture, channel: Literal["alpha", "luminance"]) -> Pixels:
-    """(h, w) the alpha that an image stands for."""
+    """Return (h, w) the alpha from a channel of an image."""
     if channel == "alpha":
         return pixels[..., 3]
     values = pixels[..., :3].astype(np.float32) / 255.0

@@ -1,12 +1,12 @@
-"""The tree in a scene as arrays: leaves and wood, in the coordinates of the first leaf object.
+"""Extraction of a tree from the scene: leaves and trunk as arrays, in the coordinates of the first leaf object.
 
-Everything is read from the evaluated scene, so modifiers are applied and instances are realised. The work is done by
-arrays throughout: a million triangles take a second or two.
+All meshes come from the evaluated scene, so modifiers are applied and instances are realized. Array operations keep
+this fast: a million triangles take a second or two.
 
-Winding and normals. In the tree's coordinates every triangle winds counter-clockwise about the side that Blender shows
-as its front, the side its normals point to, also where a part is mirrored against the frame object. `Tree.matrix` is
-the frame object's own world matrix, so that its vertices keep every bit; where that matrix mirrors, so does the way to
-the world, and who goes there swaps two corners of each triangle.
+Winding and normals: in the tree's coordinates every triangle winds counter-clockwise as seen from its front. The front
+is the side that Blender shows as front, where the normals point. This also holds for parts that are mirrored relative
+to the frame object (the first leaf object). `Tree.matrix` is the frame object's own world matrix, so its vertices keep
+every bit. If that matrix mirrors, code that transforms triangles to the world must swap two corners of each.
 """
 
 from __future__ import annotations
@@ -34,50 +34,50 @@ _Material: TypeAlias = bpy.types.Material | None
 
 @dataclass(frozen=True)
 class Geometry:
-    """Triangles of one or several objects in the tree's own coordinates (`Tree.matrix` carries them to the world)."""
+    """Triangles of one or several objects in the tree's own coordinates. `Tree.matrix` transforms them to the world."""
 
     positions: NDArray[np.float32]
-    """(v, 3) bit for bit the source's vertices where the part's object is the frame object; each is in a triangle."""
+    """(v, 3) vertices, each used by a triangle. Vertices of the frame object are bit-identical to the source."""
     triangles: NDArray[np.int32]
     """(t, 3)"""
     uvs: NDArray[np.float32] | None
-    """(t, 3, 2) the UV map that the material's image names, else the one that renders.
+    """(t, 3, 2) the UV map that the material's image uses; the render-active map by default.
 
-    `None` when no object has one, zeros where only some have.
+    `None` if no object has a UV map; zeros for single objects without one.
     """
     normals: NDArray[np.float32]
-    """(t, 3, 3) evaluated corner normals, custom ones included."""
+    """(t, 3, 3) evaluated corner normals, including custom normals."""
     colors: NDArray[np.float32] | None
-    """(t, 3, 4) linear factors of base colour and alpha; `None` unless a material multiplies a colour attribute in."""
+    """(t, 3, 4) linear factors of base color and alpha from color attributes; `None` if no material uses any."""
     material_ids: NDArray[np.int32]
-    """(t,) into `materials`."""
+    """(t,) indices into `materials`."""
     materials: list[bpy.types.Material | None]
     randoms: NDArray[np.float32] | None = None
-    """(t,) what Blender's Object Info node calls Random; `None` counts as ½ everywhere."""
+    """(t,) the Random output of Blender's Object Info node; `None` counts as ½ everywhere."""
     protected: NDArray[np.bool_] | None = None
-    """(t,) painted as leaves that are never pruned; `None` counts as none."""
+    """(t,) whether the triangle is painted as a leaf that is never pruned; `None` for no such leaves."""
 
 
 @dataclass(frozen=True)
 class Tree:
-    """What is baked."""
+    """A tree to bake."""
 
     name: str
-    """As given to `extract`, else of the .blend file, the active or the frame object; any text, no file name yet."""
+    """As given to `extract`, else the name of the .blend file, the active object or the frame object. Any text."""
     matrix: NDArray[np.float64]
-    """(4, 4) world matrix of the frame object: the first leaf object by name, or what places its copies.
+    """(4, 4) world matrix of the frame object: the first leaf object by name, or the instancer of its copies.
 
-    Never singular; it may mirror.
+    Never singular; may mirror.
     """
     leaves: Geometry
     wood: Geometry | None
     choice: str
-    """One sentence: which parts are leaves, and why."""
+    """One sentence that names the leaf parts and the reason."""
     dropped: list[str]
-    """One sentence each: what was left out."""
+    """One sentence for each thing left out."""
     warnings: list[str]
     sources: tuple[bpy.types.Object, ...] = ()
-    """The objects that show it, by themselves or as instancers."""
+    """The objects that show the tree, directly or as instancers."""
 
 
 def extract(
@@ -87,12 +87,12 @@ def extract(
     leaf_names: Sequence[str] | None = None,
     name: str | None = None,
 ) -> Tree:
-    """Reads the tree from the evaluated scene.
+    """Read the tree from the evaluated scene.
 
-    `objects` make the tree, with all that they instance; `None` takes everything that is visible and renders.
-    `leaf_names` are exact object or material names of the leaves; `None` lets the scene tell (see `plan.leaves`).
-    Raises `SceneError` when there are no faces, for levels of a baked tree, when it cannot be told which are leaves,
-    for coordinates that are not finite, and for an object whose matrix is singular.
+    `objects`: the objects of the tree; their instances belong to it. `None` takes everything visible in renders.
+    `leaf_names`: exact object or material names of the leaves. `None` detects the leaves (see `plan.leaves`).
+    Raises `SceneError` if there are no faces, if an object is a level of a baked tree, if the leaves cannot be
+    detected, if coordinates are not finite, or if an object's matrix is singular.
     """
     selected = None if objects is None else list(objects)
     if selected == []:
@@ -127,18 +127,18 @@ def extract(
 
 
 def part_names(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> set[str]:
-    """What parts of the objects may be named by as leaves; empty where nothing has faces."""
+    """Return the names that can select parts of the objects as leaves; empty if no object has faces."""
     gathered, _ = gather(depsgraph, objects)
     return set().union(*(names_of(_part(slot)) for slot in _slots(gathered)))
 
 
 def world_positions(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(v, 3) the vertices in the world, `matrix` being the tree's."""
+    """Return (v, 3) the vertices in world space. `matrix` is that of the tree."""
     return geometry.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
-    """(t, 3, 2) where the materials' images are looked up: `uvs` through the Mapping nodes, if there are any."""
+    """Return (t, 3, 2) the coordinates of image lookups: `uvs` transformed by the materials' Mapping nodes."""
     if geometry.uvs is None:
         return None
     transforms = np.array([transform_matrix(read_surface(material).texture) for material in geometry.materials])
@@ -151,12 +151,12 @@ def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
 
 @dataclass(frozen=True)
 class _Slot:
-    """A part: one material slot of some copies."""
+    """One material slot of some copies of a mesh."""
 
     copies: Copies
     index: int
     count: int
-    """Triangles, over all copies."""
+    """Number of triangles, summed over all copies."""
 
     @property
     def material(self) -> _Material:
@@ -165,12 +165,12 @@ class _Slot:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Makes geometry of parts, in the coordinates of `frame`."""
+    """Builder of geometry from parts, in the coordinates of the matrix `frame`."""
 
     frame: NDArray[np.float64]
     surfaces: dict[_Material, Surface]
     warnings: list[str]
-    """Grows as things are read."""
+    """Filled while reading."""
 
     def geometry(self, slots: Sequence[_Slot]) -> Geometry:
         materials = list(dict.fromkeys(slot.material for slot in slots))
@@ -192,7 +192,7 @@ class _Reader:
         )
 
     def _realised(self, copies: Copies, indices: list[int], numbers: dict[_Material, int]) -> Triangles:
-        """The triangles of the chosen slots, in all places."""
+        """Return the triangles of the slots `indices`, once for each copy."""
         wanted = np.isin(np.arange(len(copies.materials)), indices)
         numbers_of_slots = np.array([numbers.get(material, -1) for material in copies.materials], np.int32)
         source = Triangles(
@@ -209,7 +209,7 @@ class _Reader:
         placed = realise(chosen, relative(self.frame, copies.matrices), copies.randoms)
         if not np.isfinite(placed.positions).all():
             raise SceneError(
-                f"object {copies.object_name!r} lies too far from the leaves for single precision; move it closer"
+                f"object {copies.object_name!r} is too far from the leaves for single precision; move it closer"
             )
         return placed
 
@@ -228,21 +228,21 @@ class _Reader:
                 uvs = np.where(of_slot[:, None, None], named, uvs)
             self._check_wrapping(copies, texture, uvs[of_slot])
         if uvs is not None and not (finite := np.isfinite(uvs)).all():
-            self._warn(copies, "has texture coordinates that are not finite: 0 stands for them")
+            self._warn(copies, "has texture coordinates that are not finite: they are set to 0")
             uvs = np.where(finite, uvs, np.float32(0.0))
         return uvs
 
     def _check_wrapping(self, copies: Copies, texture: Texture, uvs: NDArray[np.float32]) -> None:
-        # Cards often reach over the edge by a rounding error.
+        # UVs of leaf cards often exceed [0, 1] by a rounding error.
         outside = bool((uvs < -1e-3).any() or (uvs > 1.001).any())
         if outside and texture.extension != "REPEAT":
             mode = texture.extension.lower()
-            self._warn(copies, f"uses {texture.words} ({mode}) outside of [0, 1], where it will repeat")
+            self._warn(copies, f"uses {texture.words} ({mode}) outside [0, 1], where the bake repeats it")
 
     def _colors(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
-        """The attributes' red, green and blue where they multiply the colour, their alpha where they multiply alpha.
+        """Return (t, 3, 4) the color attributes' RGB where they multiply color, their alpha where they multiply alpha.
 
-        Where an attribute is missing, Blender shows 0.
+        A missing attribute counts as 0, as in Blender.
         """
         result: NDArray[np.float32] | None = None
         for i in indices:
@@ -254,8 +254,8 @@ class _Reader:
                 if values is None:
                     self._warn(
                         copies,
-                        f"has no colour attribute {attribute!r} for {surface.name!r}: black stands for it, alpha 0, "
-                        f"as in Blender; give it that attribute",
+                        f"has no color attribute {attribute!r} for material {surface.name!r}: it counts as black with "
+                        f"alpha 0, as in Blender; add that attribute",
                     )
                 if result is None:
                     result = np.ones((len(copies.triangles), 3, 4), np.float32)
@@ -268,7 +268,7 @@ class _Reader:
 
 
 def _slots(gathered: Sequence[Copies]) -> list[_Slot]:
-    """The parts that have triangles."""
+    """Return the material slots with triangles."""
     return [
         _Slot(copies, i, int(count) * len(copies.matrices))
         for copies in gathered
@@ -304,7 +304,7 @@ def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] |
 
 def _is_baked(level: bpy.types.Object) -> str:
     made = record_of(level)
-    sources = "the objects that it was made of" if made is None else ", ".join(map(repr, made.sources[:8]))
+    sources = "its source objects" if made is None else ", ".join(map(repr, made.sources[:8]))
     remedy = f"bake {sources} (select them, or show them in renders and hide the levels there)"
     return f"object {level.name!r} is a level of a baked tree: {remedy}"
 

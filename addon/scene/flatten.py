@@ -1,11 +1,11 @@
-"""What Cycles makes of a material whose nodes are no plain product: base colour and alpha as an image over its UV map.
+"""Renderer of base color and alpha to an image over the UV map, for materials that are not simple products.
 
-The shaders are replaced by what they say of colour and alpha, on a copy of the material: a Mix Shader mixes both, a
-Transparent BSDF has no alpha, all others have their colour, or the part of it that is reflected or shines through. A
-square that lies on the whole of the UV map is rendered with it, flat, from above. So image textures, ramps, mixes,
-curves and node groups count as they are, whatever they are.
+On a copy of the material, nodes that compute color and alpha replace the shaders: a Mix Shader mixes both, a
+Transparent BSDF has alpha 0, all other shaders give their color, or its reflected or transmitted part. Cycles then
+renders a flat square that covers the whole UV map, from above. So image textures, ramps, mixes, curves and node groups
+look as they do in Cycles.
 
-What differs from leaf to leaf has one value on the square; `tints` says how the leaves differ from it.
+Inputs that vary per leaf have one value on the square; `tints` measures how the leaves differ from it.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from .shader_sums import Builder, Light, shining
 from .textures import ACTIVE, Texture, uv_maps
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
-"""Sides of the image in texels: of the largest image in the material within these limits, or the usual one."""
+"""Side of the rendering in texels: that of the material's largest image, within these limits; else `USUAL`."""
 
 SAMPLES = 4
-"""A texel is the mean of as many places; procedural textures have no pixels that would be enough by themselves."""
+"""Samples per texel. Procedural textures need several, because they have detail finer than texels."""
 
 RANDOM = "leafcloud_random"
-"""The attribute that stands for the Random of the Object Info node."""
+"""The attribute that replaces the output Random of Object Info nodes."""
 
 SIDE = "leafcloud_side"
-"""The attribute that stands for the Backfacing of the Geometry node: 0 in front, 1 on the back."""
+"""The attribute that replaces the output Backfacing of Geometry nodes: 0 on the front, 1 on the back."""
 
 WHITE = "leafcloud_white"
-"""The colour attribute that stands for the one that renders."""
+"""The white color attribute that replaces the render-active one."""
 
 
 _RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
@@ -47,7 +47,7 @@ _PLACE: dict[str, set[str] | None] = {
     "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
     "TEX_COORD": {"Generated", "Normal", "Object"},
 }
-"""Outputs by which leaves differ, and which are known: by object, by place or island."""
+"""Outputs that vary per object (`_RANDOM`), or by position or island (`_PLACE`). `tints` measures their effect."""
 
 _SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
 
@@ -60,14 +60,15 @@ _LOST = {
     "VERTEX_COLOR": None,
     "ATTRIBUTE": {"Color", "Fac", "Alpha"},
 }
-"""Outputs of which one value stands for all leaves; `None`: all of them."""
+"""Outputs by node type that vary per leaf but get one value for all leaves; `None` for all outputs of the node."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """One of the looks of a material: on an object with this random number, on at most so many texels a side.
+    """Parameters of a rendering.
 
-    side: 0 for the front, 1 for the back, ½ for what lies between.
+    random: the object's random number, in [0, 1]. side: 0 for the front, 1 for the back, ½ for halfway between.
+    largest: the greatest side of the image in texels.
     """
 
     random: float = 0.5
@@ -80,30 +81,30 @@ USUAL_LOOK = Look()
 
 @dataclass(frozen=True)
 class Flattened:
-    """(h, w, 4) linear base colour, premultiplied by alpha, row 0 on top."""
+    """A rendering of a material. pixels: (h, w, 4) linear base color, premultiplied by alpha, row 0 on top."""
 
     pixels: NDArray[np.float32]
     by_random: bool
-    """Whether leaves differ by the random number of their object."""
+    """Whether leaves vary with the random number of their object."""
     by_place: bool
-    """Whether they differ by where they are, or by the random number of their island."""
+    """Whether leaves vary with their position, or with the random number of their island."""
     by_side: bool
-    """Whether their backs differ from their fronts."""
+    """Whether the backs of leaves differ from the fronts."""
     lost: tuple[str, ...]
-    """The nodes that tell leaves apart by what is not known here."""
+    """Labels of nodes whose per-leaf variation is dropped."""
     light: Light
     look: Look
 
     @property
     def varies(self) -> bool:
-        """Whether leaves differ by anything that is known."""
+        """Whether leaves vary by anything that `tints` can measure."""
         return self.by_random or self.by_place
 
 
 def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
-    """Renders a material that can be (see `can_render`). The scenes and materials of the file stay as they are.
+    """Render a material, for which `can_render` must hold. Scenes and materials of the file stay unchanged.
 
-    Raises `SceneError` when Cycles does not.
+    Raises `SceneError` if Cycles fails.
     """
     nodes = shown_nodes(material.node_tree)
     with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
@@ -121,14 +122,14 @@ def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USU
 
 
 def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
-    """What the nodes are called that tell leaves apart, each once."""
+    """Return the labels of nodes with per-leaf variation, sorted and without repeats."""
     known = (_LOST, _RANDOM, _PLACE)
     apart = (node for node in nodes if any(_gives(node, each) for each in known) or _is_generated(node))
     return sorted({node.bl_label for node in apart})
 
 
 def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
-    """Whether one of these outputs of a node is linked."""
+    """Return whether any of these outputs of a node is linked."""
     if node.type not in outputs:
         return False
     names = outputs[node.type]
@@ -136,20 +137,20 @@ def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool
 
 
 def _is_generated(node: bpy.types.Node) -> bool:
-    """Whether a procedural texture lies in the object's box, as it does without coordinates."""
+    """Return whether a procedural texture uses Generated coordinates, its default without a linked vector."""
     vector = node.inputs.get("Vector") if node.type.startswith("TEX_") else None
     return vector is not None and not vector.is_linked and node.type not in {"TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_IES"}
 
 
 @contextmanager
 def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
-    """What Blender raises when it cannot render, as a `SceneError`."""
+    """Convert errors that Blender raises in rendering to `SceneError`."""
     try:
         yield
     except (RuntimeError, TypeError) as error:
         raise SceneError(
-            f"material {material.name!r} is no plain product and could not be rendered ({error}); enable the add-on "
-            f"Cycles Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
+            f"material {material.name!r} has to be rendered, but Cycles failed ({error}); enable the add-on Cycles "
+            f"Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
         ) from error
 
 
@@ -157,9 +158,9 @@ def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
 def flat_material(
     material: bpy.types.Material, light: Light = "all", *, opaque: bool = False
 ) -> Iterator[bpy.types.Material]:
-    """A copy that shines with its premultiplied colour, and lets through what alpha leaves.
+    """Yield a copy that emits its premultiplied color and transmits 1 − alpha.
 
-    `opaque`: with its own colour, and lets through nothing.
+    `opaque`: emit the color without premultiplication, and transmit nothing.
     """
     with own_copy(material) as copy:
         _replace_shaders(copy.node_tree, light, opaque=opaque)
@@ -168,7 +169,7 @@ def flat_material(
 
 @contextmanager
 def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
-    """A copy that may be changed, groups included. Random numbers of objects come from the attribute `RANDOM` there."""
+    """Yield a copy with its own groups, free to change. Attributes `RANDOM` and `SIDE` replace node outputs."""
     copy = material.copy()
     groups: list[bpy.types.NodeTree] = []
     try:
@@ -184,7 +185,7 @@ def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
 
 
 def asks_for_random(tree: bpy.types.NodeTree) -> bool:
-    """Whether a tree, or a group in it, does anything with the random number of objects."""
+    """Return whether a tree, or a group in it, uses the random number of objects."""
     return any(
         _gives(node, _RANDOM)
         or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
@@ -193,7 +194,7 @@ def asks_for_random(tree: bpy.types.NodeTree) -> bool:
 
 
 def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
-    """A copy for leaves that are one object: the random number of each comes from the attribute `RANDOM`."""
+    """Return a copy for leaves joined to one object. It reads each leaf's random number from the attribute `RANDOM`."""
     copy = material.copy()
     copy.name = f"{material.name}_joined"
     groups: list[bpy.types.NodeTree] = []
@@ -206,15 +207,16 @@ def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
 def shining_copy(
     material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], strength: float
 ) -> bpy.types.Material:
-    """A copy that shines with its colour times a factor, whose nodes are added by `factor`, times the strength.
+    """Return a copy that emits its color times a factor times `strength`. `factor` adds the factor's nodes to a tree.
 
-    Cycles and EEVEE see that by outputs of their own. The one for all stays as it was, for exporters and other readers.
+    Cycles and EEVEE each get an output of their own. The output for all renderers stays unchanged, for exporters and
+    other readers.
     """
     copy = material.copy()
     tree = copy.node_tree
     _own_groups(tree, [])
     output = output_of(tree)
-    assert output is not None  # as of all materials that show anything
+    assert output is not None  # materials that show anything have one
     for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
         tree.nodes.remove(other)
     builder = Builder(tree, "all")
@@ -230,7 +232,7 @@ def shining_copy(
 
 @contextmanager
 def scratch_scene() -> Iterator[bpy.types.Scene]:
-    """A scene for Cycles that goes with its objects, and with what was rendered."""
+    """Yield a scene for Cycles. Remove it at the end, with its objects and render results."""
     seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
     scene = bpy.data.scenes.new("leafcloud flatten")
     try:
@@ -250,7 +252,7 @@ def scratch_scene() -> Iterator[bpy.types.Scene]:
 
 
 def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
-    """Gives each group node of a tree a group of its own."""
+    """Give each group node of a tree its own copy of the group, and append the copies to `groups`."""
     for node in tree.nodes:
         if node.type == "GROUP" and node.node_tree is not None:
             node.node_tree = node.node_tree.copy()
@@ -259,12 +261,12 @@ def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> N
 
 
 def _read_randoms(tree: bpy.types.NodeTree) -> None:
-    """The random numbers of objects come from an attribute: all leaves are one object here."""
+    """Read the random numbers of objects from the attribute `RANDOM`, because all leaves are one object here."""
     _read(tree, "OBJECT_INFO", "Random", RANDOM)
 
 
 def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
-    """What comes from an output of nodes of a kind comes from the attribute instead."""
+    """Replace the links of an output of all nodes of type `kind` by an Attribute node for `name`."""
     for node in [node for node in tree.nodes if node.type == kind]:
         attribute = tree.nodes.new("ShaderNodeAttribute")
         attribute.attribute_name = name
@@ -273,7 +275,7 @@ def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
 
 
 def side_of(nodes: list[bpy.types.Node]) -> int:
-    """Of the image that these nodes are rendered to, in texels."""
+    """Return the side in texels of a rendering of these nodes."""
     sides = [max(node.image.size) for node in nodes if node.type == "TEX_IMAGE"]
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
@@ -281,8 +283,10 @@ def side_of(nodes: list[bpy.types.Node]) -> int:
 def square(
     nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform, look: Look = USUAL_LOOK
 ) -> bpy.types.Mesh:
-    """[0, 1]² under all names of texture coordinates that the nodes ask for, or what a `Texture.transform` carries
-    there."""
+    """Return a square that covers [0, 1]² of the image, with UV maps under all names that the nodes use.
+
+    With `transform` (see `Texture.transform`) its UVs are those that the transform maps to [0, 1]².
+    """
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
@@ -295,7 +299,7 @@ def square(
 
 
 def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
-    """Texture coordinates `places` (corners, 2), and white colours, under all names that nodes ask for."""
+    """Add UV maps with `places` (corners, 2), and white color attributes, under all names that the nodes use."""
     nodes = list(nodes)
     names = uv_maps(nodes) | {node.uv_map for node in nodes if node.type in {"NORMAL_MAP", "TANGENT"}}
     names -= {ACTIVE}
@@ -310,7 +314,7 @@ def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: ND
 
 
 def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: float = 1.0) -> NDArray[np.float32]:
-    """(side, side, 4) the square from above, row 0 on top; in the world it is `size` long."""
+    """Return (side, side, 4) the square rendered from above, row 0 on top. `size`: the square's side in the world."""
     camera = bpy.data.objects.new("leafcloud camera", bpy.data.cameras.new("leafcloud camera"))
     shown = bpy.data.objects.new("leafcloud square", mesh)
     for obj in (camera, shown):
@@ -325,7 +329,7 @@ def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: floa
     scene.render.resolution_percentage = 100
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
-    scene.render.image_settings.exr_codec = "ZIP"  # The default loses a per cent.
+    scene.render.image_settings.exr_codec = "ZIP"  # The default codec has errors of a percent.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flat.exr"
         scene.render.filepath = str(path)
@@ -341,7 +345,7 @@ def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: floa
 def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) -> None:
     builder = Builder(tree, light)
     output = output_of(tree)
-    assert output is not None  # else it cannot be rendered
+    assert output is not None  # `can_render` holds
     color, alpha = builder.color_and_alpha(output.inputs["Surface"])
     if opaque:
         color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
@@ -349,9 +353,9 @@ def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) ->
 
 
 def show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
-    """Makes the shader all that a material's tree shows."""
+    """Connect the shader to the material's output, and remove its volume and displacement."""
     output = output_of(tree)
-    assert output is not None  # else it cannot be rendered
+    assert output is not None  # `can_render` holds
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     for other in ("Volume", "Displacement"):
         for link in list(output.inputs[other].links):

@@ -1,4 +1,4 @@
-"""Images as arrays of codes: whether they have pixels, and which."""
+"""Reader of images as arrays of 8-bit values, with checks that their pixels exist."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from . import SceneError
 Pixels = NDArray[np.uint8]
 
 _BAND = 1 << 16
-"""Pixels that are turned into codes together."""
+"""Number of pixels converted at a time."""
 
 
 def check_readable(image: bpy.types.Image, material_name: str) -> None:
-    """Raises `SceneError` where it has none."""
+    """Raise `SceneError` if an image has no pixels."""
     width, height = image.size  # makes Blender read the file
     missing = _origin(image) if width == 0 or height == 0 else _missing_tile(image)
     if missing is not None:
@@ -28,7 +28,7 @@ def check_readable(image: bpy.types.Image, material_name: str) -> None:
 
 
 def _missing_tile(image: bpy.types.Image) -> str | None:
-    """The first file that a tiled image lacks, which Blender shows in pink or as it was when it was made."""
+    """Return the first missing file of a tiled image. Blender shows such a tile in pink or with its generated color."""
     if image.source != "TILED" or not image.filepath or len(image.packed_files) > 0:
         return None
     pattern = bpy.path.abspath(image.filepath, library=image.library)
@@ -37,26 +37,26 @@ def _missing_tile(image: bpy.types.Image) -> str | None:
 
 
 def _tile_file(pattern: str, number: int) -> str:
-    """By the number 1001 + u + 10 v, or by both from 1 on."""
+    """Return the file of tile 1001 + u + 10 v: insert that number, or u and v counted from 1."""
     v, u = divmod(number - 1001, 10)
     return pattern.replace("<UDIM>", str(number)).replace("<UVTILE>", f"u{u + 1}_v{v + 1}")
 
 
 def _origin(image: bpy.types.Image) -> str:
     if image.packed_file is not None:
-        return "its packed data are no image"
+        return "its packed data is not an image"
     return bpy.path.abspath(image.filepath, library=image.library) or "it has no file"
 
 
 def pixels_of(image: bpy.types.Image, material_name: str, *, data: bool = False) -> Pixels:
-    """(h, w, 4) an image in sRGB with straight alpha, row 0 on top; `data` are linear, and opaque."""
+    """Return (h, w, 4) an image in sRGB with straight alpha, row 0 on top. With `data`: linear and opaque."""
     check_readable(image, material_name)
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)
     rows = values.reshape(height, width, image.channels)[::-1]
     codes = np.empty((height, width, 4), np.uint8)
-    # Few rows at a time: what is made of them on the way stays in the processor's cache.
+    # A few rows at a time, so that intermediate arrays stay in the CPU cache.
     step = max(_BAND // width, 1)
     for first in range(0, height, step):
         codes[first : first + step] = _codes(image, rows[first : first + step], data=data)
@@ -64,10 +64,10 @@ def pixels_of(image: bpy.types.Image, material_name: str, *, data: bool = False)
 
 
 def _codes(image: bpy.types.Image, values: NDArray[np.float32], *, data: bool) -> Pixels:
-    """(h, w, 4) of an image's values (h, w, channels)."""
+    """Convert an image's values (h, w, channels) to 8-bit values (h, w, 4)."""
     rgba = _with_four_channels(values)
     if data:
-        # Blender shades with linear values: data in an image that is marked as colours are decoded, too.
+        # Blender shades with linear values, so it also decodes data in an image that is marked as sRGB.
         linear = rgba[..., :3] if _is_linear(image) else decoded(rgba[..., :3])
         return as_bytes(np.concatenate([linear, np.ones_like(rgba[..., 3:])], axis=2))
     color, alpha = rgba[..., :3], rgba[..., 3:]
@@ -81,7 +81,7 @@ def _codes(image: bpy.types.Image, values: NDArray[np.float32], *, data: bool) -
 
 
 def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(h, w, 4) from grey, grey and alpha, RGB or RGBA."""
+    """Convert gray, gray and alpha, RGB or RGBA to (h, w, 4)."""
     channels = values.shape[2]
     color = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     alpha = values[..., -1:] if channels in (2, 4) else np.ones_like(values[..., :1])
@@ -89,24 +89,24 @@ def _with_four_channels(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _is_premultiplied(image: bpy.types.Image) -> bool:
-    """Blender premultiplies float images unless alpha is a channel of its own, and leaves byte images as they are."""
+    """Return whether pixels are premultiplied. Blender premultiplies straight float images, but not byte images."""
     return image.alpha_mode == "PREMUL" or (image.is_float and image.alpha_mode == "STRAIGHT")
 
 
 def _is_linear(image: bpy.types.Image) -> bool:
-    """Whether the pixels are linear: float images are turned to linear when read, byte images stay in their space."""
+    """Return whether pixels are linear. Blender reads float images as linear; byte images keep their color space."""
     space = image.colorspace_settings
     return image.is_float or space.is_data or space.name.startswith("Linear")
 
 
 def encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """sRGB from linear values."""
+    """Convert linear values to sRGB."""
     positive = np.clip(linear, 0.0, None)
     return np.where(positive <= 0.0031308, 12.92 * positive, 1.055 * positive ** (1.0 / 2.4) - 0.055).astype(np.float32)
 
 
 def decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear values from sRGB."""
+    """Convert sRGB values to linear."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
@@ -115,8 +115,10 @@ def as_bytes(values: NDArray[np.float32]) -> Pixels:
 
 
 def resized(pixels: Pixels, height: int, width: int) -> Pixels:
-    """(height, width, channels) of (h, w, channels): the same where they are as many, else between the codes, as
-    renderers look between texels; images repeat."""
+    """Resize (h, w, channels) to (height, width, channels) by bilinear interpolation with wrapping.
+
+    An axis of equal size stays unchanged.
+    """
     values = pixels.astype(np.float32)
     for axis, count in ((0, height), (1, width)):
         before = values.shape[axis]

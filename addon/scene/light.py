@@ -1,16 +1,17 @@
-"""The light of the scene on leaves, on either side: baked by Cycles at places all over them, kept at their corners.
+"""Bake of the scene's light on both sides of leaves, by Cycles. The result is stored at the leaves' corners.
 
-What is kept is the radiance of a white leaf, irradiance / π, so that it multiplies base colours: a sun of strength S
-from the angle θ gives S · cos θ / π, a world of one colour gives that colour. Light that shines through a leaf itself
-is left aside; what others reflect and let through counts.
+The stored value is the radiance of a white leaf, irradiance / π, so it multiplies base colors. A sun of strength S at
+the angle θ gives S · cos θ / π; a world of one color gives that color. Light transmitted by the leaf itself is ignored;
+light that other objects reflect and transmit counts.
 
-The leaves cast their shadows with their own materials, cut out as they are. They do not catch the light themselves, for
-a card is transparent at its corners, and leaves touch wood and each other there: white triangles that no ray meets lie
-on the leaves for that, three to a triangle of the leaf, each with three places. A corner has the mean of its third of
-all triangles that share it with the same normal: the mean over a leaf is right, and shadows finer than that are lost.
+The leaves cast shadows with their own materials, including cutout alpha. They do not receive the baked light
+themselves, because leaf cards are transparent at their corners and touch the trunk and each other there. White
+triangles that no ray hits receive it instead: three for each triangle of a leaf, with three samples each. A corner gets
+the mean over its third of all triangles that share it with the same normal. So the mean over a leaf is correct, and
+finer shadows are lost.
 
-As in any picture by Cycles a triangle does not stand in its own light, wherever its normals point: what is met nearer
-than `near` of the place is transparent.
+As in other Cycles renders, a triangle does not shadow itself, wherever its normals point: surfaces nearer than `near`
+to a sample are transparent.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ from .extract import Geometry, world_positions
 from .node_links import output_of
 
 SAMPLES = 16
-"""Paths from each place, three places a corner: 48 and more, whose mean is within some per cent of an even sky."""
+"""Paths per sample. A corner has three samples or more, so at least 48 paths: within a few percent for an even sky."""
 
 SEED = 0
 
 PLACES = np.array([(10.0, 1.0, 1.0), (7.0, 4.0, 1.0), (7.0, 1.0, 4.0)]) / 12.0
-"""Weights of a corner, the next and the one before; with those of the others the places are all over a triangle."""
+"""Barycentric weights of a corner, the next and the previous one. All nine samples cover the triangle."""
 
 BLOCK = 200_000
-"""Triangles at a time: Cycles needs some kilobytes for each."""
+"""Triangles per bake. Cycles needs several kilobytes for each."""
 
 LAYERS = 1024
-"""Of what is transparent, as many as Cycles can pass: with the 8 of a new scene crowns of cards are darker, and no
-engine stops there."""
+"""Transparent bounces: the maximum of Cycles. With the default of 8, crowns of cards get darker than in engines, which
+have no such limit."""
 
 _ATTRIBUTE = "leafcloud light"
 
 
 @dataclass(frozen=True)
 class Light:
-    """(t, 3, 3) linear, by corner as in the geometry: on the side that winds counter-clockwise, and on the other."""
+    """Light by corner: (t, 3, 3) linear RGB, in the order of the geometry. The front winds counter-clockwise."""
 
     front: NDArray[np.float32]
     back: NDArray[np.float32]
@@ -59,7 +60,7 @@ class Light:
         return Light(self.front / np.float32(strength), self.back / np.float32(strength))
 
     def at(self, order: NDArray[np.integer[Any]]) -> Light:
-        """(c, 3) at the corners of the triangles `order`, one after another."""
+        """Return (c, 3) the light at the corners of the triangles `order`, one after another."""
         return Light(self.front[order].reshape(-1, 3), self.back[order].reshape(-1, 3))
 
     @property
@@ -69,9 +70,10 @@ class Light:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Whose lights, world and shadows count; `sources`, the objects that show the tree, are left out of them.
+    """The scene around a tree for a bake of light.
 
-    `casters` are meshes in the tree's coordinates that cast the shadows in their place. They get other materials.
+    layer: its lights, world and shadows count. sources: the objects that show the tree; they are hidden. casters:
+    meshes in the tree's coordinates that cast shadows in place of the sources; their materials are replaced.
     """
 
     layer: bpy.types.ViewLayer
@@ -80,13 +82,13 @@ class Surroundings:
 
 
 def bake_light(geometries: Sequence[Geometry], placement: Placement, around: Surroundings) -> list[Light]:
-    """The light on each of the geometries. The scene is afterwards as it was, also when this fails.
+    """Return the light on each geometry. The scene stays unchanged, even after an error.
 
-    Raises `SceneError` when Cycles cannot bake.
+    Raises `SceneError` if Cycles cannot bake.
     """
     places = [_places(geometry, placement) for geometry in geometries]
     points = np.concatenate([each.points.reshape(-1, 3) for each in places])
-    # Single precision is 6e-8 of the coordinates.
+    # The second term exceeds the rounding of single precision, 6e-8 of the coordinates.
     near = 1e-4 * float(np.ptp(points, axis=0).max()) + 1e-5 * float(np.abs(points).max())
     with _without(around.sources), _own_scene(around.layer) as layer, _casting(around.casters, placement, layer, near):
         return [_light(each, layer, near, placement) for each in places]
@@ -94,7 +96,7 @@ def bake_light(geometries: Sequence[Geometry], placement: Placement, around: Sur
 
 @dataclass(frozen=True)
 class _Places:
-    """Of triangles in the world: points (t, 3, 3), normals (t, 3, 3), (t, 3) equal numbers where light is shared."""
+    """World-space triangles: points and normals (t, 3, 3); shared (t, 3), equal for corners that share their light."""
 
     points: NDArray[np.float64]
     normals: NDArray[np.float32]
@@ -102,7 +104,7 @@ class _Places:
 
     @property
     def across(self) -> NDArray[np.float64]:
-        """(t, 3) as long as twice the area."""
+        """(t, 3) triangle normals, their length twice the area."""
         a, b, c = self.points.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
@@ -124,7 +126,7 @@ def _light(places: _Places, layer: bpy.types.ViewLayer, near: float, placement: 
 
 
 def _shared(values: NDArray[np.float32], places: _Places) -> NDArray[np.float32]:
-    """(t, 3, 3) the means of corners that share their light, by area."""
+    """Return (t, 3, 3) the area-weighted means over corners that share their light."""
     areas = np.repeat(np.linalg.norm(places.across, axis=1), 3) + 1e-30
     numbers = places.shared.ravel()
     total = np.bincount(numbers, areas)
@@ -136,12 +138,12 @@ def _shared(values: NDArray[np.float32], places: _Places) -> NDArray[np.float32]
 def _block(
     places: _Places, part: slice, layer: bpy.types.ViewLayer, near: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(t, 3, 3) by corner, on the front and on the back of some of the triangles."""
+    """Return (t, 3, 3) the light by corner on the fronts and on the backs of the triangles `part`."""
     corners, normals, across = places.points[part], places.normals[part].astype(np.float64), places.across[part]
     length = np.linalg.norm(across, axis=1, keepdims=True)
     across = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)[:, None]
     normals = np.where((normals != 0.0).any(axis=2, keepdims=True), normals, across)
-    # Of each corner (t, 3) three places, which wind as the normal says, and lie just off the leaf on that side.
+    # Three samples per corner. They wind counter-clockwise about the normal, just off the leaf on that side.
     spread = PLACES @ np.stack([np.roll(corners, -corner, axis=1) for corner in range(3)], axis=1)
     against = (normals * across).sum(axis=2, keepdims=True) < 0.0
     up = np.where(against, -across, across)[:, :, None] * (near / 16.0)
@@ -156,7 +158,7 @@ def _block(
 def _baked(
     layer: bpy.types.ViewLayer, points: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """(places, 3) what white triangles at (…, 3, 3) points with such normals reflect, which nothing else sees."""
+    """Return (samples, 3) the light reflected by white triangles at (…, 3, 3) points; no ray hits these triangles."""
     count = points.size // 3
     mesh, white = bpy.data.meshes.new(_ATTRIBUTE), _white()
     obj = bpy.data.objects.new(_ATTRIBUTE, mesh)
@@ -173,7 +175,7 @@ def _baked(
         set_corner_normals(mesh, normals.reshape(-1, 3).astype(np.float32))
         layer.id_data.collection.objects.link(obj)
         for rays in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-            setattr(obj, f"visible_{rays}", False)  # Cycles does not know what is not seen at all.
+            setattr(obj, f"visible_{rays}", False)  # Keep the camera ray: Cycles skips objects hidden from all rays.
         clear_terminator(obj)
         _bake(layer, obj)
         colors = np.empty(4 * count, np.float32)
@@ -211,13 +213,13 @@ def _new_material(name: str) -> tuple[bpy.types.Material, bpy.types.NodeTree, bp
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
         material.use_nodes = True
     output = output_of(material.node_tree)
-    assert output is not None  # as new materials have it
+    assert output is not None  # new materials have one
     return material, material.node_tree, output
 
 
 @contextmanager
 def _without(sources: Sequence[bpy.types.Object]) -> Iterator[None]:
-    """Hides the objects from renders."""
+    """Hide the objects from renders during the block."""
     hidden = [obj for obj in sources if not obj.hide_render]
     for obj in hidden:
         obj.hide_render = True
@@ -230,9 +232,9 @@ def _without(sources: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 @contextmanager
 def _own_scene(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.ViewLayer]:
-    """The layer in a copy of its scene, whose objects it shares, with settings for the bake; Cycles' errors in words.
+    """Yield the layer in a copy of its scene with settings for the bake. The copy shares the objects.
 
-    What bounces, and how often, is the scene's own, but for `LAYERS`.
+    Bounces are those of the scene, except for transparent ones (`LAYERS`). Errors of Cycles become `SceneError`.
     """
     scene = layer.id_data.copy()
     try:
@@ -249,7 +251,7 @@ def _own_scene(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.ViewLayer]:
     except (RuntimeError, TypeError) as error:
         raise SceneError(
             f"the light of the scene {layer.id_data.name!r} could not be baked ({error}); enable the add-on Cycles "
-            f"Render Engine, wait for other renders to end, or leave the effect baked_light out"
+            f"Render Engine, wait for other renders to end, or turn the effect baked_light off"
         ) from error
     finally:
         bpy.data.scenes.remove(scene)
@@ -259,7 +261,7 @@ def _own_scene(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.ViewLayer]:
 def _casting(
     meshes: Sequence[bpy.types.Mesh], placement: Placement, layer: bpy.types.ViewLayer, near: float
 ) -> Iterator[None]:
-    """Puts the meshes into the layer's scene, transparent to what is nearer."""
+    """Add the meshes to the layer's scene during the block, transparent to rays shorter than `near`."""
     objects: list[bpy.types.Object] = []
     materials: dict[bpy.types.Material | None, bpy.types.Material] = {}
     try:
@@ -282,17 +284,17 @@ def _casting(
 
 
 def _copy(material: bpy.types.Material | None) -> bpy.types.Material:
-    """With an output node in any case."""
+    """Return a copy of a material; a new one if it has no output node."""
     if material is None or material.node_tree is None or output_of(material.node_tree) is None:
         return _new_material(_ATTRIBUTE)[0]
     return material.copy()
 
 
 def _clear_when_near(material: bpy.types.Material, near: float) -> None:
-    """Lets light pass that has come from no farther."""
+    """Make a material transparent to rays shorter than `near`."""
     tree = material.node_tree
     output = output_of(tree)
-    assert output is not None  # as copies have it
+    assert output is not None  # `_copy` sees to it
     path, less, clear, mix = (
         tree.nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "Math", "BsdfTransparent", "MixShader")
     )

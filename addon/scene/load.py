@@ -1,7 +1,7 @@
-"""Opens a file in an empty Blender: glTF, OBJ or .blend.
+"""Loader of glTF, OBJ and .blend files into an empty Blender.
 
-Blender's importers repair coordinates that are not finite by setting them to zero, without a word. So the files are
-looked at before they are imported.
+Blender's importers silently set coordinates that are not finite to zero. So the loader checks files before it imports
+them.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _FLOAT = 5126
 _OBJ_LIBRARY = re.compile(rb"^mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
-# What float32 may not hold: "nan", "inf", "1e39". Most lines have none of it and are not parsed.
+# Matches numbers that float32 may not hold: "nan", "inf", "1e39". Only lines with a match are parsed.
 _SUSPICIOUS = re.compile(rb"nan|inf|e\+?(?:3[89]|[4-9]\d|\d{3})", re.IGNORECASE)
 
 
 def load(path: Path | str) -> None:
-    """Opens .glb, .gltf, .obj or .blend; what was open before is gone, and Blender is in its factory settings.
+    """Open a .glb, .gltf, .obj or .blend file. Closes the current file and loads Blender's factory settings.
 
-    Raises `SceneError` for a file that is not there, that is of another kind, that Blender cannot read, or whose
-    vertices are not finite.
+    Raises `SceneError` for a missing file, another file type, a file that Blender cannot read, or vertices that are not
+    finite.
     """
     path, opener = _opener(Path(path), {**_IMPORTERS, ".blend": _open_blend})
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -44,7 +44,7 @@ def load(path: Path | str) -> None:
 
 
 def load_beside(path: Path | str) -> list[bpy.types.Object]:
-    """Imports .glb, .gltf or .obj into the open scene; gives the objects that it has brought. Raises as `load`."""
+    """Import a .glb, .gltf or .obj file into the open scene. Returns the new objects. Raises as `load`."""
     path, opener = _opener(Path(path), _IMPORTERS)
     before = set(bpy.data.objects)
     _open(path, opener)
@@ -54,9 +54,9 @@ def load_beside(path: Path | str) -> list[bpy.types.Object]:
 def _opener(path: Path, openers: Mapping[str, _Opener]) -> tuple[Path, _Opener]:
     opener = openers.get(path.suffix.lower())
     if opener is None:
-        raise SceneError(f"{path} is not a file that can be read; give one of {', '.join(openers)}")
+        raise SceneError(f"{path} has an unsupported file type; give one of {', '.join(openers)}")
     if not path.is_file():
-        raise SceneError(f"{path} is not there, or is not a file; check the path")
+        raise SceneError(f"{path} does not exist, or is not a file; check the path")
     return path, opener
 
 
@@ -78,15 +78,15 @@ def _open_gltf(path: Path) -> None:
 
 
 def _remove_far_levels(objects: set[bpy.types.Object]) -> None:
-    """Removes the levels of a baked tree but the leaves, with their trunks: they lie in no scene of its file.
+    """Remove all levels of a baked tree except level 0, with their trunks. They are in no scene of the glTF file.
 
-    Blender shows them before 4.5, and keeps them in a collection that is excluded from 4.5 on.
+    Blender before 4.5 shows them; from 4.5 on it puts them into an excluded collection.
     """
     baked = {obj: obj.get("leafcloud") for obj in objects}
     levels = [obj for obj, found in baked.items() if hasattr(found, "get") and found.get("level", 0) > 0]
     for obj in {member for level in levels for member in (level, *level.children_recursive)}:
         bpy.data.objects.remove(obj)
-    bpy.data.orphans_purge(do_recursive=True)  # Another bake may want their names.
+    bpy.data.orphans_purge(do_recursive=True)  # Frees their names for another bake.
 
 
 def _open_obj(path: Path) -> None:
@@ -98,23 +98,23 @@ _IMPORTERS: Mapping[str, _Opener] = {".glb": _open_gltf, ".gltf": _open_gltf, ".
 
 
 def _open_blend(path: Path) -> None:
-    # Scripts in the file stay off, whatever the settings say.
+    # Never run scripts in the file, whatever the preferences allow.
     _run(path, bpy.ops.wm.open_mainfile, load_ui=False, use_scripts=False)
 
 
 def _run(path: Path, operator: Callable[..., set[str]], **options: bool) -> None:
-    """Runs one of Blender's readers; it says an error by an exception whose text may have several lines."""
+    """Run an import operator. Blender reports errors by an exception, sometimes with several lines of text."""
     try:
         result = operator(filepath=str(path.resolve()), **options)
     except RuntimeError as error:
         words = "; ".join(line.strip() for line in str(error).splitlines() if line.strip()).removeprefix("Error: ")
         raise SceneError(f"{path} cannot be read: {words}; check the file, or export it again") from error
     if "FINISHED" not in result:
-        raise SceneError(f"{path} cannot be read: Blender gave up on it; check the file, or export it again")
+        raise SceneError(f"{path} cannot be read: Blender canceled opening it; check the file, or export it again")
 
 
 def _check_gltf(path: Path) -> bool:
-    """Whether a glTF file has levels by `MSFT_lod`. Refuses one that is broken or whose vertices are not finite."""
+    """Return whether a glTF file has levels by `MSFT_lod`. Raise `SceneError` for broken or non-finite data."""
     try:
         document, body = _gltf_document(path)
         accessors = {
@@ -133,7 +133,7 @@ def _check_gltf(path: Path) -> bool:
 
 
 def _gltf_document(path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON of a .gltf or .glb file and, of the latter, its binary chunk."""
+    """Return the JSON of a .gltf or .glb file, and the binary chunk of a .glb file (else empty)."""
     content = path.read_bytes()
     if not content.startswith(b"glTF"):
         return json.loads(content), b""
@@ -151,7 +151,7 @@ def _gltf_document(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def _gltf_positions(path: Path, document: dict[str, Any], body: bytes, index: int) -> NDArray[np.float32] | None:
-    """(v, 3) the values of an accessor; `None` where they are compressed or sparse, or integers, which are finite."""
+    """Return (v, 3) the values of an accessor; `None` if compressed, sparse, or integers (always finite)."""
     accessor = document["accessors"][index]
     if "bufferView" not in accessor or accessor["componentType"] != _FLOAT:
         return None
@@ -174,14 +174,16 @@ def _gltf_buffer(path: Path, buffer: dict[str, Any], body: bytes) -> bytes | Non
 
 
 def _check_obj(path: Path) -> None:
-    """Refuses an OBJ file whose vertices are not finite, or whose materials are not there."""
+    """Raise `SceneError` for an OBJ file with non-finite vertices or a missing material library."""
     content = path.read_bytes()
     if _SUSPICIOUS.search(content):
         _check_obj_vertices(path, content)
     for match in _OBJ_LIBRARY.finditer(content):
         library = path.parent / match[1].strip().decode(errors="surrogateescape")
         if not library.is_file():
-            raise SceneError(f"{library} is not there, {path.name} names its materials in it; put the file there")
+            raise SceneError(
+                f"{library} does not exist, but {path.name} reads its materials from it; put the file there"
+            )
 
 
 def _check_obj_vertices(path: Path, content: bytes) -> None:

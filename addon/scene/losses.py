@@ -1,6 +1,6 @@
-"""What no channel keeps of materials, so that it is said: emission, displacement, coats and sheen.
+"""Warnings about material features that a bake drops: emission, displacement, coat and sheen.
 
-And the nodes that Blender's glTF exporter cannot follow.
+Also warns about nodes that Blender's glTF exporter cannot follow.
 """
 
 from __future__ import annotations
@@ -12,30 +12,31 @@ from .surface import principled_of
 
 
 def losses(material: bpy.types.Material) -> list[str]:
-    """A sentence for each thing that billboards do not have of a material."""
+    """Return a sentence for each feature of a material that its billboards lack."""
     tree, said = material.node_tree, f"material {material.name!r}"
     if tree is None:
         return []
     found: list[str] = []
     if _emits(material):
         found.append(
-            f"{said} emits light, which its billboards do not: they have its colour only, which has to be lit; set the "
-            f"Emission Strength to 0 if the leaves need not shine from near by, either"
+            f"{said} emits light, but its billboards do not: they keep only its color and need other light; set the "
+            f"Emission Strength to 0 if the leaves need not emit light, either"
         )
     output = output_of(tree)
     if output is not None and output.inputs["Displacement"].is_linked:
-        found.append(f"{said}: its displacement is not in the clouds; put a Bump node into the Normal of its shader")
+        found.append(f"{said}: its billboards lack its displacement; connect a Bump node to the Normal of its shader")
     principled = principled_of(material)
     layers = [] if principled is None else [name for name in ("Coat", "Sheen") if _has(principled, f"{name} Weight")]
     if layers:
         found.append(
-            f"{said}: no {' and no '.join(layers)} is in the clouds, which have one gloss; set the weight to 0"
+            f"{said}: its billboards have one specular layer, without {' and '.join(layers)}; set the weight to 0"
         )
     tangled = sorted({socket.name for each in trees_of(tree) for socket in tangled_inputs(each)})
     if tangled:
         found.append(
-            f"{said}: its nodes share so much of what feeds {' and '.join(tangled)} that Blender's glTF exporter cannot"
-            f" follow them: in glTF its own faces have the first image there, or a constant; bake it to an image"
+            f"{said}: the nodes behind {' and '.join(tangled)} have too many or too long paths for Blender's glTF "
+            f"exporter: in glTF the material's own faces have the first image there, or a constant; bake them to an "
+            f"image"
         )
     return found
 
@@ -52,7 +53,7 @@ def _emits(material: bpy.types.Material) -> bool:
 
 
 def _has(shader: Output, name: str) -> bool:
-    """Whether an input of type value is more than 0, as far as one number says it."""
+    """Return whether a value input is not the constant 0. An input that varies counts as not 0."""
     return number_at(shader.input(name)) != 0.0
 
 

@@ -1,4 +1,4 @@
-"""Evaluated meshes as arrays, and where their copies stand."""
+"""Reader of evaluated meshes as arrays, with the matrices of their copies."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 _NONE = np.empty(0, np.float32)
 
 PROTECT = "Leafcloud Protect"
-"""The vertex group, or attribute of points, corners or faces: an artist paints there what is never pruned."""
+"""Name of the vertex group or attribute (points, corners or faces) in which an artist paints leaves never to prune."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
-"""The types of that attribute."""
+"""Allowed data types of that attribute."""
 _COMPONENTS = {
     **dict.fromkeys(_NUMBERS, ("value", 1)),
     "FLOAT2": ("vector", 2),
@@ -30,32 +30,32 @@ _COMPONENTS = {
     "FLOAT_COLOR": ("color", 4),
     "BYTE_COLOR": ("color", 4),
 }
-"""By type: the property of an attribute's items that is read, and how wide it is."""
+"""By data type: the property to read from an attribute's items, and its number of components."""
 _PLACES = {"POINT": "triangles", "CORNER": "loops", "FACE": "faces"}
-"""What of `Copies` has each triangle's places in its domain."""
+"""By attribute domain: the property of `Copies` with each triangle's indices into that domain."""
 
 
 @dataclass(frozen=True)
 class Copies:
-    """One evaluated mesh with its materials, and all places where the scene shows it on behalf of one object."""
+    """One evaluated mesh with its materials, and the matrices of all its copies that one object places."""
 
     mesh: bpy.types.Mesh
-    """Lives as long as the depsgraph is not evaluated again."""
+    """Valid until the depsgraph is evaluated again."""
     object_name: str
     owner: bpy.types.Object
     """The original object that places the copies: the object itself, or an instancer."""
     owner_matrix: NDArray[np.float64]
-    """(4, 4) to the world, not singular."""
+    """(4, 4) world matrix of the owner, not singular."""
     materials: tuple[bpy.types.Material | None, ...]
     """Original materials by slot, at least one."""
     matrices: NDArray[np.float64]
-    """(n, 4, 4) to the world, none singular; equal to `owner_matrix` for an object that stands for itself."""
+    """(n, 4, 4) world matrices of the copies, none singular; `owner_matrix` for an object that is no instance."""
     randoms: NDArray[np.float32]
-    """(n,) in [0, 1], what the Object Info node calls Random of each copy."""
+    """(n,) the Object Info node's Random of each copy, in [0, 1]."""
     protect_group: int = -1
-    """The number of the object's vertex group `PROTECT`, if it has one."""
+    """Index of the object's vertex group `PROTECT`; −1 without one."""
     level: bpy.types.Object | None = None
-    """The object itself, if it is a baked level and no tree."""
+    """The object itself, if it is a baked level; else None."""
 
     @property
     def owner_name(self) -> str:
@@ -63,7 +63,7 @@ class Copies:
 
     @cached_property
     def positions(self) -> NDArray[np.float32]:
-        """(v, 3); raises `SceneError` for coordinates that are not finite."""
+        """(v, 3) vertices; raises `SceneError` for coordinates that are not finite."""
         positions = _read(self.mesh.attributes["position"].data, "vector", 3, np.float32)
         bad = first_not_finite(positions)
         if bad is not None:
@@ -75,32 +75,32 @@ class Copies:
 
     @cached_property
     def triangles(self) -> NDArray[np.int32]:
-        """(t, 3) vertices."""
+        """(t, 3) vertex indices."""
         return _read(self._loop_triangles, "vertices", 3, np.int32)
 
     @cached_property
     def loops(self) -> NDArray[np.int32]:
-        """(t, 3) corners of the mesh's faces."""
+        """(t, 3) indices of face corners (loops)."""
         return _read(self._loop_triangles, "loops", 3, np.int32)
 
     @cached_property
     def faces(self) -> NDArray[np.int32]:
-        """(t, 1) the mesh's faces."""
+        """(t, 1) face indices."""
         return _read(self._loop_triangles, "polygon_index", 1, np.int32)
 
     @cached_property
     def slots(self) -> NDArray[np.int32]:
-        """(t,) into `materials`; a slot that is not there shows the last one, as in Blender."""
+        """(t,) indices into `materials`. An index beyond the last slot counts as the last slot, as in Blender."""
         slots = _read(self._loop_triangles, "material_index", 1, np.int32)[:, 0]
         return np.clip(slots, 0, len(self.materials) - 1)
 
     @cached_property
     def normals(self) -> NDArray[np.float32]:
-        """(t, 3, 3) corner normals, custom ones included."""
+        """(t, 3, 3) corner normals, including custom normals."""
         return _read(self.mesh.corner_normals, "vector", 3, np.float32)[self.loops]
 
     def uvs(self, name: str) -> NDArray[np.float32] | None:
-        """(t, 3, 2) the UV map or vectors of this name, else the map that renders; `None` where the mesh has none."""
+        """Return (t, 3, 2) the UV map or vector attribute `name`, else the render-active UV map; `None` without any."""
         named = self._spread(self.mesh.attributes.get(name), ("FLOAT2", "FLOAT_VECTOR"))
         if named is not None:
             return named[..., :2]
@@ -108,8 +108,10 @@ class Copies:
         return None if layer is None else _read(layer.uv, "vector", 2, np.float32)[self.loops]
 
     def colors(self, name: str) -> NDArray[np.float32] | None:
-        """(t, 3, 4) an attribute as a colour, linear, a number as a grey; for an empty name the colour attribute that
-        renders; `None` where there is none."""
+        """Return (t, 3, 4) an attribute as linear colors; `None` if it is missing.
+
+        A number becomes gray. An empty name selects the render-active color attribute.
+        """
         attributes = self.mesh.attributes
         values = self._spread(attributes.get(name or self.mesh.color_attributes.default_color_name), tuple(_COMPONENTS))
         if values is None:
@@ -125,7 +127,7 @@ class Copies:
         return colors
 
     def _spread(self, attribute: bpy.types.Attribute | None, types: Sequence[str]) -> NDArray[np.float32] | None:
-        """(t, 3, width) an attribute of points, corners or faces at the triangles' corners, if it is of these types."""
+        """Return (t, 3, width) an attribute at the triangles' corners; `None` for other domains or data types."""
         if attribute is None or attribute.domain not in _PLACES or attribute.data_type not in types:
             return None
         values = _read(attribute.data, *_COMPONENTS[attribute.data_type], np.float32)
@@ -133,7 +135,7 @@ class Copies:
         return np.broadcast_to(found, (len(found), 3, values.shape[1]))
 
     def protected(self) -> NDArray[np.bool_] | None:
-        """(t,) whether a corner is painted by more than half; `None` where nothing can be."""
+        """Return (t,) whether any corner is painted by more than ½; `None` without a `PROTECT` attribute or group."""
         attribute = self.mesh.attributes.get(PROTECT)
         places = "triangles"
         if attribute is not None and attribute.domain in _PLACES and attribute.data_type in _NUMBERS:
@@ -149,14 +151,14 @@ class Copies:
         return any(member.group == self.protect_group and member.weight > 0.5 for member in vertex.groups)
 
     def loose(self) -> str | None:
-        """What of the mesh belongs to no face, as a sentence."""
+        """Return a sentence that counts vertices and edges without a face; `None` if there are none."""
         corner_vertices = _read(self.mesh.attributes[".corner_vert"].data, "value", 1, np.int32)
         corner_edges = _read(self.mesh.attributes[".corner_edge"].data, "value", 1, np.int32)
         vertices = len(self.mesh.vertices) - _distinct(corner_vertices, len(self.mesh.vertices))
         edges = len(self.mesh.edges) - _distinct(corner_edges, len(self.mesh.edges))
         counted = [_counted(vertices, "vertex", "vertices"), _counted(edges, "edge", "edges")]
         words = " and ".join(word for word in counted if word)
-        return f"{self.object_name!r}: {words} of no face" if words else None
+        return f"{self.object_name!r}: {words} without a face" if words else None
 
     @cached_property
     def _loop_triangles(self) -> bpy.types.bpy_prop_collection:
@@ -165,7 +167,7 @@ class Copies:
 
 
 def own_mesh(obj: bpy.types.Object) -> Copies:
-    """The mesh of an object as it is without modifiers, in the materials of the object's slots."""
+    """Return an object's mesh without modifiers, with the materials of the object's slots."""
     matrix = np.array(obj.matrix_world, np.float64)
     return Copies(obj.data, obj.name, obj, matrix, _materials(obj), matrix[None], _NONE)
 
@@ -173,11 +175,11 @@ def own_mesh(obj: bpy.types.Object) -> Copies:
 def gather(
     depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
 ) -> tuple[list[Copies], list[str]]:
-    """All meshes with faces that the scene shows for `objects` (`None`: for all that render), instances realised.
+    """Collect all meshes with faces that the scene shows for `objects` (`None`: all that render), with instances.
 
-    Curves, texts and the like count with the meshes that they make. The order is that of the objects' names, whatever
-    the order of evaluation. Also gives a sentence for each thing left out.
-    Raises `SceneError` for an object whose own matrix is singular or not finite.
+    Curves, texts and the like count with their generated meshes. The order follows the objects' names, not the order
+    of evaluation. Also returns a sentence for each thing left out.
+    Raises `SceneError` if an object's own matrix is singular or not finite.
     """
     shown, unseen = _shown(depsgraph, objects)
     standing: list[Copies] = []
@@ -193,11 +195,11 @@ def gather(
             raise SceneError(
                 f"the matrix of object {copies.owner_name!r} is singular (scale {scale}); give it a scale without zeros"
             )
-        # What scatters instances hides some by scaling them to nothing.
+        # Scattering tools hide instances by scaling them to zero.
         count = int(flat.sum())
         if count:
             words = _counted(count, "copy", "copies")
-            dropped.append(f"{words} of {copies.object_name!r} by {copies.owner_name!r}, scaled to nothing")
+            dropped.append(f"{words} of {copies.object_name!r} by {copies.owner_name!r}, scaled to zero")
         if count < len(copies.matrices):
             kept = ~flat[1:]
             standing.append(replace(copies, matrices=copies.matrices[kept], randoms=copies.randoms[kept]))
@@ -207,7 +209,7 @@ def gather(
 def _shown(
     depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
 ) -> tuple[list[Copies], list[str]]:
-    """All copies of meshes with faces, and a sentence for each object that shows none."""
+    """Return all copies of meshes with faces, and a sentence for each object without any."""
     wanted = None if objects is None else {obj.original for obj in objects}
     found: dict[tuple[object, ...], Copies] = {}
     matrices: dict[tuple[object, ...], list[NDArray[np.float64]]] = {}
@@ -243,7 +245,7 @@ def _shown(
 
 
 def _materials(obj: bpy.types.Object) -> tuple[bpy.types.Material | None, ...]:
-    """The materials by slot: the mesh's, but where a slot is linked to the object."""
+    """Return the original materials by slot, from the mesh or, for slots linked to the object, from the object."""
     materials = list(obj.data.materials)
     for i, slot in enumerate(obj.material_slots[: len(materials)]):
         if slot.link == "OBJECT":
@@ -252,7 +254,7 @@ def _materials(obj: bpy.types.Object) -> tuple[bpy.types.Material | None, ...]:
 
 
 def _read(collection: bpy.types.bpy_prop_collection, name: str, width: int, dtype: type[_Scalar]) -> NDArray[_Scalar]:
-    """(n, width) a property of all items of a collection."""
+    """Return (n, width) a property of all items of a collection."""
     values = np.empty(len(collection) * width, dtype)
     collection.foreach_get(name, values)
     return values.reshape(-1, width)

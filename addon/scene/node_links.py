@@ -1,9 +1,10 @@
-"""Walking shader nodes against the flow: through reroutes, into and out of groups, past muted nodes.
+"""Upstream traversal of shader nodes: through reroutes, into and out of groups, past muted nodes.
 
-Also past the node that a bake adds to the colors of leaves which it prunes: leaves that are not pruned have their own.
+The traversal also skips the node by which a bake mixes the mean color into pruned leaves: unpruned leaves have their
+own color.
 
-Nodes share what feeds them, so that the ways through n of them may be 2ⁿ: a walk looks at each node once. And a walk
-may be as long as there are nodes, which is more than Python's stack has room for: none is recursive.
+Nodes share inputs, so n nodes can have 2ⁿ paths. Each traversal therefore visits a node once. A path can be longer than
+Python's stack allows, so no traversal is recursive.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from typing import TypeVar
 import bpy
 
 MEAN_SHARE = "leaf_mean_share"
-"""The point attribute with the share of the mean in a leaf's colours; 0, as where it is missing, leaves them alone."""
+"""Point attribute with the share of the mean color in a leaf's color. Default 0: the leaf's own color."""
 
 _Part = TypeVar("_Part")
 _Value = TypeVar("_Value")
 
 
 class Links:
-    """The links that feed inputs: not the muted ones, nor those of a cycle that Blender marks as not valid.
+    """Links by the input that they feed, without muted links and links that Blender marks as invalid (cycles).
 
-    Each tree's are looked up once, for Blender goes through all of them to find those of one socket.
+    The links of a tree are indexed once, because Blender scans all of them to find those of one socket.
     """
 
     def __init__(self) -> None:
@@ -39,17 +40,17 @@ class Links:
 
 @dataclass(frozen=True)
 class Input:
-    """An input socket, and the groups that were entered to reach it, the innermost last."""
+    """An input socket, and the group nodes entered to reach it, innermost last."""
 
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...] = ()
     links: Links = field(default_factory=Links, repr=False, compare=False)
-    """As they were when the walk began."""
+    """The links at the start of the traversal."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """An output socket of a node that is no group, reroute or muted node, and the groups entered to reach it."""
+    """An output socket, and the group nodes entered to reach it. `follow` skips groups, reroutes and muted nodes."""
 
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...] = ()
@@ -60,7 +61,7 @@ class Output:
         return self.socket.node
 
     def input(self, identifier: str) -> Input:
-        """The node's input with this identifier (names may repeat)."""
+        """Return the node's input with this identifier. Names may repeat."""
         return next(self._at(socket) for socket in self.node.inputs if socket.identifier == identifier)
 
     def inputs(self) -> list[Input]:
@@ -73,7 +74,7 @@ class Output:
 def folded(
     start: _Part, parts: Callable[[_Part], Sequence[_Part]], value: Callable[[_Part, list[_Value]], _Value]
 ) -> _Value:
-    """What `value` makes of `start` and of the values of its parts, and so on; of each part once."""
+    """Return `value` of `start` and of the values of its parts, computed bottom-up, once for each part."""
     known: dict[_Part, _Value] = {}
     waiting = [start]
     while waiting:
@@ -90,7 +91,7 @@ def folded(
 
 
 def follow(target: Input) -> Output | Input:
-    """What feeds an input: the output of a node, or the unlinked input whose own value counts."""
+    """Return the source of an input: the output of a node, or an unlinked input with its own value."""
     while True:
         link = target.links.to(target.socket)
         if link is None:
@@ -102,7 +103,7 @@ def follow(target: Input) -> Output | Input:
 
 
 def number_at(target: Input) -> float | None:
-    """The number at an input of type value, `None` where it varies."""
+    """Return the number at a value input; `None` if it varies."""
     source = follow(target)
     if isinstance(source, Input) and source.socket.type == "VALUE":
         return float(source.socket.default_value)
@@ -112,7 +113,7 @@ def number_at(target: Input) -> float | None:
 
 
 def _enter(source: Output) -> Output | Input:
-    """The input that stands behind an output of a node which only passes values on, else the output itself."""
+    """Return the input behind an output of a node that only passes values on; else the output itself."""
     node = source.node
     if node.mute:
         passed = next((link.from_socket for link in node.internal_links if link.to_socket == source.socket), None)
@@ -130,7 +131,7 @@ def _enter(source: Output) -> Output | Input:
 
 
 def _pulls_to_mean(source: Output) -> bool:
-    """Whether a Mix node mixes the mean of the leaves' colors in by the attribute that a bake stores."""
+    """Return whether a Mix node mixes in the leaves' mean color by the attribute `MEAN_SHARE` of a bake."""
     if source.node.type != "MIX" or source.node.data_type != "RGBA":
         return False
     link = source.links.to(source.input("Factor_Float").socket)
@@ -150,12 +151,12 @@ def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) ->
 
 
 def group_end(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    """The node of a group's tree that hands out what the group gives."""
+    """Return the active Group Output node of a group's tree; None without one."""
     return next((node for node in tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output), None)
 
 
 def node_count(tree: bpy.types.NodeTree) -> int:
-    """The nodes that a renderer makes of a tree: a group's count wherever it is used, also within other groups."""
+    """Return the number of nodes of a tree, with those of a group counted for each use, also inside other groups."""
     return folded(tree, _groups_in, lambda each, inside: len(each.nodes) + sum(inside))
 
 
@@ -164,7 +165,7 @@ def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
 
 
 def trees_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
-    """The tree, and those of the groups in it and in these; each once."""
+    """Return the tree and those of all nested groups, each once."""
     found = {tree: None}
     waiting = [tree]
     while waiting:
@@ -175,12 +176,17 @@ def trees_of(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
 
 
 MOST_WAYS, LONGEST_WAY = 10_000, 200
-"""Counted in inputs: the glTF exporter takes up to a millisecond and a frame of the stack for each."""
+"""Limits on the inputs on all paths and on the longest path.
+
+The glTF exporter takes up to a millisecond for each, and a stack frame for each on a path.
+"""
 
 
 def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
-    """The inputs of a tree's shaders and groups behind which whoever goes all ways, as Blender's glTF exporter does,
-    is lost for minutes, or deeper than Python's stack."""
+    """Return the inputs of a tree's shaders and groups that have too many or too long paths behind them.
+
+    Blender's glTF exporter follows every path, recursively. There it would take minutes or overflow Python's stack.
+    """
     links = Links()
     nodes = (node for node in tree.nodes if node.type == "GROUP" or any(each.type == "SHADER" for each in node.outputs))
     inputs = [socket for node in nodes for socket in node.inputs if socket.type != "SHADER" and links.to(socket)]
@@ -194,23 +200,23 @@ def _inputs_behind(target: Input) -> list[Input]:
 
 
 def _longer(_: Input, ways: list[tuple[int, int]]) -> tuple[int, int]:
-    """How many ways there are from an input, and how long the longest is, by those of the inputs behind it."""
+    """Return the number of inputs on all paths from an input, and on the longest, given those of the next inputs."""
     return 1 + sum(count for count, _ in ways), 1 + max((length for _, length in ways), default=0)
 
 
 def output_of(tree: bpy.types.NodeTree, renderer: str = "CYCLES") -> bpy.types.Node | None:
-    """The material output that a renderer takes, or the one for `ALL`; another where there is none."""
+    """Return the material output for a renderer, else for Cycles, all renderers or EEVEE; None without any."""
     return next(filter(None, map(tree.get_output_node, (renderer, "CYCLES", "ALL", "EEVEE"))), None)
 
 
 def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """The nodes, those in groups too, on which colour and alpha of a material depend: not what nobody is linked to."""
+    """Return the nodes on which color and alpha of a material depend, including nodes in groups."""
     output = output_of(tree)
     return [] if output is None else _upstream(output.inputs["Surface"])
 
 
 def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
-    """The nodes, those in groups too, on which inputs depend."""
+    """Return the nodes on which inputs depend, including nodes in groups."""
     found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], None] = {}
     waiting = list(targets)
     while waiting:
@@ -222,17 +228,17 @@ def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
 
 
 def can_render(tree: bpy.types.NodeTree) -> bool:
-    """Whether the nodes show anything, and none of them waits for an image."""
+    """Return whether a tree has a surface, and all its image nodes have an image."""
     nodes = shown_nodes(tree)
     return bool(nodes) and not any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
 
 
 _OF_SHADERS = {"Base Color", "Color", "Alpha", "Transmission Weight", "Subsurface Weight"}
-"""What colour and alpha depend on, of the inputs of a shader that mixes no others; and what shines through."""
+"""Inputs of a shader, other than mixes, that determine its color, alpha and translucency."""
 
 
 def _upstream(target: bpy.types.NodeSocket) -> list[bpy.types.Node]:
-    """What feeds an input before what feeds that, and so on."""
+    """Return the nodes upstream of an input, each once, depth first."""
     links, found, waiting = Links(), dict[bpy.types.Node, None](), [target]
     while waiting:
         link = links.to(waiting.pop())
@@ -247,7 +253,7 @@ def _upstream(target: bpy.types.NodeSocket) -> list[bpy.types.Node]:
 
 
 def _inputs_shown(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
-    """The inputs on which colour and alpha depend."""
+    """Return the inputs of a node on which color and alpha depend."""
     mixes = node.type in {"MIX_SHADER", "ADD_SHADER", "GROUP", "REROUTE", "GROUP_INPUT"}
     if mixes or all(socket.type != "SHADER" for socket in node.outputs):
         return list(node.inputs)

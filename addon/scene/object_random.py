@@ -1,4 +1,4 @@
-"""The random number that Cycles gives an object, as its Object Info node shows it."""
+"""Random numbers of objects, equal to the Random output of the Object Info node in Cycles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _ALL_BITS = 0xFFFFFFFF
 
 
 def random_of(instance: bpy.types.DepsgraphObjectInstance) -> float:
-    """In [0, 1]: an instance brings its own number, an object has a hash of its name."""
+    """Return the random number in [0, 1] of an object or instance. That of an object is a hash of its name."""
     number = instance.random_id if instance.is_instance else _hash(_hash_of_text(instance.object.name))
     return (number & _ALL_BITS) / _ALL_BITS
 
@@ -21,7 +21,7 @@ def _hash_of_text(text: str) -> int:
 
 
 def _hash(number: int) -> int:
-    """Bob Jenkins' lookup3 of `number` and 0 (public domain, 2006)."""
+    """Return Bob Jenkins' lookup3 hash of `number` and 0 (public domain, 2006)."""
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & _ALL_BITS
     a = (a + number) & _ALL_BITS
 

@@ -1,4 +1,4 @@
-"""Colors and alphas that nodes multiply: constants, one image and one color attribute."""
+"""Reader of colors and alphas that are products of constants, one image and one color attribute."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Product:
-    """A product of a factor (three equal numbers for alpha), an image's channel and a colour attribute."""
+    """Product of a factor (three equal numbers for alpha), a channel of an image and a color attribute."""
 
     factor: Rgb = (1.0, 1.0, 1.0)
     texture: Texture | None = None
@@ -28,7 +28,7 @@ class Product:
 
     def times(self, other: Product) -> Product:
         if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
-            raise NotUnderstoodError("multiplies two images or two colour attributes")
+            raise NotUnderstoodError("multiplies two images or two color attributes")
         textured = self if self.texture else other
         red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
         attribute = other.attribute if self.attribute is None else self.attribute
@@ -36,17 +36,17 @@ class Product:
 
 
 def color_product(target: Input) -> Product:
-    """The product behind a colour input. Raises `NotUnderstoodError`."""
+    """Return the product behind a color input. Raises `NotUnderstoodError`."""
     return folded(target, _color_factors, _color_of)
 
 
 def _color_factors(target: Input) -> list[Input]:
-    """The inputs that a node multiplies, none where it is another node."""
+    """Return the inputs multiplied by the node behind an input; none for other nodes."""
     source = follow(target)
     if isinstance(source, Input) or not _multiplies_colors(source.node):
         return []
     if number_at(source.input("Factor_Float")) != 1.0:
-        raise NotUnderstoodError(f"is multiplied in part by the node {source.node.name!r}")
+        raise NotUnderstoodError(f"is multiplied by the node {source.node.name!r}, whose Factor is not 1")
     return [source.input("A_Color"), source.input("B_Color")]
 
 
@@ -71,7 +71,7 @@ def _color_of(target: Input, factors: list[Product]) -> Product:
 
 
 def alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
-    """The product behind the alpha inputs and its cut-off, `None` where it is not cut."""
+    """Return the product behind the alpha inputs, and its cutoff (`None` without one). Raises `NotUnderstoodError`."""
     constants = [number_at(target) for target in targets]
     varying = [target for target, constant in zip(targets, constants, strict=True) if constant is None]
     scale = math.prod(constant for constant in constants if constant is not None)
@@ -82,17 +82,17 @@ def alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
         raise NotUnderstoodError("comes from a Mix Shader and from the Principled BSDF")
     behind, cutoff = _cut(varying[0])
     if cutoff is not None and scale != 1.0:
-        raise NotUnderstoodError("is scaled after it is cut off")
+        raise NotUnderstoodError("is multiplied by a constant after the cutoff")
     return product.times(_value_product(behind)), cutoff
 
 
 def _value_product(target: Input) -> Product:
-    """The product behind a value input."""
+    """Return the product behind a value input."""
     return folded(target, _value_factors, _value_of)
 
 
 def _value_factors(target: Input) -> list[Input]:
-    """As `_color_factors`."""
+    """Return the inputs multiplied by the node behind a value input; none for other nodes."""
     source = follow(target)
     if isinstance(source, Input) or (source.node.type, getattr(source.node, "operation", "")) != ("MATH", "MULTIPLY"):
         return []
@@ -107,7 +107,7 @@ def _value_of(target: Input, factors: list[Product]) -> Product:
         return Product((constant, constant, constant))
     source = follow(target)
     if isinstance(source, Input):
-        raise NotUnderstoodError(f"is a colour at the input {source.socket.name!r} of {source.socket.node.name!r}")
+        raise NotUnderstoodError(f"is a color at the input {source.socket.name!r} of {source.socket.node.name!r}")
     node = source.node
     if source.socket.name == "Alpha" or (node.type == "TEX_IMAGE" and source.socket.name == "Color"):
         return _leaf_product(source)
@@ -115,7 +115,7 @@ def _value_of(target: Input, factors: list[Product]) -> Product:
 
 
 def _leaf_product(source: Output) -> Product:
-    """An image or a colour attribute, at the output Color or Alpha."""
+    """Return the product of an image or a color attribute alone, from the output Color or Alpha."""
     node = source.node
     if node.type == "TEX_IMAGE":
         return Product(texture=texture_of(source), channel=source.socket.name)
@@ -127,7 +127,7 @@ def _leaf_product(source: Output) -> Product:
 
 
 def _cut(target: Input) -> tuple[Input, float | None]:
-    """The input that is cut off, and where: it counts as 1 from the cut-off on, as 0 below."""
+    """Return the input before a cutoff node, and the cutoff. Alpha is 1 from the cutoff up, 0 below it."""
     source = follow(target)
     if isinstance(source, Input) or source.node.type != "MATH":
         return target, None
@@ -146,12 +146,12 @@ def _cut(target: Input) -> tuple[Input, float | None]:
 
 
 def _above(limit: float) -> float:
-    """The cut-off of what has to be greater: half a code above 0, where it matters."""
+    """Return the cutoff of a test for greater than `limit`: at least half an 8-bit step, so 0 stays transparent."""
     return max(limit, 0.5 / 255.0)
 
 
 def _cut_below(target: Input) -> tuple[Input, float] | None:
-    """The same for a value that is 1 below the cut-off and 0 from there on."""
+    """Return the same as `_cut` for a value that is 1 below the cutoff and 0 from there up."""
     source = follow(target)
     if isinstance(source, Input) or source.node.type != "MATH":
         return None

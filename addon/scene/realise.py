@@ -1,4 +1,4 @@
-"""Many copies of one mesh as one, by arrays: positions, normals, winding."""
+"""Array operations that join many copies of a mesh into one: positions, normals, winding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 @dataclass(frozen=True)
 class Triangles:
-    """Triangles with values per corner; the arrays have the same length t."""
+    """Triangles with values per corner. All arrays except `positions` have the length t."""
 
     positions: NDArray[np.float32]
     """(v, 3)"""
@@ -28,13 +28,13 @@ class Triangles:
     material_ids: NDArray[np.int32]
     """(t,)"""
     randoms: NDArray[np.float32]
-    """(t,) what Blender's Object Info node calls Random."""
+    """(t,) the Random output of Blender's Object Info node."""
     protected: NDArray[np.bool_] | None = None
-    """(t,) painted as leaves that are never pruned."""
+    """(t,) whether the triangle is painted as a leaf that is never pruned."""
 
 
 def first_not_finite(positions: NDArray[np.float32]) -> tuple[int, str] | None:
-    """The first of the points (v, 3) that has a coordinate which is not finite, and the point in words."""
+    """Return the index of the first of the points (v, 3) that is not finite, and its coordinates as text; else None."""
     finite = np.isfinite(positions).all(axis=1)
     if finite.all():
         return None
@@ -43,21 +43,21 @@ def first_not_finite(positions: NDArray[np.float32]) -> tuple[int, str] | None:
 
 
 def are_singular(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,) whether each of (n, 4, 4) flattens space, as far as single precision can tell, or is not finite."""
+    """Return (n,) whether each of (n, 4, 4) matrices is singular in single precision, or not finite."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
     sizes = np.linalg.svd(np.where(finite[:, None, None], matrices[:, :3, :3], 0.0), compute_uv=False)
     return sizes[:, 2] <= 1e-7 * sizes[:, 0]
 
 
 def relative(frame: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 4, 4) from the coordinates of each matrix to those of `frame`; exactly the identity where both are equal."""
+    """Return (n, 4, 4) the transforms from each matrix's space to that of `frame`; exact identities where equal."""
     result = np.linalg.inv(frame) @ matrices
     result[(matrices == frame).all(axis=(1, 2))] = np.eye(4)
     return result
 
 
 def used_only(source: Triangles, chosen: NDArray[np.bool_]) -> Triangles:
-    """The chosen triangles (t,) with the vertices that they use, both in their order."""
+    """Return the triangles chosen by a mask (t,) and the vertices that they use, in the same order."""
     if chosen.all() and (np.bincount(source.triangles.ravel(), minlength=len(source.positions)) > 0).all():
         return source
     triangles = source.triangles[chosen]
@@ -77,10 +77,10 @@ def used_only(source: Triangles, chosen: NDArray[np.bool_]) -> Triangles:
 
 
 def realise(source: Triangles, matrices: NDArray[np.float64], randoms: NDArray[np.float32]) -> Triangles:
-    """One copy of `source` for each of the (n, 4, 4) matrices, none of them singular, with its own of `randoms` (n,).
+    """Return one copy of `source` for each of the (n, 4, 4) matrices, each with its own of the `randoms` (n,).
 
-    A copy by the identity keeps every bit. Normals turn by the inverse transpose. A mirrored copy swaps the last two
-    corners of its triangles, so that they still wind counter-clockwise about the side that its normals point to.
+    No matrix may be singular. A copy by the identity keeps every bit. Normals are transformed by the inverse transpose.
+    A mirrored copy swaps the last two corners of its triangles, so they still wind counter-clockwise about the normals.
     """
     count = len(matrices)
     kept = (matrices == np.eye(4)).all(axis=(1, 2))
@@ -109,7 +109,7 @@ def realise(source: Triangles, matrices: NDArray[np.float64], randoms: NDArray[n
 
 
 def joined(blocks: list[Triangles]) -> Triangles:
-    """All blocks, at least one, as one. Where only some have UVs the others get zeros; with colours they get white."""
+    """Join blocks, at least one. If only some blocks have UVs, the others get zeros; colors get white."""
     offsets = np.cumsum([0, *(len(block.positions) for block in blocks[:-1])], dtype=np.int32)
     return Triangles(
         np.concatenate([block.positions for block in blocks]),
@@ -124,7 +124,7 @@ def joined(blocks: list[Triangles]) -> Triangles:
 
 
 def _joined_marks(blocks: list[Triangles]) -> NDArray[np.bool_] | None:
-    """(t,) which are protected: none of a block that does not say."""
+    """Return (t,) whether triangles are protected; False for blocks without that array."""
     if all(block.protected is None for block in blocks):
         return None
     unpainted = (np.zeros(len(block.triangles), bool) for block in blocks)
@@ -152,6 +152,6 @@ def _repeated(corners: NDArray[np.float32], count: int) -> NDArray[np.float32]:
 
 
 def _wound(corners: NDArray[_Scalar], mirrored: NDArray[np.bool_]) -> NDArray[_Scalar]:
-    """(n·t, 3, …) from (n, t, 3, …), the last two corners swapped in the mirrored copies."""
+    """Reshape (n, t, 3, …) to (n·t, 3, …), with the last two corners swapped in mirrored copies."""
     corners[mirrored] = corners[mirrored][:, :, [0, 2, 1]]
     return corners.reshape(-1, *corners.shape[2:])

@@ -1,10 +1,12 @@
-"""Gloss and normals that are no plain images: what feeds a Principled BSDF, rendered as data where its colours lie.
+"""Renderings of roughness, metallic and normals for materials whose nodes cannot be read as images.
 
-Cycles renders the square of `flatten`, which shines with the inputs' codes. It lies in the plane of X and Y with its
-texture coordinates along them: a normal in the world is one of tangent space there, red to the right, green up. It is
-as large as one unit of texture coordinates is on the leaves, for a Bump node is the steeper the smaller that is.
+The rendering has the same UV mapping as the base color. Cycles renders the square of `flatten`, which emits the inputs
+of the Principled BSDF, encoded as colors. The square is in the XY plane with U along X and V along Y, so world-space
+normals equal tangent-space normals there: red points right, green up. Its side is the world size of one UV unit on the
+leaves, because a Bump node gets steeper with smaller sizes.
 
-Normals that depend on how a leaf lies (object space, vectors by position) mean nothing on the square, and are refused.
+Normals that depend on the leaf's orientation (object space, vectors from positions) have no meaning on the square and
+are refused.
 """
 
 from __future__ import annotations
@@ -37,26 +39,26 @@ from .textures import NotUnderstoodError, Texture, repeats, texture_of, uv_maps
 
 GLOSS = ("Roughness", "Metallic")
 NORMAL = ("Normal",)
-"""The inputs of a Principled BSDF that are rendered together."""
+"""Inputs of a Principled BSDF that share one rendering."""
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """pixels: (h, w, 4) the codes, row 0 on top. said: a sentence for the report."""
+    """A rendering as data. pixels: (h, w, 4) 8-bit values, row 0 on top. said: a sentence for the report."""
 
     pixels: NDArray[np.uint8]
     said: str
 
 
 def rendering_of(principled: Output, names: Sequence[str], colors: Texture | None) -> Texture:
-    """How a rendering of these inputs lies on the mesh. Raises `NotUnderstoodError` where it cannot be made."""
+    """Return the UV mapping of a rendering of these inputs. Raises `NotUnderstoodError` if they cannot be rendered."""
     return rendering_over(nodes_behind([principled.input(name) for name in names]), colors)
 
 
 def rendering_over(nodes: Sequence[bpy.types.Node], colors: Texture | None) -> Texture:
-    """How a rendering of these nodes lies on the mesh: like the colours, which have its only texture coordinates.
+    """Return the UV mapping of a rendering of these nodes. It equals that of the colors, because a mesh has only one.
 
-    Raises `NotUnderstoodError` for nodes that cannot be rendered, or lie elsewhere.
+    Raises `NotUnderstoodError` for nodes that cannot be rendered, or that use another mapping.
     """
     layout = replace(colors or Texture(None), image=None)
     images = [node for node in nodes if node.type == "TEX_IMAGE"]
@@ -65,12 +67,12 @@ def rendering_over(nodes: Sequence[bpy.types.Node], colors: Texture | None) -> T
         raise NotUnderstoodError(f"depends on the node {missing[0]!r}, which has no image")
     others = sorted(uv_maps(nodes) - {layout.uv_map})
     if others:
-        raise NotUnderstoodError(f"lies on {_named(others[0])} and the base colour on {_named(layout.uv_map)}")
+        raise NotUnderstoodError(f"uses {_named(others[0])}, but the base color uses {_named(layout.uv_map)}")
     moved = layout.transform != Texture.transform
     if moved and not all(_moved_alike(node, layout) for node in images):
-        raise NotUnderstoodError("and the base colour go through different Mapping nodes")
+        raise NotUnderstoodError("and the base color use different Mapping nodes")
     if np.linalg.det(np.reshape(layout.transform, (2, 3))[:, :2]) == 0.0:
-        raise NotUnderstoodError("goes through a Mapping node of scale 0")
+        raise NotUnderstoodError("uses a Mapping node with scale 0")
     plain = repeats(nodes) and (moved or not any(node.type == "MAPPING" for node in nodes))
     return replace(layout, extension="REPEAT" if plain else "MIXED")
 
@@ -87,12 +89,12 @@ def _moved_alike(image: bpy.types.Node, layout: Texture) -> bool:
 
 
 def is_of_tangent_space(target: Input) -> bool:
-    """Whether a normal is that of the surface, turned by Normal Maps of tangent space and Bumps, or a mix of such."""
+    """Return whether a normal mixes only surface normals, tangent-space Normal Maps and Bumps."""
     return folded(target, _normals_used, _is_of_tangent_space)
 
 
 def _normals_used(target: Input) -> list[Input]:
-    """The inputs that a node makes a normal of."""
+    """Return the inputs from which a node computes a normal."""
     source = follow(target)
     if isinstance(source, Output) and source.node.type == "BUMP":
         return [source.input("Normal")]
@@ -104,7 +106,7 @@ def _normals_used(target: Input) -> list[Input]:
 def _is_of_tangent_space(target: Input, used: list[bool]) -> bool:
     source = follow(target)
     if isinstance(source, Input):
-        return source.socket.hide_value  # which stands for the surface's own
+        return source.socket.hide_value  # an unlinked input without a value uses the surface normal
     node = source.node
     match node.type:
         case "NORMAL_MAP":
@@ -117,7 +119,7 @@ def _is_of_tangent_space(target: Input, used: list[bool]) -> bool:
 
 
 def unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(materials,) how long one unit of the images' coordinates is in the world, in the mean; 1 where there is none."""
+    """Return (materials,) the mean world size of one UV unit by material; 1 for a material without area or UV area."""
     count = len(geometry.materials)
     uvs = texture_uvs(geometry)
     if uvs is None:
@@ -133,23 +135,23 @@ def unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def render_gloss(material: bpy.types.Material, layout: Texture, size: float) -> Rendering:
-    """Roughness in green, metallic in blue. As `render_normals`."""
+    """Render roughness to green and metallic to blue. Otherwise like `render_normals`."""
     values, said = _render(material, GLOSS, layout, size, _gloss_codes)
-    said = f"roughness and metallic are no constants or channels of one image; they are rendered {said}"
+    said = f"roughness and metallic are neither constants nor channels of one image; they are rendered {said}"
     return Rendering(_bytes(values), f"material {material.name!r}: its {said}")
 
 
 def render_normals(material: bpy.types.Material, layout: Texture, size: float) -> Rendering:
-    """Normals as in an image of them. `layout` as of `rendering_of`, `size` as of `unit_sizes`.
+    """Render normals to a tangent-space normal map. `layout` is from `rendering_of`, `size` from `unit_sizes`.
 
-    Raises `SceneError` for an image without pixels, and when Cycles does not render.
+    Raises `SceneError` for an image without pixels, or when Cycles fails.
     """
     values, said = _render(material, NORMAL, layout, size, _normal_codes)
-    normals = 2.0 * values - 1.0  # the mean of a texel's samples
+    normals = 2.0 * values - 1.0  # means of a texel's samples, so not of unit length
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     up = np.array([0.0, 0.0, 1.0], np.float32)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), up)
-    said = f"normals are no plain tangent-space map of strength 1; they are rendered {said}"
+    said = f"normals are more than a tangent-space map of strength 1; they are rendered {said}"
     return Rendering(_bytes(0.5 * normals + 0.5), f"material {material.name!r}: its {said}")
 
 
@@ -160,9 +162,9 @@ def _render(
     size: float,
     codes: Callable[[Builder, bpy.types.Node], bpy.types.NodeSocket],
 ) -> tuple[NDArray[np.float32], str]:
-    """(h, w, 3) what the codes are, and how they were rendered."""
+    """Return (h, w, 3) the rendered values that `codes` builds, and a description of the rendering."""
     principled = principled_of(material)
-    assert principled is not None  # else there is no layout
+    assert principled is not None  # without one there is no layout
     nodes = nodes_behind([principled.input(name) for name in names])
     for node in nodes:
         if node.type == "TEX_IMAGE":
@@ -174,22 +176,22 @@ def _render(
             pixels = rendered(scene, mesh, side_of(nodes), size)
         finally:
             bpy.data.meshes.remove(mesh)
-    said = f"to an image of {len(pixels)} texels a side"
+    said = f"to an image of {len(pixels)} × {len(pixels)} texels"
     if layout.extension != "REPEAT":
-        said += ", which repeats outside of [0, 1]"
+        said += ", which repeats outside [0, 1]"
     if lost := of_single_leaves(nodes):
-        said += f", so what the nodes {' and '.join(lost)} say of single leaves is lost"
-    return pixels[..., :3], f"{said}; the leaves' own material in glTF is what Blender's exporter reads of it"
+        said += f", so per-leaf variation from {' and '.join(lost)} is dropped"
+    return pixels[..., :3], f"{said}; glTF level 0 uses Blender's own material export"
 
 
 @contextmanager
 def _shining_codes(
     material: bpy.types.Material, codes: Callable[[Builder, bpy.types.Node], bpy.types.NodeSocket]
 ) -> Iterator[bpy.types.Material]:
-    """A copy that shines with what `codes` makes of its Principled BSDF, which may be in groups."""
+    """Yield a copy that emits what `codes` builds from its Principled BSDF, which may be inside groups."""
     with own_copy(material) as copy:
         principled = principled_of(copy)
-        assert principled is not None  # as of the material
+        assert principled is not None  # the original has one
         builder = Builder(principled.socket.id_data)
         color = codes(builder, principled.node)
         for group in reversed(principled.groups):
@@ -200,7 +202,7 @@ def _shining_codes(
 
 
 def _gloss_codes(builder: Builder, principled: bpy.types.Node) -> bpy.types.NodeSocket:
-    # Samples are cut before they are averaged: Cycles shades with values between 0 and 1.
+    # Clamp before averaging: Cycles clamps roughness and metallic to [0, 1] at each sample.
     roughness, metallic = (_within(builder, builder.read(principled.inputs[name])) for name in GLOSS)
     both = builder.tree.nodes.new("ShaderNodeCombineXYZ")
     for target, value in zip(both.inputs, (1.0, roughness, metallic), strict=True):
@@ -219,6 +221,6 @@ def _normal_codes(builder: Builder, principled: bpy.types.Node) -> bpy.types.Nod
 
 
 def _bytes(values: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(h, w, 4) opaque codes of (h, w, 3) values."""
+    """Convert (h, w, 3) values to (h, w, 4) opaque 8-bit values."""
     opaque = np.concatenate([values, np.ones_like(values[..., :1])], axis=2)
     return np.rint(np.clip(opaque, 0.0, 1.0) * 255.0).astype(np.uint8)

@@ -1,6 +1,6 @@
-"""How much of a mesh lies on seams of its texture, which simplification has to keep.
+"""Share of a mesh's corners on texture seams, which simplification has to keep.
 
-Corners are told apart by a hash of their bits, as sorting rows of a million corners would take longer than the plan.
+Corners are compared by a hash of their bits, because sorting a million rows would take longer than the plan.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from .extract import Geometry
 
 
 def seam_share(geometry: Geometry) -> float:
-    """Of the corners that differ in their place or in their texture coordinates, how many lie where another does, in
-    [0, 1); 0 without texture coordinates. O(n log n) in the triangles."""
+    """Return the share in [0, 1) of distinct corners (position and UV) that repeat another's position; 0 without UVs.
+
+    O(n log n) in the number of triangles.
+    """
     if geometry.uvs is None or not len(geometry.triangles):
         return 0.0
     places = geometry.positions[geometry.triangles.ravel()]

@@ -1,9 +1,9 @@
-"""Through which leaves what is behind them is seen.
+"""Detection of blended leaf materials that are mostly transparent.
 
-Importers and artists leave a material blended wherever its image has alpha and nobody asked for a cutoff; most such
-leaves have edges, and nothing is seen through them. So texels are looked at: what lies between opaque and clear, and is
-no soft edge of something opaque, has to be more than what is opaque; where corners have alpha, as often as they have
-it. Known limit: of a material whose alpha has to be rendered nothing is known.
+Importers and artists leave a material blended if its image has alpha and nobody set a cutoff. Most such leaves have
+sharp edges and are not transparent. So texels are counted: the translucent ones, except soft edges of opaque areas,
+must outnumber the opaque ones. If corners have alpha, texels are counted for several corner alphas.
+Known limit: a material is never detected if its alpha has to be rendered.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from .extract import Geometry
 from .surface import read_surface
 
 LEAST_SHARE = 0.1
-"""Of the leaves' area: fewer leaves are cut out with the others, which would all be blended for their sake."""
+"""Least share of the leaves' area. With less, all leaves are cut out, because a few would force blending on all."""
 _CLEAR, _OPAQUE = 0.02, 0.85
 _ALPHAS = 9
-"""Of corners that are looked at."""
+"""Number of corner alphas to check."""
 _EDGE = 2
-"""Texels that a soft edge is wide."""
+"""Width of a soft edge in texels."""
 
 
 def see_through(leaves: Geometry, blended: Sequence[bpy.types.Material]) -> tuple[str, ...]:
-    """The names of those of the `blended` materials, if enough of the leaves have them."""
+    """Return the names of mostly transparent materials of `blended`; none if they cover less than `LEAST_SHARE`."""
     found = [material for material in blended if is_see_through(material, _corner_alphas(leaves, material))]
     a, b, c = np.moveaxis(leaves.positions[leaves.triangles].astype(np.float64), 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -39,16 +39,16 @@ def see_through(leaves: Geometry, blended: Sequence[bpy.types.Material]) -> tupl
 
 
 def is_see_through(material: bpy.types.Material, corners: Sequence[float] = (1.0,)) -> bool:
-    """Whether what is behind a material is seen through most of it, as far as its nodes and its image say.
+    """Return whether a blended material is mostly transparent, judging by its nodes and image.
 
-    `corners`: alphas by which its leaves multiply that, each as often as the others.
+    `corners`: alphas of the leaves' corners, with equal weights. They multiply the material's alpha.
     """
     surface = read_surface(material)
-    if surface.alpha_mode != "BLEND" or any(not gap.startswith("its base colour ") for gap in surface.gaps):
+    if surface.alpha_mode != "BLEND" or any(not gap.startswith("its base color ") for gap in surface.gaps):
         return False
     try:
         opacity = opacity_of(surface)
-    except SceneError:  # An image that is missing is told when it is baked.
+    except SceneError:  # The bake reports a missing image.
         return False
     more = 0
     for alpha in corners:
@@ -59,7 +59,7 @@ def is_see_through(material: bpy.types.Material, corners: Sequence[float] = (1.0
 
 
 def _corner_alphas(leaves: Geometry, material: bpy.types.Material) -> Sequence[float]:
-    """Some of the alphas that corners of a material's leaves have, evenly from the least to the greatest."""
+    """Return quantiles of the corner alphas of a material's leaves, from the least to the greatest."""
     if leaves.colors is None or read_surface(material).alpha_attribute is None:
         return (1.0,)
     alphas = leaves.colors[leaves.material_ids == leaves.materials.index(material), :, 3]
@@ -67,7 +67,7 @@ def _corner_alphas(leaves: Geometry, material: bpy.types.Material) -> Sequence[f
 
 
 def _grown(texels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """With what lies within an edge of them; images repeat."""
+    """Grow a texel mask by `_EDGE` texels in all directions. Images repeat."""
     for axis in (0, 1):
         steps = range(-_EDGE, _EDGE + 1)
         texels = np.logical_or.reduce([np.roll(texels, step, axis) for step in steps])

@@ -1,7 +1,7 @@
-"""What shaders say of base colour and alpha: a node tree gets nodes that compute both, and one that shines with them.
+"""Builder of nodes that compute base color and alpha of a shader tree, and of a node that emits them.
 
-A Mix Shader mixes both, an Add Shader adds them, a Transparent BSDF has no alpha, all others have their colour, or the
-part of it that is reflected or shines through. Groups hand them out by sockets more.
+A Mix Shader mixes both, an Add Shader adds them, a Transparent BSDF has alpha 0. All other shaders give their color, or
+its reflected or transmitted part. Groups get additional sockets to pass color and alpha.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import bpy
 from .node_links import Links, folded, group_end
 
 SHINE = "Leafcloud Shine"
-"""The node that emits, in materials that shine."""
+"""Name of the Emission node."""
 
 Light = Literal["all", "reflected", "transmitted"]
-"""Whose colour is shown. What is transmitted has the alpha of all: that says where the leaf is."""
+"""The part of the light to show. Transmitted light has the same alpha as all light: alpha is the leaf's coverage."""
 
 
 def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> bpy.types.Node:
-    """A shader that emits a premultiplied colour and lets through what alpha leaves."""
+    """Add and return a shader that emits a premultiplied color and transmits 1 − alpha."""
     tree = builder.tree
     emission, clear, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("Emission", "BsdfTransparent", "AddShader"))
     emission.name, emission.inputs["Strength"].default_value = SHINE, strength
@@ -34,11 +34,11 @@ def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> 
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
 _SHADERS = {"REROUTE": (0, 1), "MIX_SHADER": (1, 3), "ADD_SHADER": (0, 2)}
-"""From which input to which the shaders lie that a node passes on or mixes."""
+"""By node type: the slice of inputs with the shaders that a node passes on or mixes."""
 
 
 class Builder:
-    """Adds nodes to a tree that say of each shader its premultiplied colour and its alpha: sockets, or constants."""
+    """Builder of nodes that compute each shader's premultiplied color and its alpha, as sockets or constants."""
 
     def __init__(
         self, tree: bpy.types.NodeTree, light: Light = "all", outside: tuple[Builder, bpy.types.Node] | None = None
@@ -46,16 +46,16 @@ class Builder:
         self.tree = tree
         self.light = light
         self.outside = outside
-        """Of a group's tree: who builds around it, and the group's node there."""
-        self._links = Links()  # Those of the shaders; the nodes that are added read them.
+        """For a group's tree: the builder of the outer tree, and the group's node in it."""
+        self._links = Links()  # Links of the original shaders; added nodes read from them.
         self._sums: dict[bpy.types.NodeSocket, tuple[Any, Any]] = {}
 
     def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
-        """Of what feeds a shader input."""
+        """Return color and alpha of the shader that feeds an input."""
         return folded(target, self._shaders_before, self._sum)
 
     def _shaders_before(self, target: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
-        """The inputs, in this tree, for the shaders that make the one that feeds an input."""
+        """Return the shader inputs, in this tree, of the node that feeds an input."""
         link = self._links.to(target)
         if link is None:
             return []
@@ -75,7 +75,7 @@ class Builder:
     def _new_sum(
         self, node: bpy.types.Node, source: bpy.types.NodeSocket, before: list[tuple[Any, Any]]
     ) -> tuple[Any, Any]:
-        """Of a node's output, by the sums of the shaders before it."""
+        """Return color and alpha of a node's output, from those of the shaders before it."""
         if node.mute:
             return before[0] if before else (_BLACK, 0.0)
         match node.type:
@@ -112,14 +112,14 @@ class Builder:
         return self.scaled(shown, alpha), alpha
 
     def _part(self, node: bpy.types.Node, color: Any) -> Any:
-        """Of a shader's colour what belongs to the light that is looked at."""
+        """Return the part of a shader's color that belongs to `light`."""
         if self.light == "all":
             return color
         through = self._through(node)
         return self.scaled(color, through if self.light == "transmitted" else self.math("SUBTRACT", 1.0, through))
 
     def _through(self, node: bpy.types.Node) -> Any:
-        """The share of a shader's light that shines through, as `translucency` reads it."""
+        """Return the share of a shader's light that is transmitted, as in `translucency`."""
         if node.type == "BSDF_PRINCIPLED":
             clear, inside = (self.read(node.inputs[f"{name} Weight"]) for name in ("Transmission", "Subsurface"))
             back = self.math("SUBTRACT", 1.0, self.math("MULTIPLY", 0.5, inside))
@@ -127,7 +127,7 @@ class Builder:
         return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(node.type, 0.0)
 
     def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
-        """The same inside the group, handed out by two sockets more."""
+        """Return color and alpha from inside a group, by two additional outputs."""
         if node.node_tree is None:
             return _BLACK, 0.0
         end = group_end(node.node_tree)
@@ -139,15 +139,15 @@ class Builder:
         return inside.handed_out(node, color, "NodeSocketColor"), inside.handed_out(node, alpha, "NodeSocketFloat")
 
     def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
-        """A value of this tree, which is that of a group's node, by a socket more of that."""
+        """Return an additional output of the node `group`, this tree's group node, for a value in this tree."""
         identifier = self.tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
         end = group_end(self.tree)
-        assert end is not None  # else nothing of it is shown
+        assert end is not None  # a visible group has one
         self.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
         return next(socket for socket in group.outputs if socket.identifier == identifier)
 
     def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
-        """Of a shader that is handed into a group: handed in by two sockets more."""
+        """Return color and alpha of a shader outside this group, by two additional group inputs."""
         if self.outside is None:
             return _BLACK, 0.0
         outer, group = self.outside
@@ -160,7 +160,7 @@ class Builder:
         return handed[0], handed[1]
 
     def read(self, target: bpy.types.NodeSocket) -> Any:
-        """What feeds an input: a socket, or its own value."""
+        """Return the socket that feeds an input, or the input's own value."""
         link = self._links.to(target)
         if link is not None:
             return link.from_socket

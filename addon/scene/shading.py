@@ -1,8 +1,9 @@
-"""What a material's nodes say of gloss and normals: the Principled BSDF's Roughness, Metallic and Normal.
+"""Reader of roughness, metallic and normals from a material's Principled BSDF.
 
-Understood are constants, one image of occlusion, roughness and metallic taken apart by a Separate Color node (as
-Blender's glTF importer builds it), and a tangent-space Normal Map that no Mapping node turns. All else is rendered (see
-`rendered_shading`). What cannot be is said in a warning, and the leaf counts as rough and smooth there.
+Reads constants, one occlusion-roughness-metallic image split by a Separate Color node (as Blender's glTF importer
+builds it), and a tangent-space Normal Map that no Mapping node rotates. Everything else is rendered (see
+`rendered_shading`). If rendering is impossible, a warning says so, and roughness 1, metallic 0 or mesh normals are
+used.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from .surface import principled_of, read_surface
 from .textures import NotUnderstoodError, Texture, laid_alike, texture_of, transform_matrix
 
 USUAL_SPECULAR = 0.5
-"""The Specular IOR Level of an index of refraction of 1.5, which glTF has by default."""
+"""The Specular IOR Level for an index of refraction of 1.5, the default of glTF."""
 
 
 @dataclass(frozen=True)
 class Shading:
-    """Roughness and metallic: factor · image (green and blue of `gloss`); `normal` a tangent-space map.
+    """Shading of one material.
 
-    Textures without an image are renderings that are still to be made.
+    Roughness is the factor `roughness` times the green channel of `gloss`, metallic is the factor `metallic` times the
+    blue channel. `normal` is a tangent-space normal map. A texture without an image has yet to be rendered.
     """
 
     roughness: float = 1.0
@@ -38,26 +40,26 @@ class Shading:
 
     @property
     def glossy(self) -> bool:
-        """Whether a light is seen mirrored in it."""
+        """Whether lights make visible reflections on it."""
         return self.gloss is not None or self.roughness < 0.9 or self.metallic > 0.0
 
 
 @dataclass(frozen=True)
 class Gloss:
-    """How glossy the leaves of a tree are: by numbers where all are alike, else by what varies."""
+    """Roughness and metallic of a tree's leaves: numbers if all are alike, else a material that differs."""
 
     roughness: float
     metallic: float
     varies: str | None
-    """The first glossy material among several that differ, or one with an image or a rendering."""
+    """The first glossy material, if materials differ or one has an image or a rendering; else `None`."""
     warnings: tuple[str, ...] = ()
-    """What can be neither read nor rendered of any, or has no room."""
+    """Sentences about features that can be neither read nor rendered, or that differ between the materials."""
     specular: float = USUAL_SPECULAR
     """The mean over the materials."""
 
 
 def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
-    """What all materials have in common, if they do."""
+    """Return the roughness and metallic shared by all materials, or a material that differs."""
     shadings = [read_shading(material, read_surface(material).texture) for material in materials]
     first = shadings[0]
     alike = {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}
@@ -65,7 +67,9 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     specular = sum(s.specular for s in shadings) / len(shadings)
     if any(s.specular != first.specular for s in shadings):
         shown = ", ".join(sorted({f"{s.specular:.3g}" for s in shadings}))
-        said = f"the leaf materials' Specular IOR Levels ({shown}) differ: the clouds have one, {specular:.3g}"
+        said = (
+            f"the leaf materials' Specular IOR Levels ({shown}) differ: the billboards use their mean, {specular:.3g}"
+        )
         warnings = (*warnings, said)
     if alike:
         return Gloss(first.roughness, first.metallic, None, warnings, specular)
@@ -76,7 +80,7 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
 
 
 def read_shading(material: bpy.types.Material | None, colors: Texture | None) -> Shading:
-    """Reads a material's nodes; images have to be laid on the mesh like `colors`, when there are any."""
+    """Read a material's nodes. Images must have the same mapping as `colors`, if the material has color textures."""
     principled = None if material is None else principled_of(material)
     if material is None:
         return Shading()
@@ -92,14 +96,14 @@ def read_shading(material: bpy.types.Material | None, colors: Texture | None) ->
 
 
 def _unread(material: bpy.types.Material) -> list[str]:
-    """What is said of gloss and normals by shaders that are not Principled."""
+    """Return warnings about normals and highlights of shaders other than the Principled BSDF."""
     nodes = [] if material.node_tree is None else shown_nodes(material.node_tree)
     turned = [node.name for node in nodes if (normal := node.inputs.get("Normal")) and normal.is_linked]
     shiny = [node.name for node in nodes if node.type == "BSDF_GLOSSY"]
     said = f"material {material.name!r}: its"
     return [
-        f"{said} {what} come from the node {names[0]!r}; {instead} stands for it, use a Principled BSDF"
-        for what, instead, names in (("normals", "smooth", turned), ("highlights", "rough", shiny))
+        f"{said} {what} come from the node {names[0]!r}; {instead} used; connect a Principled BSDF"
+        for what, instead, names in (("normals", "mesh normals are", turned), ("highlights", "roughness 1 is", shiny))
         if names
     ]
 
@@ -107,7 +111,7 @@ def _unread(material: bpy.types.Material) -> list[str]:
 def _with_specular(shading: Shading, principled: Output, _: Texture | None) -> Shading:
     specular = _within(number_at(principled.input("Specular IOR Level")))
     if specular is None:
-        raise NotUnderstoodError(f"Specular IOR Level varies; {USUAL_SPECULAR} stands for it")
+        raise NotUnderstoodError(f"Specular IOR Level varies; {USUAL_SPECULAR} is used instead")
     return replace(shading, specular=specular)
 
 
@@ -120,7 +124,7 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
         _channel_of(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None
     }
     image = found.pop()
-    # The image multiplies both: a part that is not linked to it may only be 0.
+    # The image multiplies both factors, so an input without a link to it can only be 0.
     scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
     if found or image is None or scaled or not laid_like(colors, image):
         return replace(shading, roughness=1.0, metallic=1.0, gloss=_rendered_gloss(principled, colors))
@@ -133,7 +137,7 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
 
 
 def _within(number: float | None) -> float | None:
-    """Blender cuts what lies outside of [0, 1]."""
+    """Clamp to [0, 1], as Blender does."""
     return None if number is None else min(max(number, 0.0), 1.0)
 
 
@@ -141,11 +145,13 @@ def _rendered_gloss(principled: Output, colors: Texture | None) -> Texture:
     try:
         return rendering_of(principled, GLOSS, colors)
     except NotUnderstoodError as reason:
-        raise NotUnderstoodError(f"roughness or metallic {reason}; rough stands for it") from reason
+        raise NotUnderstoodError(
+            f"roughness or metallic {reason}; roughness 1 and metallic 0 are used instead"
+        ) from reason
 
 
 def _channel_of(target: Input, channel: str) -> Texture | None:
-    """The image of which a Separate Color node gives this channel, else `None`."""
+    """Return the image behind a Separate Color node if the input reads its output `channel`; else `None`."""
     source = follow(target)
     if not isinstance(source, Output) or source.node.type != "SEPARATE_COLOR" or source.socket.name != channel:
         return None
@@ -154,7 +160,7 @@ def _channel_of(target: Input, channel: str) -> Texture | None:
 
 
 def _understood(source: Input | Output) -> Texture | None:
-    """The image whose colours an input has, if it is one, and laid on a UV map."""
+    """Return the image whose Color output this is; `None` for another source or unsupported texture coordinates."""
     if not isinstance(source, Output) or source.node.type != "TEX_IMAGE" or source.socket.name != "Color":
         return None
     try:
@@ -178,20 +184,21 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
 def _rendered_normal(principled: Output, node: bpy.types.Node, colors: Texture | None) -> Texture:
     if not is_of_tangent_space(principled.input("Normal")):
         raise NotUnderstoodError(
-            f"normals come from the node {node.name!r}, not from tangent-space maps and bumps; smooth stands for it"
+            f"normals come from the node {node.name!r}, not from tangent-space maps and bumps; mesh normals are used "
+            f"instead"
         )
     try:
         return rendering_of(principled, NORMAL, colors)
     except NotUnderstoodError as reason:
-        raise NotUnderstoodError(f"normal {reason}; smooth stands for it") from reason
+        raise NotUnderstoodError(f"normal {reason}; mesh normals are used instead") from reason
 
 
 def _is_upright(image: Texture) -> bool:
-    """Whether the image's axes are those of the UV map. A Normal Map's are, whatever Mapping nodes do."""
+    """Return whether the image's axes match those of the UV map. A Normal Map node uses the UV map's axes always."""
     (along_u, across_u, _), (across_v, along_v, _) = transform_matrix(image)
     return bool(along_u > 0.0 and along_v > 0.0 and across_u == across_v == 0.0)
 
 
 def laid_like(colors: Texture | None, texture: Texture) -> bool:
-    """Whether the mesh has the texture where it has its colours; without colours, as plainly as can be."""
+    """Return whether a texture has the same mapping as the color texture; without one, the default mapping."""
     return laid_alike(texture, colors or Texture(texture.image))

@@ -1,10 +1,9 @@
-"""What a material's nodes say of base colour and alpha, as far as they are a product.
+"""Reader of base color and alpha from a material's nodes.
 
-Understood is a Principled BSDF whose Base Color and Alpha are products of constants, one image and one colour
-attribute, as Blender's glTF and OBJ importers and most artists build them; for alpha also the three ways to write a
-cut-off (Math Round, Greater Than, 1 − Less Than), and a Mix Shader with Transparent BSDF. What is not understood is a
-gap: then the material is rendered instead (see `flatten`), or, where there is nothing to render, the viewport colour
-takes its place.
+Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute.
+Blender's glTF and OBJ importers and most artists build materials so. Alpha may also have a cutoff (Math Round, Greater
+Than, 1 − Less Than), and a Mix Shader with a Transparent BSDF. Everything else is a gap: the material is rendered (see
+`flatten`), or, if there is nothing to render, the viewport color replaces it.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from .products import Product, Rgb, alpha_product, color_product
 from .textures import ACTIVE, NotUnderstoodError, Texture, laid_alike, map_behind, repeats
 
 MOST_NODES = 5_000
-"""Of a material, in all its groups. Blender needs minutes for more."""
+"""Greatest number of nodes of a material, including its groups. Blender needs minutes for more."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Base colour and alpha of a material: factor · texture · colour attribute."""
+    """Base color and alpha of a material: factor · texture · color attribute."""
 
     name: str
     color: Rgb
@@ -36,7 +35,7 @@ class Surface:
     alpha: float = 1.0
     color_texture: Texture | None = None
     alpha_texture: Texture | None = None
-    """Laid on the mesh like `color_texture` when there are both."""
+    """Has the same UV mapping as `color_texture` if both exist."""
     alpha_channel: Literal["alpha", "luminance"] = "alpha"
     color_attribute: str | None = None
     alpha_attribute: str | None = None
@@ -45,9 +44,9 @@ class Surface:
     double_sided: bool = True
     warnings: tuple[str, ...] = ()
     gaps: tuple[str, ...] = ()
-    """What is not understood, in words that follow the material's name; the viewport colour stands for it here."""
+    """Descriptions of unread parts, to follow the material's name. Their fields above have the viewport color."""
     layout: Texture | None = None
-    """With gaps: how the material's rendering is laid on the mesh, `None` where it cannot be rendered."""
+    """With gaps: the UV mapping of the material's rendering; `None` if it cannot be rendered."""
 
     @property
     def texture(self) -> Texture | None:
@@ -55,12 +54,12 @@ class Surface:
 
 
 def read_surface(material: bpy.types.Material | None, *, as_exported: bool = False) -> Surface:
-    """Reads a material's nodes. `None` is Blender's grey of surfaces without a material.
+    """Read a material's nodes. `None` gives Blender's gray of surfaces without a material.
 
-    `as_exported` reads the material as Blender's glTF exporter does: at the output for all renderers, and of mixed
-    shaders the nearest Principled BSDF. A bake adds its fades to outputs for single renderers only.
+    `as_exported`: read the material as Blender's glTF exporter does, from the output for all renderers and, in mixed
+    shaders, the nearest Principled BSDF. A bake adds its fades only to outputs for single renderers.
 
-    Raises `SceneError` for more than `MOST_NODES`.
+    Raises `SceneError` for more than `MOST_NODES` nodes.
     """
     if material is None:
         return Surface("default", (0.8, 0.8, 0.8))
@@ -76,8 +75,8 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
         return viewport
     if (count := node_count(material.node_tree)) > MOST_NODES:
         raise SceneError(
-            f"material {material.name!r} has {count:,} nodes, those of groups counted wherever a group is used; the "
-            f"limit is {MOST_NODES:,}: use fewer groups within groups, or bake the material to an image"
+            f"material {material.name!r} has {count:,} nodes, with each use of a group counted; the limit is "
+            f"{MOST_NODES:,}: use fewer nested groups, or bake the material to an image"
         )
     try:
         output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
@@ -97,7 +96,7 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
 
 
 def principled_of(material: bpy.types.Material) -> Output | None:
-    """The Principled BSDF that makes the material's surface, if one does."""
+    """Return the Principled BSDF of the material's surface; None without one."""
     if not _has_nodes(material):
         return None
     try:
@@ -107,13 +106,13 @@ def principled_of(material: bpy.types.Material) -> Output | None:
 
 
 def _has_nodes(material: bpy.types.Material) -> bool:
-    with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the question
+    with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates `use_nodes`
         warnings.simplefilter("ignore", DeprecationWarning)
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
 def shader_of(material: bpy.types.Material) -> Output | None:
-    """What makes the material's surface where it is not cut out, if anything does."""
+    """Return the shader of the material's surface behind cutouts; None without one."""
     if not _has_nodes(material):
         return None
     try:
@@ -123,8 +122,10 @@ def shader_of(material: bpy.types.Material) -> Output | None:
 
 
 def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input], Output]:
-    """The Principled BSDF upstream of a material output, inputs that multiply its alpha, and the shader that they cut
-    out: itself, or what mixes it with others."""
+    """Return the Principled BSDF upstream of a material output, inputs that multiply its alpha, and the cut-out shader.
+
+    The cut-out shader is the Principled BSDF itself, or a mix of it with others. Raises `NotUnderstoodError`.
+    """
     shader, opacity = _behind_cut_outs(output)
     for found in _shaders(shader):
         if found.node.type == "BSDF_PRINCIPLED":
@@ -133,7 +134,7 @@ def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input]
 
 
 def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]]:
-    """The shader upstream of a material output, and the inputs that cut it out."""
+    """Return the shader upstream of a material output, and the inputs that cut it out. Raises `NotUnderstoodError`."""
     shader = follow(Input(output.inputs["Surface"])) if output is not None else None
     if not isinstance(shader, Output):
         raise NotUnderstoodError("has no shader")
@@ -149,7 +150,7 @@ def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]
 
 
 def _is_cut_out(shader: Output) -> bool:
-    """Whether the shader mixes Transparent (at factor 0) with another (at factor 1)."""
+    """Return whether a Mix Shader blends a Transparent BSDF (factor 0) with another shader (factor 1)."""
     if shader.node.type != "MIX_SHADER":
         return False
     clear = follow(shader.inputs()[1])
@@ -157,14 +158,14 @@ def _is_cut_out(shader: Output) -> bool:
 
 
 def _lets_light_through(shader: Output) -> bool:
-    """Whether it mixes a Principled and a Translucent BSDF, whose base colour is the former's (see `translucency`)."""
+    """Return whether a shader mixes a Principled and a Translucent BSDF. The former gives the base color."""
     behind = [follow(target) for target in shader.inputs() if target.socket.type == "SHADER"]
     types = sorted(source.node.type for source in behind if isinstance(source, Output))
     return types == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
 def _shaders(shader: Output) -> Iterator[Output]:
-    """The shader and those that it mixes, nearest first."""
+    """Yield the shader and those that it mixes, nearest first."""
     found = {shader}
     waiting = deque(found)
     while waiting:
@@ -183,7 +184,7 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
         product = color_product(principled.input("Base Color"))
         _check_factor(product)
     except NotUnderstoodError as reason:
-        return _with_gap(viewport, "base colour", reason, tree)
+        return _with_gap(viewport, "base color", reason, tree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
@@ -192,7 +193,7 @@ def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree
         product, cutoff = alpha_product(targets)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
-            raise NotUnderstoodError("and its base colour use different texture coordinates")
+            raise NotUnderstoodError("and its base color use different texture coordinates")
     except NotUnderstoodError as reason:
         return _with_gap(surface, "alpha", reason, tree)
     alpha = product.factor[0]
@@ -212,10 +213,10 @@ def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree
 
 
 def _check_factor(product: Product) -> None:
-    """No surface reflects or covers more than all."""
+    """Raise `NotUnderstoodError` for factors outside [0, 1]: no surface reflects or covers more than 100%."""
     if not all(0.0 <= part <= 1.0 for part in product.factor):
         shown = ", ".join(f"{part:.3g}" for part in product.factor)
-        raise NotUnderstoodError(f"has the factor ({shown}), part of which lies outside of [0, 1]")
+        raise NotUnderstoodError(f"has the factor ({shown}), which is outside [0, 1]")
 
 
 def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
@@ -224,7 +225,7 @@ def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy
 
 
 def _layout(tree: bpy.types.NodeTree) -> Texture:
-    """How a rendering is laid: as its first image is, or as its only UV Map node says."""
+    """Return the UV mapping of a rendering: that of its first image, else that of its first UV Map node."""
     nodes = shown_nodes(tree)
     images = [node for node in nodes if node.type == "TEX_IMAGE"]
     maps = [map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]

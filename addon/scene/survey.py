@@ -1,7 +1,8 @@
-"""What surrounds the tree in a scene, as plain values for the plan: its cameras and its lights, over all frames.
+"""Scene facts for the plan: the cameras and lights around a tree over all frames, as plain values.
 
-Frames are only gone through where something may move: then the scene is evaluated at up to `FRAMES` of them, and at
-its own again. What was moved by hand off its keys since that frame was set goes back to them, as when an artist scrubs.
+Frames are sampled only if something may move. Then the scene is evaluated at `FRAMES` frames or fewer, plus camera
+cuts, and at its original frame again. As when an artist scrubs the timeline, objects moved by hand off their keyframes
+go back to them.
 """
 
 from __future__ import annotations
@@ -21,30 +22,31 @@ from ..plan.sight import STILL
 from .extract import Tree
 
 FRAMES = 64
-"""At most so many of the scene's frames are looked at, evenly, with the first and the last."""
+"""Greatest number of evenly spaced frames to sample, including the first and the last."""
 
 _NEAREST = 1e-6
-"""World units: a camera in the very middle of a crown moves by shares of this."""
+"""Least distance in world units by which a camera's motion is divided, for a camera in the center of a crown."""
 
 _Pose = list[float]
-"""Numbers of which none changes by more than `STILL` while a camera stands still."""
+"""Pose of a camera. A camera is still if none of these numbers changes by more than `STILL`."""
 
 _Look = tuple[bool, tuple[float, ...]]
-"""Whether a light shines at a frame, and what there is to see of it."""
+"""Whether a light shines at a frame, and numbers that describe it."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What `survey` found; `camera` is None where none looks."""
+    """Cameras and lights around a tree. `camera` is None in a scene without cameras."""
 
     camera: Camera | None
     lights: Lights
 
 
 def survey(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view: View) -> Surroundings:
-    """Looks around in the scene of `layer`, whose dependency graph is up to date.
+    """Read the cameras and lights in the scene of `layer`. Its dependency graph must be up to date.
 
-    `centre` is that of the tree's crown, in the world, as the scene stands now; `view` is what its cameras see with.
+    `centre`: the center of the tree's crown in world space, at the current frame. `view`: resolution and field of view
+    of the cameras.
     """
     scene = layer.id_data
     lamps = [obj for obj in layer.objects if obj.type == "LIGHT" and not obj.hide_render]
@@ -72,16 +74,16 @@ def survey(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view
 
 
 def _pose(camera: bpy.types.Object, away: float) -> _Pose:
-    """Where an evaluated camera stands in units of `away`, how it is turned, and the logarithms of its zoom."""
+    """Return an evaluated camera's position in units of `away`, its rotation matrix, and the logarithms of its zoom."""
     matrix = np.array(camera.matrix_world)
     turned = np.array(camera.matrix_world.to_3x3().normalized())
-    # A scene may look through an object of any type; only cameras zoom.
+    # A scene's camera may be an object of any type. Only cameras zoom.
     zoom = (camera.data.lens, camera.data.ortho_scale) if camera.type == "CAMERA" else ()
     return [*(matrix[:3, 3] / max(away, _NEAREST)), *turned.ravel(), *map(math.log, zoom)]
 
 
 def _spans(distances: Sequence[Sequence[float]]) -> tuple[Span, ...]:
-    """Of each tree, from its distances frame by frame; of all copies together where there is not always one of each."""
+    """Return the distance range of each tree over all frames. If the number of copies changes, they share one range."""
     if len({len(each) for each in distances}) == 1:
         return tuple((min(each), max(each)) for each in zip(*distances, strict=True))
     own, others = [each[0] for each in distances], [away for each in distances for away in each[1:]]
@@ -89,7 +91,7 @@ def _spans(distances: Sequence[Sequence[float]]) -> tuple[Span, ...]:
 
 
 def _cameras(scene: bpy.types.Scene) -> dict[int, bpy.types.Object]:
-    """Each camera from the frame on that it looks: the scene's own, or those that its markers name."""
+    """Return the cameras by the frame from which they are active: those bound to markers, else the scene's camera."""
     marked = {m.frame: m.camera for m in sorted(scene.timeline_markers, key=lambda m: m.frame) if m.camera is not None}
     if marked:
         return marked
@@ -107,7 +109,7 @@ def _frames(
     objects: Sequence[bpy.types.Object],
     worlds: Sequence[bpy.types.World],
 ) -> list[int]:
-    """The frames that are looked at, among them each on which another camera takes over; one where nothing moves."""
+    """Return the frames to sample, including the frames at camera cuts; only the current frame if nothing moves."""
     known: set[bpy.types.Object] = set()
     if len(cameras) < 2 and not any(map(_is_animated, worlds)) and not any(_may_move(obj, known) for obj in objects):
         return [scene.frame_current]
@@ -119,7 +121,7 @@ def _frames(
 
 @contextmanager
 def _frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
-    """Puts the scene back to its frame and camera at the end of the block, if they have changed."""
+    """Restore the scene's frame and camera at the end of the block, if they have changed."""
     frame, subframe, camera = scene.frame_current, scene.frame_subframe, scene.camera
     try:
         yield
@@ -132,19 +134,19 @@ def _frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Crowns:
-    """The baked tree and its copies in the scene, as far as a camera's distance from their middles goes."""
+    """The baked tree and its copies in the scene, to measure a camera's distances from their centers."""
 
     layer: bpy.types.ViewLayer
     frame: bpy.types.Object
     others: tuple[bpy.types.Object, ...]
-    """The tree's own other objects, which are no copies."""
+    """The tree's other objects, which do not count as copies."""
     centre: Vector
-    """Of the crown, in the coordinates of `frame`."""
+    """Center of the crown in the coordinates of `frame`."""
     scale: float
-    """Of `frame`."""
+    """Scale of `frame`."""
 
     def distances(self, camera: bpy.types.Object) -> list[float]:
-        """From the camera, the baked tree first; in an order that is the same at every frame."""
+        """Return the camera's distances from the baked tree and its copies. The order is the same at every frame."""
         depsgraph = self.layer.depsgraph
         eye = camera.evaluated_get(depsgraph).matrix_world.translation
         found = [self._distance(eye, self.frame.evaluated_get(depsgraph).matrix_world)]
@@ -163,7 +165,7 @@ class _Crowns:
 
 
 def _crowns(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float]) -> _Crowns:
-    """Copies are whatever shows the mesh of the tree's first object and is not part of what is baked."""
+    """Return the crowns. A copy shows the mesh of the tree's first object and is not part of the baked tree."""
     frame, *others = tree.sources
     here = frame.evaluated_get(layer.depsgraph).matrix_world.copy()
     return _Crowns(layer, frame, tuple(others), here.inverted_safe() @ Vector(centre), _scale(here))
@@ -174,7 +176,7 @@ def _scale(matrix: Matrix) -> float:
 
 
 def _may_move(obj: bpy.types.Object, known: set[bpy.types.Object]) -> bool:
-    """Whether an object's place may depend on the frame: its own, or that of what it hangs on or looks at."""
+    """Return whether an object, its parents or its constraint targets may move over the frames."""
     if obj in known:
         return False
     known.add(obj)
@@ -185,7 +187,7 @@ def _may_move(obj: bpy.types.Object, known: set[bpy.types.Object]) -> bool:
 
 
 def _is_animated(block: bpy.types.ID | None) -> bool:
-    """Whether a data-block has keys, strips or drivers, or its nodes have."""
+    """Return whether a data-block or its node tree has an action, NLA tracks or drivers."""
     if block is None:
         return False
     animation = getattr(block, "animation_data", None)
@@ -196,14 +198,14 @@ def _is_animated(block: bpy.types.ID | None) -> bool:
 
 def _look_of_lamp(layer: bpy.types.ViewLayer, lamp: bpy.types.Object) -> _Look:
     own = lamp.evaluated_get(layer.depsgraph)
-    # Where a sun is says nothing, only how it is turned.
+    # Only the rotation of a sun matters, not its location.
     matrix = own.matrix_world.to_3x3() if own.data.type == "SUN" else own.matrix_world
     light = (own.data.energy * np.array(own.data.color)).tolist()
     return any(light), tuple(round(float(value), 5) for value in (*(v for row in matrix for v in row), *light))
 
 
 def _look_of_world(world: bpy.types.World) -> _Look:
-    """A world that is as plain as a new one shines with its colour; any other does."""
+    """Return the look of a world. A world with other nodes than one Background node always counts as shining."""
     nodes = [] if world.node_tree is None else list(world.node_tree.nodes)
     plain = all(node.type in ("BACKGROUND", "OUTPUT_WORLD") for node in nodes)
     backgrounds = [node.inputs for node in nodes if node.type == "BACKGROUND"]
@@ -218,7 +220,7 @@ def _look_of_world(world: bpy.types.World) -> _Look:
 
 
 def _lights(sources: Sequence[bpy.types.ID], looks: Sequence[Sequence[_Look]]) -> Lights:
-    """Those of the lamps and worlds that ever shine; nodes that are animated count as a change without looking."""
+    """Return the lamps and worlds that shine at any frame. Animated nodes always count as a change."""
     shining = [(source, seen) for source, seen in zip(sources, looks, strict=True) if any(on for on, _ in seen)]
     changing = None
     for source, seen in shining:

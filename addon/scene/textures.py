@@ -1,4 +1,4 @@
-"""Image textures of a material's nodes, and how each lies on the mesh: UV map, wrapping, Mapping nodes."""
+"""Reader of a material's image textures and their UV mapping: UV map, wrapping, Mapping nodes."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 from .node_links import Input, Links, Output, follow
 
 ACTIVE = ""
-"""As the name of a UV map or color attribute: the one that the mesh renders with."""
+"""Name for the render-active UV map or color attribute."""
 
 
 class NotUnderstoodError(Exception):
-    """Words that follow "its base colour"."""
+    """A part of a material that the readers do not support. The message follows a subject like "its base color"."""
 
 
 @dataclass(frozen=True)
 class Texture:
-    """An image and how it is laid on the mesh."""
+    """An image and its UV mapping."""
 
     image: bpy.types.Image | None
-    """`None` for a rendering that is still to be made."""
+    """`None` for a rendering that has yet to be made."""
     uv_map: str = ACTIVE
     extension: str = "REPEAT"
-    """What lies outside [0, 1]: REPEAT, EXTEND, CLIP, MIRROR, or MIXED where the two axes differ."""
+    """Wrapping outside [0, 1]: REPEAT, EXTEND, CLIP, MIRROR, or MIXED for any other wrapping."""
     transform: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    """(2, 3) by rows: carries the UV map's coordinates to the image's."""
+    """(2, 3) by rows: transform from the UV map's coordinates to the image's."""
 
     @property
     def words(self) -> str:
@@ -38,17 +38,17 @@ class Texture:
 
 
 def transform_matrix(texture: Texture | None) -> NDArray[np.float64]:
-    """(2, 3) the map from the UV map's coordinates to the image's; the identity without a texture."""
+    """Return (2, 3) the transform from the UV map's coordinates to the image's; the identity without a texture."""
     return np.array(Texture.transform if texture is None else texture.transform).reshape(2, 3)
 
 
 def laid_alike(first: Texture, second: Texture) -> bool:
-    """Whether two images lie on the mesh in the same way."""
+    """Return whether two images have the same UV mapping."""
     return replace(first, image=second.image) == second
 
 
 def texture_of(source: Output) -> Texture:
-    """The image of an Image Texture node and how it is laid. Raises `NotUnderstoodError`."""
+    """Return the image of an Image Texture node and its UV mapping. Raises `NotUnderstoodError`."""
     node = source.node
     if node.image is None:
         raise NotUnderstoodError(f"comes from the node {node.name!r}, which has no image")
@@ -59,7 +59,7 @@ def texture_of(source: Output) -> Texture:
 
 
 def _laid(texture: Texture, coordinates: Input) -> Texture:
-    """The texture with the UV map, wrapping and transform that its coordinates say."""
+    """Return the texture with the UV map, wrapping and transform from the nodes behind `coordinates`."""
     while isinstance(source := follow(coordinates), Output):
         node = source.node
         name = uv_map_of(source.socket)
@@ -76,7 +76,10 @@ def _laid(texture: Texture, coordinates: Input) -> Texture:
 
 
 def _wrapped(combine: Output) -> Input | None:
-    """The vector whose u and v the glTF importer wraps apart (Separate, Wrap or Ping-Pong, Combine), else `None`."""
+    """Return the vector behind the glTF importer's nodes that wrap u and v separately; else `None`.
+
+    The nodes are Separate XYZ, Math (Wrap or Ping-Pong) and Combine XYZ.
+    """
     separated: list[Output] = []
     for target in combine.inputs()[:2]:
         source = follow(target)
@@ -92,7 +95,7 @@ def _wrapped(combine: Output) -> Input | None:
 
 
 def _mapping(source: Output) -> tuple[float, ...]:
-    """(2, 3) by rows: a Mapping node of type Point, which scales, then turns, then moves."""
+    """Return (2, 3) by rows the transform of a Mapping node of type Point: scale, then rotation, then translation."""
     location, rotation, scale = (source.input(name) for name in ("Location", "Rotation", "Scale"))
     if any(isinstance(follow(target), Output) for target in (location, rotation, scale)):
         raise NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
@@ -111,7 +114,7 @@ def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[floa
 
 
 def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
-    """Whether what nodes show over [0, 1]² goes on like that, but for what Mapping nodes do."""
+    """Return whether the nodes' result over [0, 1]² repeats outside it, before Mapping nodes apply."""
     images = all(node.extension == "REPEAT" for node in nodes if node.type == "TEX_IMAGE")
     return images and all(
         link.to_node.type in {"TEX_IMAGE", "MAPPING", "REROUTE"}
@@ -123,7 +126,7 @@ def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
 
 
 def uv_maps(nodes: Iterable[bpy.types.Node]) -> set[str]:
-    """The names of the UV maps that nodes look at, `ACTIVE` for the one that renders."""
+    """Return the names of the UV maps that nodes use; `ACTIVE` for the render-active one."""
     nodes = list(nodes)
     linked = (output for node in nodes for output in node.outputs if output.is_linked)
     names = {name for output in linked if (name := uv_map_of(output)) is not None}
@@ -132,7 +135,7 @@ def uv_maps(nodes: Iterable[bpy.types.Node]) -> set[str]:
 
 
 def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
-    """The UV map that an output is, `None` where it is something else; a vector of a named attribute counts as one."""
+    """Return the UV map that an output gives, else `None`. The Vector of an Attribute node counts as a UV map."""
     node = output.node
     match node.type:
         case "UVMAP":
@@ -145,7 +148,7 @@ def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
 
 
 def map_behind(image: bpy.types.Node) -> str:
-    """The UV map that an image is looked up by, through what moves it."""
+    """Return the UV map of an image node, looking through Mapping and Reroute nodes."""
     links = Links()
     link = links.to(image.inputs["Vector"])
     while link is not None:

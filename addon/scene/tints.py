@@ -1,14 +1,17 @@
-"""How leaves differ from the rendering of their material: by island, by object, by where they are.
+"""Tints of single leaves relative to the rendering of their material: by island, object and position.
 
-All leaves are looked at in one place of the UV map, where the rendering is opaque and has about its mean colour; what
-they show there over what the rendering shows is their tint. For what multiplies (brightness, a tint) that is exact, and
-one rendering does. Where it is not, as for a turn of the hue or for leaves that are red or blue, a material is rendered
-for several random numbers of objects, and a leaf's tint is what it shows over the rendering that is most like it.
-Cycles bakes what leaves show to the corners. What their backs show is a tint of the same rendering.
+All leaves are sampled at one UV point, where the rendering is opaque and near its mean color. A leaf's tint is its
+color there divided by the rendering's. For multiplied variation (brightness, a tint) that is exact, and one rendering
+is enough. For other variation, such as a hue shift or leaves that are red or blue, the material is rendered for several
+random numbers of objects. A leaf's tint is then relative to the most similar rendering. Cycles bakes the leaves' colors
+to their corners. The backs get tints of the same rendering.
 
-Known limits: what islands and places make of leaves is always a tint; alpha that differs is not followed; islands have
-random numbers of the same distribution as in Blender, not the same ones, for they follow the order of vertices;
-Generated and Object coordinates are those of all leaves.
+Known limits:
+- Variation by island and position always becomes a tint.
+- Variation of alpha is ignored.
+- Islands have random numbers of the same distribution as in Blender, but not the same numbers, because these depend on
+  the order of vertices.
+- Generated and Object coordinates are those of all leaves together.
 """
 
 from __future__ import annotations
@@ -25,22 +28,22 @@ from .node_links import shown_nodes
 from .shader_sums import Light
 
 GREATEST = 8.0
-"""Tints are cut there: where the rendering is nearly black, a ratio says nothing."""
+"""Upper limit of tints. A ratio to a nearly black rendering has no meaning."""
 
 LEAST = 1e-3
-"""What is darker is black: no factor makes anything of it."""
+"""Darker colors count as black, which no factor can brighten."""
 
 SAME = 0.05
-"""Of a leaf's brightest channel: so far from what it shows may a tint be at another place."""
+"""Allowed error of a tint at a second UV point, as a fraction of the leaf's brightest channel."""
 
 MOST_LOOKS = 16
-"""Random numbers for which a material is rendered."""
+"""Greatest number of random numbers to render a material for."""
 
 TEXELS = 2048
-"""Side of all renderings of one material together, if they are several."""
+"""Side of a square in texels that bounds the area of all renderings of a material together, if there are several."""
 
 _FEW = 64
-"""Leaves that are asked whether tints say how they differ."""
+"""Number of leaves to sample in checks of tints."""
 
 Place = tuple[float, float]
 """(u, v)"""
@@ -48,25 +51,25 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Islands:
-    """positions (v, 3) in the world, triangles (t, 3), and the random number (t,) of each triangle's object."""
+    """Leaves: world positions (v, 3), triangles (t, 3), and the random number (t,) of each triangle's object."""
 
     positions: NDArray[np.float32]
     triangles: NDArray[np.int32]
     randoms: NDArray[np.float32]
 
     def of(self, chosen: NDArray[np.generic]) -> Islands:
-        """With these triangles only, chosen by a mask or by numbers."""
+        """Return only the triangles chosen by a mask or by indices."""
         return Islands(self.positions, self.triangles[chosen], self.randoms[chosen])
 
 
 def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDArray[np.float32]:
-    """(t, 3, 3) factors of the rendering's linear colours, by corner."""
+    """Return (t, 3, 3) factors of the rendering's linear colors, by corner."""
     return nearest_tints(material, [flat], leaves).front
 
 
 @dataclass(frozen=True)
 class Tints:
-    """which: (t,) the rendering that is most like each triangle. front, back: (t, 3, 3) factors of it, by corner."""
+    """which: (t,) the most similar rendering of each triangle. front, back: (t, 3, 3) factors of it by corner."""
 
     which: NDArray[np.int64]
     front: NDArray[np.float32]
@@ -74,7 +77,7 @@ class Tints:
 
 
 def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands) -> Tints:
-    """How leaves differ from renderings of their material. Those with one random number have one rendering."""
+    """Return the leaves' tints of the most similar renderings. Leaves with equal random numbers share a rendering."""
     first = flats[0]
     place, _ = _places(first.pixels)
     seen = _seen(material, first.light, leaves, place)
@@ -83,7 +86,7 @@ def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leav
     numbers, of_triangle = np.unique(leaves.randoms, return_inverse=True)
     counts = np.bincount(of_triangle)
     colors = np.stack([np.bincount(of_triangle, channel) for channel in seen.mean(axis=1).T], axis=1) / counts[:, None]
-    # Colours tell on which side of a threshold a leaf is; where they are alike the random numbers do.
+    # Colors tell on which side of a threshold a leaf is. Random numbers decide between similar colors.
     apart = np.abs(colors[:, None] - shown).sum(axis=2) + np.abs(numbers[:, None] - randoms)
     which = np.argmin(apart, axis=1)[of_triangle]
     front = _ratio(seen, shown[which][:, None])
@@ -93,7 +96,7 @@ def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leav
 
 
 def is_tint(other: Flattened, flat: Flattened) -> bool:
-    """Whether one rendering of a material is another one times some factors, as large as tints can be."""
+    """Return whether one rendering of a material equals another one times a tint."""
     colors, shown = (each.pixels[..., :3].mean(axis=(0, 1)) for each in (other, flat))
     opacity = max(float(flat.pixels[..., 3].mean()), 1e-9)
     if not _reaches(shown / opacity, colors / opacity):
@@ -103,7 +106,7 @@ def is_tint(other: Flattened, flat: Flattened) -> bool:
 
 
 def are_tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> bool:
-    """Whether factors of the rendering's colours say how the leaves differ, as far as some of them tell."""
+    """Return whether tints explain the variation of the leaves, judging by a sample of them at two UV points."""
     few = _some(leaves)
     first, second = _places(flat.pixels)
     shown, shown_there = (_shown(material, [flat], leaves, place) for place in (first, second))
@@ -116,7 +119,7 @@ def are_tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) ->
 
 
 def typical_looks(leaves: Islands, side: float) -> list[Look]:
-    """For all random numbers of the leaves, or for quantiles of them if they are many."""
+    """Return looks for all random numbers of the leaves, or for `MOST_LOOKS` quantiles of them."""
     numbers = np.unique(leaves.randoms)
     if len(numbers) > MOST_LOOKS:
         numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
@@ -129,7 +132,7 @@ def _reaches(shown: NDArray[np.float32], seen: NDArray[np.float32]) -> bool:
 
 
 def _some(leaves: Islands) -> Islands:
-    """A triangle of each random number if they are few, and some from all over."""
+    """Return up to `_FEW` triangles with different random numbers, and up to `_FEW` spread over all triangles."""
     count = len(leaves.triangles)
     _, first = np.unique(leaves.randoms, return_index=True)
     first = first[np.linspace(0, len(first) - 1, min(len(first), _FEW)).astype(int)]
@@ -138,15 +141,15 @@ def _some(leaves: Islands) -> Islands:
 
 
 def _ratio(seen: NDArray[np.float32], shown: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(…, 3) what is seen over what the rendering shows, 1 where that is black."""
+    """Return (…, 3) the leaves' colors divided by the rendering's; 1 where the rendering is black."""
     shown = np.broadcast_to(shown, seen.shape)
     return np.clip(np.divide(seen, shown, out=np.ones_like(seen), where=shown > LEAST), 0.0, GREATEST)
 
 
 def _places(pixels: NDArray[np.float32]) -> tuple[Place, Place]:
-    """Where in the UV map the rendering is opaque, even, and nearest to its mean colour; and where farthest from that.
+    """Return two UV points where the rendering is opaque and smooth: near its mean color, and far from the first's.
 
-    Even, because a texel is a mean, and a leaf shows a point.
+    Smooth, because a texel is a mean over its area, and a leaf's color is that of a point.
     """
     alpha = pixels[..., 3]
     mean = pixels[..., :3].sum((0, 1)) / max(float(alpha.sum()), 1e-9)
@@ -164,9 +167,9 @@ def _places(pixels: NDArray[np.float32]) -> tuple[Place, Place]:
 def _shown(
     material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands, place: Place
 ) -> NDArray[np.float32]:
-    """(k, 3) the colours of renderings there, at most 1 as an image can have them.
+    """Return (k, 3) the colors of the renderings at a UV point, clipped to 1 as in an image.
 
-    Where leaves do not vary by place, points are compared with points; else texels have to do.
+    If leaves do not vary by position, the colors are sampled at the point itself, as for leaves; else they are texels.
     """
     first = flats[0]
     if first.by_place:
@@ -178,7 +181,7 @@ def _shown(
 
 
 def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
-    """(3,) the colour of a rendering there."""
+    """Return (3,) the color of a rendering at a UV point, without premultiplication."""
     height, width = pixels.shape[:2]
     texel = pixels[int((1.0 - place[1]) * height), int(place[0] * width)]
     return texel[:3] / max(float(texel[3]), 1e-3)
@@ -187,7 +190,7 @@ def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
 def _seen(
     material: bpy.types.Material, light: Light, leaves: Islands, place: Place, side: float = 0.0
 ) -> NDArray[np.float32]:
-    """(t, 3, 3) what the corners show there, on this side."""
+    """Return (t, 3, 3) the colors that the leaves' corners have with this UV, on this side (0: front, 1: back)."""
     mesh = _mesh(leaves, shown_nodes(material.node_tree), place, side)
     try:
         shines = flat_material(material, light, opaque=True)
@@ -216,7 +219,7 @@ def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place, side: floa
 
 
 def _baked(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> NDArray[np.float32]:
-    """(corners, 3) what the mesh shines with."""
+    """Return (corners, 3) the baked emission of the mesh."""
     obj = bpy.data.objects.new("leafcloud tints", mesh)
     scene.collection.objects.link(obj)
     scene.cycles.samples = 1

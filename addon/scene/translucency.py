@@ -1,22 +1,24 @@
-"""What a material's nodes say of the light that shines through it.
+"""Reader of the light that a material transmits.
 
-Understood are a Principled BSDF with Transmission or Subsurface, and a Mix or Add Shader of a Principled BSDF and a
-Translucent BSDF, whose shares are constants and whose colours are read as base colours are. Where either base colour or
-translucency is not understood, both are rendered (see `flatten`). What cannot be rendered is said in a warning, and the
-leaf counts as opaque.
+Reads a Principled BSDF with Transmission or Subsurface, and a Mix or Add Shader of a Principled BSDF and a Translucent
+BSDF. Their shares must be constants, and their colors must be readable as base colors are (see `products`). If base
+color or translucency cannot be read, both are rendered (see `flatten`). If rendering is impossible, a warning says so,
+and the leaf counts as opaque.
 
-All of a tree's materials are put in one form, that of glTF's diffuse transmission:
+All materials of a tree are converted to the form of glTF's diffuse transmission:
 
-    light = (1 − share) · base colour, reflected  +  share · translucency, shining through
+    light = (1 − share) · base color, reflected  +  share · translucency, transmitted
 
-with one share for the whole tree, the greatest of its leaves, because a level has one material; where nothing shines
-through at all the share is 0. A leaf that reflects R and lets through T so has the base colour R / (1 − share) and the
-translucency T / share, both cut at 1. Of leaves that are all the same Mix Shader that is what their nodes say, and the
-base colour does not change.
+The share is one number for the whole tree, the greatest of its leaves, because a level has one material. It is 0 if
+all leaves are opaque. A leaf that reflects R and transmits T has the base color R / (1 − share) and the translucency
+T / share, both clipped at 1. If all leaves use the same Mix Shader, these are the colors of its nodes, and the base
+color does not change.
 
-Approximate are: Transmission, which is taken for as much light, but spread in all directions; Subsurface, of which half
-comes out on either side, as from a thin leaf; an Add Shader, of which at most half the light is reflected and at most
-half shines through; and colour attributes and tints, which count for the base colour only.
+Approximations:
+- Transmission transmits the same amount of light, but diffusely.
+- Subsurface emits half of its light on each side, as in a thin leaf.
+- An Add Shader reflects at most half of the light and transmits at most half.
+- Color attributes and tints affect only the base color.
 """
 
 from __future__ import annotations
@@ -34,40 +36,39 @@ from .surface import Surface, read_surface, shader_of
 from .textures import NotUnderstoodError, Texture
 
 GREATEST_SHARE = 0.9
-"""What is left has to do for all that translucent leaves reflect."""
+"""Upper limit of the share. The rest has to suffice for the reflected light."""
 
 
 @dataclass(frozen=True)
 class Translucency:
-    """Of a material: `color` · `texture` shines through, `reflected` · base colour is reflected."""
+    """Translucency of a material: it transmits `color` · `texture` and reflects `reflected` · base color."""
 
     share: float = 0.0
-    """Of its light, as far as one number says it; 0 where it is opaque."""
+    """Transmitted share of the light, as one number; 0 for an opaque material."""
     color: Rgb = (0.0, 0.0, 0.0)
     """Linear."""
     texture: Texture | None = None
-    """Without an image where it is still to be rendered; then what is reflected is rendered, too."""
+    """Without an image it has yet to be rendered; then the reflected color is rendered, too."""
     reflected: float = 1.0
     gap: str = ""
-    """What is not understood, in words that follow the material's name, where it is rendered though its base colour is
-    understood."""
+    """Description of unread translucency, to follow the material's name; set only if the base color can be read."""
     warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Translucent:
-    """How translucent the leaves of a tree are."""
+    """Translucency of a tree's leaves."""
 
     share: float
-    """The greatest of all."""
+    """The greatest share of all materials."""
     material: str | None
-    """The first through which light shines."""
+    """Name of the first translucent material."""
     warnings: tuple[str, ...] = ()
-    """What can be neither read nor rendered of any."""
+    """Sentences about translucency that can be neither read nor rendered."""
 
 
 def translucent_of(materials: Sequence[bpy.types.Material | None]) -> Translucent:
-    """What the materials of the leaves have in common."""
+    """Return the greatest share of the leaves' materials, the first translucent one, and all warnings."""
     read = [read_translucency(material, read_surface(material)) for material in materials]
     names = [material.name for material, each in zip(materials, read, strict=True) if material and each.share > 0.0]
     warnings = tuple(dict.fromkeys(warning for each in read for warning in each.warnings))
@@ -75,7 +76,7 @@ def translucent_of(materials: Sequence[bpy.types.Material | None]) -> Translucen
 
 
 def read_translucency(material: bpy.types.Material | None, surface: Surface) -> Translucency:
-    """Reads a material's nodes, which say `surface` of base colour and alpha."""
+    """Read the translucency of a material. `surface`: its base color and alpha, as read from the same nodes."""
     shader = None if material is None else shader_of(material)
     share = 0.0 if shader is None else _share(shader)
     if material is None or shader is None or share == 0.0:
@@ -86,7 +87,7 @@ def read_translucency(material: bpy.types.Material | None, surface: Surface) -> 
     try:
         read = _read(shader)
         if read.texture is not None and not laid_like(surface.texture, read.texture):
-            raise NotUnderstoodError("and its base colour use different texture coordinates")
+            raise NotUnderstoodError("and its base color use different texture coordinates")
     except NotUnderstoodError as reason:
         return _rendered(material, surface, share, f"its translucency {reason}")
     if read.texture is None and not any(read.color):
@@ -98,9 +99,9 @@ def _rendered(material: bpy.types.Material, surface: Surface, share: float, gap:
     try:
         layout = rendering_over(shown_nodes(material.node_tree), surface.texture)
         if layout.transform != Texture.transform:
-            raise NotUnderstoodError("and its base colour go through a Mapping node")
+            raise NotUnderstoodError("and its base color use a Mapping node")
     except NotUnderstoodError as reason:
-        said = f"material {material.name!r}: {gap}, cannot be rendered because it {reason}; its leaves count as opaque"
+        said = f"material {material.name!r}: {gap}; rendering fails because it {reason}; its leaves count as opaque"
         return Translucency(warnings=(said,))
     return Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), layout, gap=gap)
 
@@ -136,7 +137,7 @@ def _of_mix(shader: Output) -> Translucency:
 
 
 def _translucent_color(parts: Sequence[Output]) -> Product:
-    """The colour of the Translucent BSDF beside an opaque Principled BSDF."""
+    """Return the color of a Translucent BSDF mixed with an opaque Principled BSDF."""
     types = {part.node.type: part for part in parts}
     if set(types) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"}:
         names = " and ".join(repr(part.node.name) for part in parts)
@@ -145,7 +146,7 @@ def _translucent_color(parts: Sequence[Output]) -> Product:
         raise NotUnderstoodError("comes from the Translucent BSDF and from the Principled BSDF's weights")
     color = color_product(types["BSDF_TRANSLUCENT"].input("Color"))
     if color.attribute is not None:
-        raise NotUnderstoodError(f"is multiplied by the colour attribute {color.attribute!r}")
+        raise NotUnderstoodError(f"is multiplied by the color attribute {color.attribute!r}")
     return color
 
 
@@ -162,13 +163,13 @@ def _behind(target: Input) -> Output:
 
 
 def _share(shader: Output) -> float:
-    """Of a shader's light what shines through, with one half wherever no constant says how much."""
+    """Return the share of a shader's light that is transmitted, with ½ for shares that are not constant."""
     start: Input | Output = shader
     return folded(start, _mixed, _share_of)
 
 
 def _mixed(part: Input | Output) -> list[Input]:
-    """The inputs for the shaders that a shader mixes."""
+    """Return the inputs of the shaders that a shader mixes."""
     shader = follow(part) if isinstance(part, Input) else part
     if isinstance(shader, Input) or shader.node.type not in {"MIX_SHADER", "ADD_SHADER"}:
         return []
@@ -198,7 +199,7 @@ def _share_of(part: Input | Output, mixed: list[float]) -> float:
 
 
 def _through(clear: float, inside: float) -> float:
-    """Of a Principled BSDF: what is transmitted, and half of what is scattered inside, behind that."""
+    """Return the share of a Principled BSDF: all of its transmission, and half of its subsurface light beneath that."""
     return 1.0 - (1.0 - _cut(clear)) * (1.0 - 0.5 * _cut(inside))
 
 

@@ -1,4 +1,4 @@
-"""Which objects of a scene are a tree, where there are several: by their topmost parents or by their collections."""
+"""Grouping of a scene's objects into several trees, by topmost parent or by collection."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Groups = Mapping[str, Sequence[bpy.types.Object]]
 
 
 def grouped(objects: Iterable[bpy.types.Object], trees: str) -> dict[str, list[bpy.types.Object]]:
-    """Parts objects into trees: `trees` is one of "parents" and "collections", as in `BakeSettings`.
+    """Group objects into trees by `trees`: "parents" or "collections", as in `BakeSettings`.
 
-    Of an object in several collections the first counts, in the order of their names. What is linked from libraries may
-    have one name several times; then it is numbered.
+    An object in several collections belongs to the first by name. Owners linked from libraries may share a name; then
+    the trees get numbered names.
     """
     owner_of = {"parents": _topmost_parent, "collections": _collection}[trees]
     groups: dict[bpy.types.ID, list[bpy.types.Object]] = {}
@@ -31,23 +31,24 @@ def grouped(objects: Iterable[bpy.types.Object], trees: str) -> dict[str, list[b
 
 
 def numbered(name: str, is_taken: Callable[[str], bool]) -> str:
-    """`name`, with the first number behind it with which it is not taken, if it is."""
+    """Return `name`; if taken, `name` with the first free number from 2 up appended."""
     names = itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
     return next(name for name in names if not is_taken(name))
 
 
 def rendered(layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
-    """What is visible and renders."""
+    """Return the objects that are visible and enabled for rendering."""
     return [obj for obj in layer.objects if obj.visible_get(view_layer=layer) and not obj.hide_render]
 
 
 def extract_trees(
     depsgraph: bpy.types.Depsgraph, groups: Groups, *, leaf_names: Sequence[str] | None = None
 ) -> dict[str, Tree]:
-    """Reads each tree, in the order of their names; what has no faces, as a camera, is none.
+    """Read each tree, in the order of their names. Groups without faces, such as a camera, are skipped.
 
-    With `leaf_names`, as for `extract`, only groups that have one of them are trees: a ground is left out.
-    Raises `SceneError` as `extract` does, with the tree's name, for a name that no group has, and where there is none.
+    `leaf_names`: as for `extract`. Groups without any of these names, such as the ground, are skipped.
+    Raises `SceneError` as `extract` does, with the tree's name added; also for a name that no group has, and if no tree
+    is found.
     """
     found = {name: part_names(depsgraph, groups[name]) for name in sorted(groups)}
     wanted = set(leaf_names or ())
@@ -64,7 +65,7 @@ def extract_trees(
         except SceneError as error:
             raise SceneError(f"tree {name!r}: {error}") from error
     if not trees:
-        raise SceneError("no object with faces is there that could be a tree; select the trees' leaves and wood")
+        raise SceneError("no object with faces found to bake as a tree; select the trees' leaves and trunks")
     return trees
 
 

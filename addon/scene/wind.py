@@ -1,10 +1,13 @@
-"""The wind on a tree, read from the force fields of its scene.
+"""Reader of the wind on a tree from the force fields of its scene.
 
-A field of the type Wind counts, and one of the type Turbulence, where it renders, has a strength, and reaches the tree:
-the tree lies within the field's own maximum distance, if it has one, and the tree's effector weights, if a particle
-system, cloth or soft body of it has any, leave it in their collection and at more than 0. The strongest wind says the
-direction, along the Z axis of its object; without one, turbulence shakes the tree to and fro along X. Falloff is not
-looked at, nor by how much weights change a field.
+Fields of the types Wind and Turbulence count if they are enabled for rendering, have a strength other than 0, and
+reach the tree. A field reaches the tree if two conditions hold:
+- The tree is within the field's maximum distance, if the field has one.
+- The tree's effector weights, if a particle system, cloth or soft body of the tree has any, include the field in their
+  collection and have a weight above 0 for it.
+
+The strongest wind gives the direction, along the Z axis of its object. Without a wind, turbulence shakes the tree along
+X. Falloff is ignored, and so are the sizes of the weights.
 """
 
 from __future__ import annotations
@@ -17,11 +20,11 @@ from mathutils import Vector
 from ..plan.wind import Wind
 
 STEADY = 0.5
-"""What of a wind's strength is there all the time; the rest, its noise and turbulence come and go."""
+"""The constant share of a wind's strength. The rest, the wind's noise and turbulence are gusts."""
 
 
 def wind_on(sources: Sequence[bpy.types.Object], scene: bpy.types.Scene) -> Wind | None:
-    """The wind in `scene` on the tree that the objects `sources` show; None where no field moves it."""
+    """Return the wind in `scene` on the tree that the objects `sources` show; None if no field acts on it."""
     if not sources:
         return None
     weights = _weights(sources)
@@ -39,7 +42,7 @@ def wind_on(sources: Sequence[bpy.types.Object], scene: bpy.types.Scene) -> Wind
 
 
 def _weights(sources: Iterable[bpy.types.Object]) -> bpy.types.EffectorWeights | None:
-    """How fields act on the first particle system, cloth or soft body of the tree, if there is one."""
+    """Return the effector weights of the tree's first particle system, cloth or soft body; None without one."""
     for obj in sources:
         for system in obj.particle_systems:
             return system.settings.effector_weights
@@ -50,7 +53,7 @@ def _weights(sources: Iterable[bpy.types.Object]) -> bpy.types.EffectorWeights |
 
 
 def _acts(obj: bpy.types.Object, place: Vector, weights: bpy.types.EffectorWeights | None) -> bool:
-    """Whether `obj` is a field that moves what stands at `place`."""
+    """Return whether `obj` is a field that acts on an object at `place`."""
     field = obj.field
     if field is None or field.type not in {"WIND", "TURBULENCE"} or obj.hide_render or not field.strength:
         return False
