@@ -1,1 +1,1 @@
-"""From the core's arrays to Blender's objects: meshes, morphs, materials, the node group, the levels."""
+"""Creation of Blender data from the core's arrays: meshes, morphs, materials, node groups and levels."""

@@ -1,4 +1,4 @@
-"""Levels whose light is baked in: LOD 0 shines with base colour times the light at its corners, clouds with a page."""
+"""Materials of levels with baked light. LOD 0 emits base color times the light at its corners, clouds emit a page."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from ..scene.shader_sums import SHINE
 from .materials import PAGE_NODE, hide_back_in_cycles, shown_share
 
 FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
-"""Colour attributes by corner: the light over its strength where a face winds counter-clockwise, and on its back."""
+"""Color attributes by corner: light divided by its strength, on the side that winds counter-clockwise and its back."""
 
 EXTRAS = "leafcloud"
 
 
 def add_light(mesh: bpy.types.Mesh, light: Light) -> None:
-    """Stores the light (c, 3) of both sides."""
+    """Store the light (c, 3) of both sides as color attributes."""
     for name, values in ((FRONT, light.front), (BACK, light.back)):
         attribute = mesh.color_attributes.new(name, "FLOAT_COLOR", "CORNER")
         attribute.data.foreach_set("color", opaque(values).ravel())
 
 
 def opaque(colors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(c, 4) from (c, 3)."""
+    """Return (c, 4) colors with alpha 1 from (c, 3)."""
     return np.concatenate([colors, np.ones_like(colors[:, :1])], axis=1)
 
 
 def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.types.Material:
-    """A copy of a leaf's own material that shows base colour · light of the side that is seen · strength.
+    """Return a copy of a leaf material that emits base color · light of the visible side · strength.
 
-    What only answers to lights is taken off it, so that exporters write no images of that.
+    Inputs that only affect lighting are unlinked, so that exporters do not write their images.
     """
     source = material
     if source is None or source.node_tree is None or output_of(source.node_tree) is None:
@@ -51,10 +51,10 @@ def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.ty
 def unlit_material(
     name: str, image: bpy.types.Image, *, alpha_cutoff: float, double_sided: bool, strength: float
 ) -> bpy.types.Material:
-    """A page that shines by itself where its alpha is above the cutoff, or as far as it is opaque where that is 0.
+    """Create a material that emits the atlas page, cut out at `alpha_cutoff`. With cutoff 0 it is alpha blended.
 
-    Blender's glTF exporter knows the form, down to the Light Path that chooses between the same and the same, and
-    writes it as `KHR_materials_unlit`, `alphaMode` MASK or BLEND.
+    Blender's glTF exporter recognizes this node setup and writes `KHR_materials_unlit` with `alphaMode` MASK or BLEND.
+    It requires the Light Path node, although both inputs of the Mix Shader are the same.
     """
     material = _unlit(_new_material(name), strength)
     material.use_backface_culling = not double_sided
@@ -84,14 +84,14 @@ def unlit_material(
 
 
 def strength_of(material: bpy.types.Material | None) -> float | None:
-    """The strength of the light that was baked into a material; None where none was."""
+    """Return the strength of the light baked into a material; None without baked light."""
     extras = {} if material is None else material.get(EXTRAS, {})
     strength = extras.get("light_strength") if hasattr(extras, "get") else None
     return None if strength is None else float(strength)
 
 
 def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """Nodes that give the light of the side that is seen."""
+    """Add nodes that output the baked light of the visible side."""
     side, mix = _node(tree, "NewGeometry", (0.0, 0.0)), _node(tree, "Mix", (0.0, 0.0))
     mix.data_type = "RGBA"
     inputs = {socket.identifier: socket for socket in mix.inputs}
@@ -104,8 +104,10 @@ def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
 
 
 def _unlit(material: bpy.types.Material, strength: float) -> bpy.types.Material:
-    """The same, which says how strong it is, for glTF has no room for that, and is no lamp to Cycles: it lights nothing
-    that does not look at it by chance."""
+    """Store the strength on the material, because glTF cannot, and stop Cycles from sampling it as a lamp. Return it.
+
+    Only paths that hit the material by chance receive its light.
+    """
     material[EXTRAS] = {"light_strength": strength}
     material.cycles.emission_sampling = "NONE"
     return material

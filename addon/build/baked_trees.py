@@ -1,7 +1,7 @@
-"""Baked trees, found again in a file by what the bake wrote on their objects: for what is made of them later.
+"""Lookup of baked trees in a file, for forests and tree sets made from them.
 
-A level is a mesh object with `leafcloud.level` among its custom properties, and its modifier *Leafcloud LOD* knows from
-where it is drawn. Copies that an artist made of it, and copies of those, have both.
+A level is a mesh object with the custom property `leafcloud.level`. Its modifier *Leafcloud LOD* holds the distances
+where it is drawn. Copies of a level have both.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from .levels import BuiltLevel
 from .lod_nodes import GROUP_NAME
 from .node_laws import NEVER
 
-_ANYWHERE = "with `viewer=anywhere`, for levels need not follow a camera that sees one of them only"
-"""How a bake gets the effects that a forest and a scene live by."""
+_ANYWHERE = "with `viewer=anywhere` (if the camera sees only one level, levels need no modifier)"
+"""Remedy: the bake setting that turns on the effects that forests and tree sets need."""
 
 
 @dataclass(frozen=True)
 class LeafPruning:
-    """How the leaves of a tree are pruned, in the tree's own units; as for `LodSettings`.
+    """Pruning of a tree's leaves, in the tree's own units, as in `LodSettings`.
 
-    measured: whether the bake planned it, and measured growth and contrast.
+    measured: whether the bake planned the pruning and measured growth and contrast.
     """
 
     start: float
@@ -46,8 +46,8 @@ class LeafPruning:
 class BakedTree:
     """The levels of one tree, the leaves first.
 
-    switch_distances: one for each level, in world units; the first is 0. centre: of the foliage, in the tree's
-    coordinates. scale: world units per unit of these.
+    switch_distances: one per level, in world units; the first is 0. centre: of the foliage, in the tree's coordinates.
+    scale: world units per unit of the tree's coordinates.
     """
 
     levels: tuple[BuiltLevel, ...]
@@ -57,25 +57,25 @@ class BakedTree:
 
 
 def woods() -> dict[bpy.types.Object, bpy.types.Object]:
-    """The wood of every level in the file that has some."""
+    """Return the trunk object of each level in the file that has one."""
     children = (obj for obj in bpy.data.objects if obj.parent is not None and obj.type == "MESH")
     return {obj.parent: obj for obj in children if level_number(obj) is None and level_number(obj.parent) is not None}
 
 
 def tree_collections(objects: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
-    """The collections in which leaves among the `objects` lie, each once, in the order of their names."""
+    """Return the collections of the baked leaves (LOD 0) among the `objects`, each once, sorted by name."""
     found = {collection for obj in objects if level_number(obj) == 0 for collection in obj.users_collection}
     return tuple(sorted(found, key=lambda collection: collection.name))
 
 
 def baked_tree(collection: bpy.types.Collection) -> BakedTree:
-    """The tree whose levels the collection holds.
+    """Return the baked tree in a collection.
 
-    Raises `ValueError` for a collection that has not just one of each level, and for levels without their modifier.
+    Raises `ValueError` unless the collection has exactly one of each level, and for levels without their modifier.
     """
     found = sorted((number, obj.name) for obj in collection.all_objects if (number := level_number(obj)) is not None)
     if not found:
-        raise ValueError(f"collection {collection.name!r} has no baked levels: choose the one that a bake has made")
+        raise ValueError(f"collection {collection.name!r} has no baked levels: choose one that a bake made")
     if [number for number, _ in found] != list(range(len(found))):
         names = ", ".join(name for _, name in found[:8])
         raise ValueError(
@@ -83,7 +83,7 @@ def baked_tree(collection: bpy.types.Collection) -> BakedTree:
         )
     wood = woods()
     objects = [collection.all_objects[name] for _, name in found]
-    # Of what is mirrored all factors are negative; its distances are not.
+    # A mirrored object's scale factors are negative, but distances are not.
     scale = float(np.mean(np.abs(objects[0].matrix_world.to_scale())))
     return BakedTree(
         levels=tuple(_built(number, obj, wood.get(obj)) for number, obj in enumerate(objects)),
@@ -94,9 +94,10 @@ def baked_tree(collection: bpy.types.Collection) -> BakedTree:
 
 
 def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPruning:
-    """How the `leaves`, a LOD 0, were baked to be pruned; else from where one is seen smaller than `pixels`.
+    """Return the pruning that `leaves`, a LOD 0, were baked with.
 
-    Raises `ValueError` for leaves that have no ranks to be pruned by, or not their modifier.
+    If the bake planned none, pruning starts at the distance where a leaf looks smaller than `pixels` in the `view`.
+    Raises `ValueError` for leaves without ranks, and for planned pruning without the modifier *Leafcloud LOD*.
     """
     mesh = leaves.data
     if "leaf_rank" not in mesh.attributes:
@@ -114,7 +115,7 @@ def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPru
 
 
 def lod_input(level: bpy.types.Object, name: str) -> Any:
-    """What the level's modifier has as its input `name`, in the level's own units.
+    """Return the value of the input `name` of the level's modifier, in the level's own units.
 
     Raises `ValueError` for a level without that modifier.
     """
@@ -133,7 +134,7 @@ def _built(number: int, obj: bpy.types.Object, wood: bpy.types.Object | None) ->
 
 
 def _leaf_size(mesh: bpy.types.Mesh) -> float:
-    """The side of a square as large as a leaf is in the mean; 0 of no leaf that may be pruned."""
+    """Return the side of a square with the mean area of a leaf; 0 if no leaf may be pruned."""
     ranks, areas = np.empty(len(mesh.vertices), np.float32), np.empty(len(mesh.polygons), np.float32)
     mesh.attributes["leaf_rank"].data.foreach_get("value", ranks)
     mesh.polygons.foreach_get("area", areas)

@@ -1,7 +1,7 @@
-"""Meshes from arrays: the leaves in pruning order with every vertex on one billboard, the clouds, the wood.
+"""Creation of meshes from arrays: leaves, split so that every vertex belongs to one billboard, clouds and trunks.
 
-Everything is a gather: a `Split` or `Fans` say at which corner of the source each vertex of the new mesh is found,
-and every value per corner follows by indexing. So positions, texture coordinates and normals come through bit for bit.
+A `Split` or `Fans` maps each vertex of the new mesh to a corner of the source. Values per corner follow by indexing, so
+positions, texture coordinates and normals stay bit-identical.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ COLOR_NAME = "Color"
 class Surface:
     """Faces of three or more corners. `v` vertices, `c` corners, `f` faces.
 
-    positions (v, 3); corners (c,) the vertex of each corner, face by face; sizes (f,) corners of each face;
-    material_ids (f,); uvs (c, 2), normals (c, 3) unit vectors, colors (c, 4) linear, or None. Without normals
-    faces are flat. randoms (f,) of the objects that the faces were part of, or None.
+    positions (v, 3). corners (c,): the vertex of each corner, face by face. sizes (f,): the corner count of each face.
+    material_ids (f,). uvs (c, 2), normals (c, 3) unit vectors, colors (c, 4) linear: each may be None. Without normals
+    faces are flat. randoms (f,): random numbers of the faces' source objects, or None.
     """
 
     positions: NDArray[np.float32]
@@ -44,7 +44,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class LayerNames:
-    """The names under which a mesh stores its texture coordinates and its colours; the first of each is active."""
+    """Names of a mesh's UV maps and color attributes. The first of each is active."""
 
     uv_maps: tuple[str, ...] = (UV_NAME,)
     colors: tuple[str, ...] = (COLOR_NAME,)
@@ -52,8 +52,11 @@ class LayerNames:
 
 @dataclass(frozen=True)
 class Split:
-    """Triangles (t, 3) whose vertices were split by a key: `corners` (t, 3) the new vertices, `first` (v,) for
-    each of them the corner of the source, counted through all triangles, at which it was seen first."""
+    """Triangles with vertices split by a key.
+
+    corners (t, 3): the new vertices of each triangle. first (v,): index of the first source corner of each new vertex,
+    counted through all triangles.
+    """
 
     corners: NDArray[np.int32]
     first: NDArray[np.int64]
@@ -61,10 +64,11 @@ class Split:
 
 @dataclass(frozen=True)
 class Fans:
-    """Billboards as faces: one where all triangles (0, 1, 2), (0, 2, 3) … of its fan have one key, else a face each.
+    """Billboards as faces. A billboard's triangles (0, 1, 2), (0, 2, 3) … are one face if they all have the same key,
+    otherwise a face each.
 
-    `first` (v,) the corner of each vertex, counted through all triangles: no two corners share one.
-    `sizes` (f,); `billboards` (f,) the billboard of each face.
+    first (v,): index of the source corner of each vertex, counted through all triangles. No two corners share a vertex.
+    sizes (f,): the corner count of each face. billboards (f,): the billboard of each face.
     """
 
     first: NDArray[np.int64]
@@ -73,10 +77,10 @@ class Fans:
 
 
 def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]]) -> Split:
-    """Gives every vertex one key: one that triangles with several `keys` (t,) share is split.
+    """Split vertices that are shared by triangles with different `keys` (t,).
 
-    Triangles on the same three vertices are parted too: Blender's mesh validation, which runs in its glTF exporter,
-    would throw all but one away. Vertices that no triangle uses are left out.
+    Triangles on the same three vertices get separate vertices, too. Blender's mesh validation, which its glTF exporter
+    runs, would remove all but one of them. Unused vertices are dropped.
     """
     copies = _copies(triangles)
     parts = np.asarray(keys, np.int64) * (int(copies.max(initial=0)) + 1) + copies
@@ -87,7 +91,7 @@ def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]])
 
 
 def fans(keys: NDArray[np.integer[Any]], placement: Placement) -> Fans:
-    """Billboards as faces, `keys` (b, m) those of the m triangles of each; wound so that the front stays the front."""
+    """Return the faces of billboards from the `keys` (b, m) of their m triangles, wound so that fronts stay fronts."""
     count = keys.shape[1]
     whole = (keys == keys[:, :1]).all(axis=1)
     triangles = np.arange(3 * count).reshape(count, 3)
@@ -103,7 +107,7 @@ def fans(keys: NDArray[np.integer[Any]], placement: Placement) -> Fans:
 
 
 def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> Surface:
-    """The triangles `order` of `geometry`; `split` is that of `geometry.triangles[order]`."""
+    """Return the triangles `order` of `geometry` as a surface. `split`: the split of `geometry.triangles[order]`."""
     vertices = geometry.triangles[order].ravel()[split.first]
 
     def per_corner(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
@@ -122,7 +126,7 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
 
 
 def fan_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: Fans) -> Surface:
-    """Billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as `faces`, all of the first material."""
+    """Return billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as a surface with one material."""
     return Surface(
         positions=as_triangles(corners).reshape(-1, 3)[faces.first],
         corners=np.arange(len(faces.first), dtype=np.int32),
@@ -133,7 +137,8 @@ def fan_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: F
 
 
 def as_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values at the c corners of billboards (b, c, …) at the corners of their c − 2 triangles (b, 3 c − 6, …)."""
+    """Return values at the corners of the billboards' c − 2 triangles (b, 3 c − 6, …), from values at their c corners
+    (b, c, …)."""
     second = np.arange(1, values.shape[1] - 1)
     return values[:, np.stack([np.zeros_like(second), second, second + 1], axis=1).ravel()]
 
@@ -144,7 +149,10 @@ def create_mesh(
     materials: Sequence[bpy.types.Material | None],
     layers: LayerNames = LayerNames(),
 ) -> bpy.types.Mesh:
-    """A new mesh of `surface`, its faces in the same order. It has `randoms` only for materials that ask for them."""
+    """Create a mesh from `surface`, with its faces in the same order.
+
+    `randoms` are stored only if a material uses the random number of objects.
+    """
     mesh = bpy.data.meshes.new(name)
     starts = np.concatenate([[0], np.cumsum(surface.sizes[:-1])]).astype(np.int32)
     mesh.vertices.add(len(surface.positions))
@@ -174,9 +182,9 @@ def create_mesh(
 
 
 def read_own_randoms(obj: bpy.types.Object) -> None:
-    """Lets each face have the random number that its mesh keeps, instead of that of the object.
+    """Assign material copies that read each face's random number from the mesh instead of the object.
 
-    The object gets materials of its own for that; the artist's stay the mesh's, for files.
+    The copies are linked to the object. The mesh keeps the artist's materials, for files.
     """
     if RANDOM not in obj.data.attributes:
         return
@@ -191,16 +199,16 @@ def _asks_for_random(material: bpy.types.Material | None) -> bool:
 
 
 def add_uv_map(mesh: bpy.types.Mesh, name: str, uvs: NDArray[np.float32]) -> str:
-    """Adds a UV map with `uvs` (c, 2); gives its name, which Blender may have changed to keep names apart."""
+    """Add a UV map with `uvs` (c, 2). Return its name, which Blender may have changed to make it unique."""
     layer = mesh.uv_layers.new(name=name, do_init=False)
     layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
     return layer.name
 
 
 def _copies(triangles: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(t,) how many triangles before each have the same three vertices.
+    """Return (t,) the number of earlier triangles with the same three vertices.
 
-    Compared by a 64-bit hash of the three: two triangles that collide are parted needlessly, and nothing else happens.
+    It compares 64-bit hashes. A collision only splits two triangles needlessly.
     """
     a, b, c = np.sort(triangles, axis=1).astype(np.uint64).T
     label = (a * np.uint64(0x9E3779B97F4A7C15) + b) * np.uint64(0xD6E8FEB86659FD93) + c

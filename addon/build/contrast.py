@@ -1,8 +1,8 @@
-"""Pruned leaves keep the contrast of all: their colours are pulled toward the mean (Cook et al. 2007).
+"""Materials that keep a pruned crown's contrast by mixing the mean color into the leaf colors (Cook et al. 2007).
 
-Fewer and larger leaves make a far crown's pixels vary more. The node group stores by how much as `leaf_mean_share`, and
-copies of the leaves' materials mix that share of the mean into the Base Color of each Principled BSDF. Where the
-attribute is missing, or 0, colours are as they were. Other shaders are left as they are.
+Fewer and larger leaves make the pixels of a distant crown vary more. The node group stores the fraction of the mean
+color as the attribute `leaf_mean_share`. Copies of the leaf materials mix it into the Base Color of each Principled
+BSDF. If the attribute is 0 or missing, colors are unchanged. Other shaders are never changed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..scene.node_links import MEAN_SHARE
 CONTRAST_NODE = "Leafcloud Contrast"
 
 _LOOKS, _SIDE = 6, 64
-"""Pictures that the mean is taken of, and their side in pixels."""
+"""Number of renderings for the mean color, and their side in pixels."""
 
 
 def mean_color(foliage: leafcloud.Foliage) -> tuple[float, float, float]:
-    """The mean of what is seen of the leaves, from all around; linear."""
+    """Return the mean linear color of the visible leaves, seen from all around."""
     total, weight = np.zeros(3), 0.0
     for look in range(_LOOKS):
         angle = 2.0 * math.pi * look / _LOOKS
@@ -40,7 +40,10 @@ def mean_color(foliage: leafcloud.Foliage) -> tuple[float, float, float]:
 def contrast_material(
     material: bpy.types.Material | None, mean: tuple[float, float, float]
 ) -> bpy.types.Material | None:
-    """A copy whose colours follow `leaf_mean_share`; the material itself where there is no Principled BSDF."""
+    """Return a copy of a material that mixes in `mean` (linear) by `leaf_mean_share`.
+
+    Without a Principled BSDF, return the material itself.
+    """
     if material is None or material.node_tree is None or not _principled(material):
         return material
     copy = material.copy()
@@ -48,7 +51,7 @@ def contrast_material(
     for number, shader in enumerate(_principled(copy)):
         socket = shader.inputs["Base Color"]
         share, mixed = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeMix")
-        share.attribute_name, share.label = MEAN_SHARE, "Pruned: share of the mean"
+        share.attribute_name, share.label = MEAN_SHARE, "Pruned: fraction of the mean"
         mixed.name = mixed.label = CONTRAST_NODE if number == 0 else f"{CONTRAST_NODE} {number + 1}"
         mixed.data_type = "RGBA"
         factor, own, other = (_socket(mixed, name) for name in ("Factor_Float", "A_Color", "B_Color"))

@@ -1,4 +1,4 @@
-"""Replace the levels of an earlier bake of the same objects."""
+"""Replacement of the levels from an earlier bake of the same objects."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..scene.baked_levels import full_names, record
 
 
 def levels_of(scene: bpy.types.Scene, sources: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
-    """The collections of levels in the scene that were made of these objects, or of some of them."""
+    """Return the collections of levels in the scene that were made only from these objects, or from some of them."""
     names = set(full_names(sources))
     collections = dict.fromkeys(scene.collection.children_recursive)
     return tuple(each for each in collections if (made := record(each)) is not None and names.issuperset(made.sources))
 
 
 def name_before(collections: Iterable[bpy.types.Collection], sources: Iterable[bpy.types.Object]) -> str | None:
-    """The name of the collection whose levels were made of just these objects, if one of the collections is that."""
+    """Return the name of the collection with levels made from exactly these objects; None if there is no such one."""
     names = full_names(sources)
     return next(
         (each.name for each in collections if (made := record(each)) is not None and made.sources == names), None
@@ -27,10 +27,10 @@ def name_before(collections: Iterable[bpy.types.Collection], sources: Iterable[b
 
 @contextmanager
 def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
-    """Let the block make new levels under the names of those in the collections; then remove the old ones.
+    """Free the names of the levels in the collections for the block's new levels. Then remove the old levels.
 
-    Instances, parents and other users of an old collection or level then use that which the block has made of the same
-    sources. Objects that an artist has added to the collections stay. When the block fails, all is as it was.
+    Instances, children and other users of an old collection or level then use the new one made from the same sources.
+    Objects that an artist has added to the collections stay. If the block fails, the old names are restored.
     """
     own = _own_blocks(collections)
     names = {block: block.name for block in own}
@@ -61,14 +61,14 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
 
 
 def _keep_members(old: bpy.types.Collection, new: bpy.types.Collection, own: Collection[bpy.types.ID]) -> None:
-    """Put into `new` whatever an artist has added to `old`."""
+    """Link to `new` the objects and collections that an artist has added to `old`."""
     for members, heirs in ((old.objects, new.objects), (old.children, new.children)):
         for member in [each for each in members if each not in own and each.name not in heirs]:
             heirs.link(member)
 
 
 def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection, own: Collection[bpy.types.ID]) -> None:
-    """Move `new`, if it lies in the scene itself, to where an artist has put `old`."""
+    """Move `new` from the scene's root collection to the parent collections of `old`."""
     roots = [scene.collection.children for scene in bpy.data.scenes]
     parents = [*roots, *(each.children for each in bpy.data.collections if each not in own)]
     places = [children for children in parents if old.name in children]
@@ -82,7 +82,7 @@ def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection, own: Col
 
 
 def _own_blocks(collections: Iterable[bpy.types.Collection]) -> list[bpy.types.ID]:
-    """The collections, what the bake made in them, and the meshes, materials and images that nothing else uses."""
+    """Return the collections, their members that the bake made, and meshes, materials and images used only there."""
     own: dict[bpy.types.ID, None] = {}
     for collection in collections:
         made = record(collection)

@@ -1,9 +1,9 @@
-"""Materials of levels that fade in and out: where one level hands over to the next, the two cross-fade.
+"""Materials that cross-fade one level to the next.
 
-The node group stores the share of a level that is not shown as `leaf_hidden_share`, and outputs for Cycles and EEVEE
-mix so much transparency into what they show. Where the attribute is missing, or 0, everything is as it was. A level
-that fades casts no shadow: the other of the two is whole, and lies in the same place. The output for all, which
-exporters read, stays untouched: engines fade by dither (`lc_shown` in shaders/leafcloud.glsl).
+The node group stores the hidden fraction of a level as the attribute `leaf_hidden_share`. Outputs for Cycles and EEVEE
+mix in as much transparency. If the attribute is 0 or missing, nothing changes. A fading level casts no shadow, because
+the other level is fully visible in the same place. Exporters read the output for all renderers, which stays unchanged.
+Engines fade by dithering (`lc_shown` in shaders/leafcloud.glsl).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ RENDERERS = ("CYCLES", "EEVEE")
 
 
 def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | None:
-    """A copy that fades; the material itself where there is nothing that could."""
+    """Return a copy that fades; the material itself if it has no output that could fade."""
     if material is None or material.node_tree is None or material.node_tree.get_output_node("ALL") is None:
         return material
     copy = material.copy()
@@ -28,13 +28,13 @@ def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | Non
 
 
 def add_fade(tree: bpy.types.NodeTree) -> None:
-    """Lets what each renderer shows of a material with an output fade by `leaf_hidden_share`."""
+    """Make a material fade by `leaf_hidden_share` in each renderer. The material must have an output."""
     x, y = tree.get_output_node("ALL").location
     fade_by(tree, _hidden(tree, (x, y + 700.0)))
 
 
 def fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
-    """Mixes as much transparency as `hidden` says into what each renderer shows of a material with an output."""
+    """Mix a Transparent BSDF with the factor `hidden` into each renderer's output. The material must have an output."""
     everywhere = tree.get_output_node("ALL")
     x, y = everywhere.location
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
@@ -52,10 +52,10 @@ def fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
 
 
 def _hidden(tree: bpy.types.NodeTree, place: tuple[float, float]) -> bpy.types.NodeSocket:
-    """The share that is not shown; to light, all or nothing."""
+    """Return the hidden fraction; for shadow rays 1 if the level fades at all, else 0."""
     x, y = place
     share, path = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeLightPath")
-    share.attribute_name, share.label = HIDDEN_SHARE, "Cross-fade: share not shown"
+    share.attribute_name, share.label = HIDDEN_SHARE, "Cross-fade: hidden fraction"
     fades, shadow, either = (tree.nodes.new("ShaderNodeMath") for _ in range(3))
     fades.operation, shadow.operation, either.operation = "GREATER_THAN", "MULTIPLY", "MAXIMUM"
     fades.inputs[1].default_value = 0.0
@@ -70,7 +70,7 @@ def _hidden(tree: bpy.types.NodeTree, place: tuple[float, float]) -> bpy.types.N
 
 
 def _output_for(tree: bpy.types.NodeTree, renderer: str) -> bpy.types.Node:
-    """The renderer's own output; a new one, that shows what the one for all does, where it has none."""
+    """Return the renderer's own output. If it has none, add one with the links of the output for all renderers."""
     found = cast(bpy.types.Node, tree.get_output_node(renderer))
     if found.target == renderer:
         return found

@@ -1,10 +1,9 @@
-"""The variants of which `forest_nodes` makes a forest, from the levels of a bake.
+"""Creation of the tree variants for the forests of `forest_nodes`, from the levels of a bake.
 
-    LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross
+    LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross impostor
 
-Leaves that are pruned for good need no ramp: each that is left grows by s = √(ΣA / ΣA of those left), which keeps the
-area as the law of the moving ones does, and by the same γ. Meshes that are not pruned, and the wood, are those of the
-bake, shared.
+Permanently pruned leaves need no ramp. Each kept leaf grows by s = √(ΣA / ΣA of kept leaves), which keeps the total
+area as live pruning does, and by the same γ. Unpruned meshes and trunks are shared with the bake.
 """
 
 from __future__ import annotations
@@ -29,21 +28,27 @@ from .side_nodes import add_side_modifier
 from .wind_nodes import WindSettings, add_wind_modifier
 
 _LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot")
-"""What moving and pruning read, and a variant that does neither need not carry."""
+"""Attributes for morphs and live pruning. Variants have neither."""
 _WIND_ATTRIBUTES = ("leaf_pivot", "leaf_phase", "leaf_flutter")
-"""What it needs none the less where there is wind."""
+"""Attributes that a variant keeps if there is wind."""
 
 
 @dataclass(frozen=True)
 class Forest:
-    """A collection of variants that is in no scene, and from where each but the first is drawn (world units)."""
+    """A collection of variants, which is in no scene, and the distances where the second, third … variant starts.
+
+    distances: in world units. centre: the point that they are measured from.
+    """
 
     variants: bpy.types.Collection
     distances: tuple[float, ...]
     centre: tuple[float, float, float]
 
     def plant(self, obj: bpy.types.Object, *, width: float = 0.15, far: float = NEVER) -> bpy.types.NodesModifier:
-        """Draws a tree on every point of `obj`, whose scale is 1; `width` and `far` as in `ForestSettings`."""
+        """Add a modifier to `obj` that draws a tree on each of its points. The scale of `obj` must be 1.
+
+        width, far: as in `ForestSettings`.
+        """
         return add_forest_modifier(obj, self.variants, ForestSettings(self.distances, self.centre, width, far))
 
 
@@ -58,15 +63,15 @@ def build_forest(
     growth: tuple[float, float] = (0.0, 0.0),
     wind: WindSettings | None = None,
 ) -> Forest:
-    """Makes the variants of a forest of one tree, of its baked `levels`, LOD 0 first.
+    """Create the variants of one tree from its baked `levels`, LOD 0 first.
 
-    switch_distances: one for each level, in world units; the first is 0. centre: of the foliage in the tree's
-    coordinates. prune_start, prune_half: d₀ > 0 in world units and h in (0, ½] of λ(d); half of the leaves are drawn
-    from d₀/h on, a quarter from d₀/h², down to 1/128, until LOD 1 takes over. growth: `leafcloud.Chain.growth`.
-    wind: what blows on the trees, with levels that were baked with wind; trees of one variant sway in step.
+    switch_distances: one per level, in world units; the first is 0. centre: of the foliage, in the tree's coordinates.
+    prune_start, prune_half: d₀ > 0 in world units and h in (0, ½] of λ(d). Half of the leaves are drawn from d₀/h on, a
+    quarter from d₀/h² on, down to 1/128, until LOD 1 takes over. growth: `leafcloud.Chain.growth`.
+    wind: the wind on the trees; the levels must be baked with wind. Trees of one variant sway in step.
 
-    The variants stand with their foot in the origin, turned and scaled as the levels are. When anything fails, what was
-    made is removed again. Raises `ValueError` for more than 16 variants, and for a LOD 0 that has no ranks to prune by.
+    The variants' objects lie at the world origin, rotated and scaled like the levels. On failure everything created is
+    removed. Raises `ValueError` for more than 16 variants, and for pruning a LOD 0 without ranks.
     """
     behind = [*switch_distances[1:], NEVER]
     pruned = halvings(prune_start, prune_half, until=behind[0])
@@ -91,12 +96,12 @@ def build_forest(
 
 
 def _turn(obj: bpy.types.Object) -> Matrix:
-    """How it is turned and scaled, by its parents, too."""
+    """Return the object's rotation and scale (3, 3), including its parents'."""
     return (obj.matrix_basis if obj.parent is None else obj.matrix_world).to_3x3()
 
 
 def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.types.Mesh, turn: Matrix) -> None:
-    """Adds the mesh, and the level's wood, as a collection of their own, in which both stand as they are drawn."""
+    """Add a child collection with the mesh and the level's trunk, both rotated and scaled by `turn`."""
     name = f"{variants.name}_{len(variants.children):02d}"
     variant = bpy.data.collections.new(name)
     variants.children.link(variant)
@@ -114,10 +119,11 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
 def pruned_mesh(
     mesh: bpy.types.Mesh, keep: float, name: str, growth: tuple[float, float], *, sways: bool = False
 ) -> bpy.types.Mesh:
-    """A new mesh of the leaves of rank below `keep`, grown about their pivots so that they cover what all cover.
+    """Return a new mesh with the leaves of rank below `keep`, grown about their pivots to keep the covered area.
 
-    `mesh` has the point attributes `leaf_rank` and `leaf_pivot`; leaves of a negative rank are kept as they are. The
-    new one has its materials and layers, but nothing that only serves to move and prune it, but for wind if it `sways`.
+    `mesh` has the point attributes `leaf_rank` and `leaf_pivot`. Protected leaves (negative rank) do not change. The
+    new mesh has the same materials and layers, but no attributes for morphs and pruning. It keeps the wind attributes
+    if it `sways`.
     """
     ranks, pivots = _read(mesh, "leaf_rank"), _read(mesh, "leaf_pivot")
     points = np.empty((len(ranks), 3), np.float32)
@@ -131,7 +137,7 @@ def pruned_mesh(
     made.name = name
     _forget_morphs(made, _LIVE_ATTRIBUTES if sways else (*_LIVE_ATTRIBUTES, *_WIND_ATTRIBUTES))
     made.vertices.foreach_set("co", points.ravel())
-    # By bmesh, which keeps all layers: the normals of Blender 4.2, too.
+    # bmesh keeps all layers when it deletes vertices, also the custom normals of Blender 4.2.
     work = bmesh.new()
     try:
         work.from_mesh(made)
@@ -144,7 +150,7 @@ def pruned_mesh(
 
 
 def _scale(mesh: bpy.types.Mesh, ranks: NDArray[np.float32], keep: float) -> np.float32:
-    """s; 1 where no leaf is left to grow."""
+    """Return s; 1 if no kept leaf may grow."""
     areas, first = np.empty(len(mesh.polygons), np.float32), np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("area", areas)
     mesh.polygons.foreach_get("loop_start", first)
@@ -156,7 +162,7 @@ def _scale(mesh: bpy.types.Mesh, ranks: NDArray[np.float32], keep: float) -> np.
 
 
 def _read(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
-    """The point attribute: (v,) numbers or (v, 3) vectors."""
+    """Return the point attribute's values: (v,) numbers or (v, 3) vectors."""
     attribute = mesh.attributes[name]
     numbers = attribute.data_type == "FLOAT"
     values = np.empty(len(mesh.vertices) if numbers else (len(mesh.vertices), 3), np.float32)
@@ -165,7 +171,7 @@ def _read(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
 
 
 def _forget_morphs(mesh: bpy.types.Mesh, attributes: Sequence[str]) -> None:
-    """Takes the shape keys, vertex groups, extras and these attributes off, which the mesh has no use for."""
+    """Remove the shape keys, vertex groups, the custom property `EXTRAS` and the given attributes from the mesh."""
     carrier = bpy.data.objects.new(mesh.name, mesh)
     carrier.shape_key_clear()
     carrier.vertex_groups.clear()

@@ -1,18 +1,18 @@
-"""The node group that draws a forest: on each point an instance of the variant of a tree that its distance asks for.
+"""The node group *Leafcloud Forest*. It places a tree on each point and chooses the variant by distance.
 
-Variants are the children of a collection in the order of their names, from the finest to the coarsest: objects, or
-collections (leaves and wood that share their meshes with other variants). They are drawn as they stand about the origin
-of the world. With d the distance from the scene's active camera to the tree's centre in the tree's own coordinates (a
-tree that is twice as large switches twice as far away), and u the point's own random number in [0, 1):
+Variants are the children of a collection in the order of their names, from finest to coarsest. They are objects or
+collections; collections hold leaves and trunk, which share their meshes with other variants. The world origin is the
+origin of each instance. d is the distance from the scene's active camera to the tree's center in the tree's own
+coordinates, so a tree of twice the size switches at twice the distance. u is the point's random number in [0, 1):
 
-    level = how many of the distances D₁ … D₁₅ are at most d / (1 + width·u)
+    level = the number of distances D₁ … D₁₅ that are at most d / (1 + width·u)
 
-So a tree switches between D and (1 + width)·D, never nearer than it may, and neighbours not together. u follows from
-the attribute `id` of the points, as scattering nodes give it, else from their index: it stays when the camera moves.
+So a tree switches between D and (1 + width)·D, never nearer than D, and neighbors do not switch together. u depends on
+the points' attribute `id`, which scattering nodes store, else on their index. It does not change when the camera moves.
 Points may have the attributes `rotation` (rotation or Euler angles) and `scale` (number or vector).
 
-Instances keep one mesh for all, so 100,000 trees take little memory, and have no transition and no continuous pruning:
-what looks at a tree's distance alone is a variant.
+All instances share one mesh per variant, so 100,000 trees take little memory. They have no transition and no continuous
+pruning: a tree's distance only selects its variant.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ MOST_VARIANTS = 16
 
 _LAYOUT_KEY = "leafcloud_forest_layout"
 _LAYOUT = 1
-"""Written into the group; raised when inputs or laws change, so that a file made earlier keeps its own group."""
+"""Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
 
 @dataclass(frozen=True)
 class ForestSettings:
-    """From where the variants of a forest are drawn. Distances are in units of the object with the points.
+    """Inputs of the node group. Distances are in units of the object with the points.
 
-    distances: D₁ …, from where the second variant is drawn, the third, and so on, for a tree of scale 1. They do not
-        fall; at most 15, each at least 0.
-    centre: the point that they are taken from, in the coordinates in which the variants stand.
-    width: the share of a distance within which trees switch, each at its own place. In [0, 1].
-    far: points that are farther than this are not drawn. ≥ 0.
+    distances: D₁ …, where the second variant starts, the third, and so on, for a tree of scale 1. At most 15, none less
+        than the one before, each at least 0.
+    centre: the point that they are measured from, in the coordinates of the variants.
+    width: the fraction of a distance over which the trees' switches are spread at random. In [0, 1].
+    far: points beyond this distance are not drawn. ≥ 0.
 
-    Raises `ValueError` for a value that is outside its range or not finite, and for too many distances.
+    Raises `ValueError` for a value that is out of range or not finite, and for too many distances.
     """
 
     distances: tuple[float, ...]
@@ -68,16 +68,16 @@ class ForestSettings:
 
 
 def forest_group() -> bpy.types.NodeTree:
-    """The node group of this file: the one that is there, else a new one."""
+    """Return the node group of the current file. Create it if it is missing."""
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _add_interface, _add_nodes)
 
 
 def add_forest_modifier(
     obj: bpy.types.Object, variants: bpy.types.Collection, settings: ForestSettings
 ) -> bpy.types.NodesModifier:
-    """Plants a tree on every point of `obj`, in place of its geometry. It needs neither the add-on nor Python then.
+    """Add the modifier that draws a tree on every point of `obj`, in place of its geometry.
 
-    `variants` need not be in any scene, `obj` is not in it.
+    It works without the add-on and without Python. `variants` need not be in any scene and must not contain `obj`.
     """
     values = {"Variants": variants, "Centre": settings.centre, "Width": settings.width, "Far": settings.far}
     values |= {_from(number): distance for number, distance in enumerate(settings.distances, start=1)}
@@ -85,26 +85,26 @@ def add_forest_modifier(
 
 
 def _from(number: int) -> str:
-    """The input that says from where the variant is drawn that has `number` others before it."""
+    """Return the name of the input for the distance where a variant starts. `number`: index of the variant, from 1."""
     return f"From {number}"
 
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
-    """Declares the group's inputs. Their names are a promise to files and scripts; their panels are not."""
+    """Declare the group's inputs. Files and scripts rely on the names of the inputs, not on the panels."""
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    variants = "Objects or collections in the order of their names: the tree, finest first"
+    variants = "Collection of the tree's variants, objects or collections. Their names order them, finest first"
     declare(tree, "Variants", "Collection", variants)
-    centre = "Point of the variants that the distance to the camera is taken from"
+    centre = "Point of the variants that the distance to the camera is measured from"
     declare(tree, "Centre", "Vector", centre, subtype="XYZ")
-    width = "Share of a distance within which trees switch, each at its own place"
+    width = "Random delay of each switch, as a fraction of the distance. Keeps neighbors from switching together"
     declare(tree, "Width", "Float", width, default_value=0.15, **SHARE)
     far = "Distance beyond which points are not drawn"
     declare(tree, "Far", "Float", far, default_value=NEVER, **LENGTH)
 
     panel = tree.interface.new_panel("Distances")
     for number in range(1, MOST_VARIANTS):
-        description = f"Distance from which the variant is drawn that has {number} before it"
+        description = f"Distance where variant {number} takes over. The finest is variant 0"
         declare(tree, _from(number), "Float", description, panel, default_value=NEVER, **LENGTH)
 
 
@@ -116,8 +116,8 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     position = section.result("GeometryNodeInputPosition")
     arm = section.vector("SUBTRACT", camera.location, position, label="Camera from point")
     back = section.result("FunctionNodeInvertRotation", rotation)
-    turned = section.result("FunctionNodeRotateVector", arm, back, label="Turned as the tree")
-    there = section.vector("DIVIDE", turned, scale, label="Camera seen from the tree")
+    turned = section.result("FunctionNodeRotateVector", arm, back, label="In the tree's rotation")
+    there = section.vector("DIVIDE", turned, scale, label="Camera in tree space")
     own_distance = camera.distance(section, there, section.group_input("Centre"), label="d in its own units")
     distance = camera.distance(section, camera.location, position, label="Distance of the point")
     drawn = section.compare(distance, "LESS_EQUAL", section.group_input("Far"), label="Not too far")
@@ -128,7 +128,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Plant", (3000.0, 0.0))
     collection = section.group_input("Variants")
     variants = section.result("GeometryNodeCollectionInfo", collection, True, False, label="Variants")
-    count = section.result("GeometryNodeAttributeDomainSize", variants, label="How many?", component="INSTANCES")
+    count = section.result("GeometryNodeAttributeDomainSize", variants, label="Variant count", component="INSTANCES")
     level = section.math("MINIMUM", level, section.math("SUBTRACT", count, 1.0, label="The coarsest"), label="Level")
     points = section.group_input("Geometry")
     operands = (points, drawn, variants, True, level, rotation, scale)
@@ -136,7 +136,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
 
 
 def _level(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """How many of the variants' distances, each at the point's own place in its width, are at most `distance`."""
+    """Return the number of the variants' distances, each delayed by the point's random number, up to `distance`."""
     own = section.result("FunctionNodeRandomValue", 0.0, 1.0, label="u", data_type="FLOAT")
     width = section.math("MAXIMUM", section.group_input("Width"), 0.0, label="Width")
     late = section.math("MULTIPLY_ADD", width, own, 1.0, label="1 + width·u")

@@ -1,13 +1,16 @@
-"""The fade of billboards that are seen on edge: a node group behind all that moves them, and what their material shows.
+"""Fading of billboards that are seen edge-on: the node group *Leafcloud Grazing* and nodes for the material.
 
-The group stores, at every point x with the normal n, the share that is not shown as `leaf_grazing_share`:
+The group follows all modifiers that move the billboards. At every point x with the normal n it stores the hidden
+fraction as the attribute `leaf_grazing_share`:
 
     1 − smoothstep(0, width, |n·v|)                              v: from x to the camera, |v| = 1
 
-(Lacewell et al., "Stochastic Billboard Clouds for Interactive Foliage Rendering", 2006, name the idea; their
-|1 − n·v| ≪ 1 is a slip for |n·v| ≪ 1.) The material mixes so much transparency into what it shows, but to light: a
-billboard that is on edge to the camera is not so to a lamp, and its shadow stays. Known limit: other copies than this
-one, as in a forest, are not seen by the camera from where this one is, so they have no fade.
+(Lacewell et al., "Stochastic Billboard Clouds for Interactive Foliage Rendering", 2006, describe the idea; their
+|1 − n·v| ≪ 1 is a slip for |n·v| ≪ 1.) The material mixes in as much transparency, except for shadow rays: a billboard
+that the camera sees edge-on still casts its shadow.
+
+Known limit: only this copy fades correctly. The camera sees other copies, as in a forest, from other directions, so
+they have no fade.
 """
 
 from __future__ import annotations
@@ -23,26 +26,26 @@ _LAYOUT_KEY = "leafcloud_grazing_layout"
 _LAYOUT = 1
 
 GRAZING_SHARE = "leaf_grazing_share"
-"""The point attribute with the share of a billboard that is not shown; 0, as where it is missing: all is."""
+"""Point attribute: hidden fraction of a billboard seen edge-on. 0 or missing: fully visible."""
 
 WIDTH = 0.2
-"""The |cos| between normal and view from which billboards fade; 12° from the plane."""
+"""Billboards fade where |cos| of the angle between normal and view is below this: within 12° of their plane."""
 
 
 def add_grazing_modifier(obj: bpy.types.Object) -> bpy.types.NodesModifier:
-    """Lets the billboards of `obj` fade; its material has to show it (`add_grazing_fade`)."""
+    """Add the modifier that computes the fade of `obj`'s billboards. Their material needs `add_grazing_fade`."""
     return add_modifier(obj, GROUP_NAME, grazing_group(), {"Width": WIDTH})
 
 
 def grazing_group() -> bpy.types.NodeTree:
-    """The node group of this file: the one that is there, else a new one."""
+    """Return the node group of the current file. Create it if it is missing."""
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _fill)
 
 
 def add_grazing_fade(tree: bpy.types.NodeTree) -> None:
-    """Lets what renderers show of a material with an output fade by `leaf_grazing_share`."""
+    """Make a material fade by `leaf_grazing_share` in each renderer. The material must have an output."""
     share, path, shown = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Attribute", "LightPath", "Math"))
-    share.attribute_name, share.label = GRAZING_SHARE, "On edge: share not shown"
+    share.attribute_name, share.label = GRAZING_SHARE, "Edge-on: hidden fraction"
     shown.operation = "MULTIPLY"
     light = tree.nodes.new("ShaderNodeMath")
     light.operation, light.inputs[0].default_value = "SUBTRACT", 1.0
@@ -58,16 +61,16 @@ def add_grazing_fade(tree: bpy.types.NodeTree) -> None:
 def _fill(tree: bpy.types.NodeTree) -> None:
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    steep = "Cosine between normal and view from which a billboard fades out; 0: never"
+    steep = "Cosine of the angle between normal and view below which billboards fade out; 0: no fade"
     declare(tree, "Width", "Float", steep, default_value=0.0, **SHARE)
-    section = Section(tree, "Share not shown 1 − smoothstep(0, width, |n·v|)", (0.0, 0.0))
+    section = Section(tree, "Hidden fraction 1 − smoothstep(0, width, |n·v|)", (0.0, 0.0))
     camera, width = Camera(section), section.group_input("Width")
     to_camera = section.vector("SUBTRACT", camera.location, section.result("GeometryNodeInputPosition"))
     view = section.vector("NORMALIZE", to_camera, label="v")
     steep = section.math("ABSOLUTE", section.vector("DOT_PRODUCT", section.result("GeometryNodeInputNormal"), view))
     ends = (0.0, section.math("MAXIMUM", width, TINY), 1.0, 0.0)
-    hidden = section.result("ShaderNodeMapRange", steep, *ends, label="Not shown", interpolation_type="SMOOTHSTEP")
+    hidden = section.result("ShaderNodeMapRange", steep, *ends, label="Hidden", interpolation_type="SMOOTHSTEP")
     fades = section.logic(section.compare(width, "GREATER_THAN", 0.0), "AND", camera.exists, label="Fades?")
     geometry, stored = section.group_input("Geometry"), {"data_type": "FLOAT", "domain": "POINT"}
     told = section.result("GeometryNodeStoreNamedAttribute", geometry, None, GRAZING_SHARE, hidden, **stored)
-    section.node("NodeGroupOutput", section.switch("GEOMETRY", fades, geometry, told, label="Tell materials"))
+    section.node("NodeGroupOutput", section.switch("GEOMETRY", fades, geometry, told, label="Store for materials"))

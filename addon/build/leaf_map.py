@@ -1,11 +1,11 @@
-"""Another season for a cloud, without baking again: nodes that know which leaf a texel shows, and where in its texture.
+"""Nodes that swap the leaf textures of a cloud, for example for another season, without baking again.
 
-Two images of labels on a level's material are decoded by a node group, the same for the whole file, and the leaves' own
-images are looked up with what it says. All of it ends in a node that is called Season and leads nowhere: to swap an
-image, and to link Season to Base Color, is the whole work of changing a tree's leaves. Until then renderers and
-exporters see nothing of it.
+A level's material gets two label textures: the leaf that each texel shows, and the position in that leaf's texture. A
+node group, shared by the whole file, decodes them. The nodes look up the leaves' own images at these coordinates. The
+result is the node Season, which is not linked. To change a tree's leaves, swap an image and link Season to Base Color.
+Until then renderers and exporters ignore these nodes.
 
-A level's colours are moved a little so that its mean is that of the leaves; Season shows the images as they are.
+A level's own colors are corrected slightly to match the leaves' mean color. Season shows the images uncorrected.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ SEASON_NODE = "Leafcloud Season"
 
 _LAYOUT_KEY = "leafcloud_leaf_map_layout"
 _LAYOUT = 1
-"""Written into the group; raised when its sockets or its law change, so that a file baked earlier keeps its own."""
+"""Version stored in the group. Increase it when sockets or laws change: files baked earlier then keep their group."""
 
 _MOST = 16
-"""Materials that are told apart: so many nodes an artist can still read. Those beyond share the last one's image."""
+"""Maximum number of distinct materials, so that the nodes stay readable. Further materials share the last image."""
 _WOOD = 255
-"""The number of what is no leaf."""
+"""Material number of texels that show no leaf."""
 _FAINT = 1.0 / 16.0
-"""Renderers multiply an image's colours by its alpha before they look them up: below this little is left of them."""
+"""Minimum alpha of a usable texel. Renderers multiply colors by alpha before the lookup, so fainter ones lose color."""
 
 
 def add_leaf_map(
@@ -39,9 +39,9 @@ def add_leaf_map(
     leaf: bpy.types.Image,
     leaves: Sequence[bpy.types.Material | None],
 ) -> None:
-    """Adds the images of labels (see `leafcloud.Level.leaf_uv` and `leaf_id`) to a level's material, and a Season.
+    """Add the label textures (`leafcloud.Level.leaf_uv` and `leaf_id`) and the node Season to a level's material.
 
-    `leaves` are the leaves' own materials by their number. Wood keeps the page's colour.
+    `leaves`: the leaves' own materials by number. The trunk keeps the color of the atlas page.
     """
     tree = material.node_tree
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
@@ -57,10 +57,10 @@ def add_leaf_map(
 
 
 def leaf_map_group() -> bpy.types.NodeTree:
-    """The node group of this file that decodes the labels: the one that is there, else a new one.
+    """Return the node group of the current file that decodes the labels. Create it if it is missing.
 
-    UV = (16 · red + ⌊blue / 16⌋ + ½, 16 · green + blue mod 16 + ½) / 4096 of one image's codes from 0 to 255;
-    Leaf = red + 256 · green, its number modulo 65536, and Material = blue of the other's.
+    UV = (16 · red + ⌊blue / 16⌋ + ½, 16 · green + blue mod 16 + ½) / 4096, from the codes 0 … 255 of `leaf_uv`.
+    Leaf = red + 256 · green, the leaf's number modulo 65536, and Material = blue, from the codes of `leaf_id`.
     """
     for tree in bpy.data.node_groups:
         if tree.library is None and tree.get(_LAYOUT_KEY) == _LAYOUT:
@@ -71,17 +71,17 @@ def leaf_map_group() -> bpy.types.NodeTree:
         tree.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketColor")
     for name, kind in (("UV", "Vector"), ("Leaf", "Float"), ("Material", "Float")):
         tree.interface.new_socket(name, in_out="OUTPUT", socket_type=f"NodeSocket{kind}")
-    place = Section(tree, "Where in its texture", (-1600.0, 0.0))
+    place = Section(tree, "Position in the leaf's texture", (-1600.0, 0.0))
     uv = _place(place, *_codes(place, place.group_input("Leaf UV")))
-    which = Section(tree, "Which leaf", (-1600.0, -700.0))
+    which = Section(tree, "Leaf and material number", (-1600.0, -700.0))
     low, high, material = _codes(which, which.group_input("Leaf ID"))
     leaf = which.math("MULTIPLY_ADD", high, 256.0, low, label="Leaf")
-    Section(tree, "What is seen", (200.0, 0.0)).node("NodeGroupOutput", uv, leaf, material)
+    Section(tree, "Decoded labels", (200.0, 0.0)).node("NodeGroupOutput", uv, leaf, material)
     return tree
 
 
 def _codes(section: Section, color: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
-    """Red, green and blue from 0 to 255."""
+    """Return red, green and blue as codes from 0 to 255."""
     parts = section.node("ShaderNodeSeparateColor", color).outputs
     return [section.math("ROUND", section.math("MULTIPLY", part, 255.0), label=part.name) for part in parts]
 
@@ -89,7 +89,7 @@ def _codes(section: Section, color: bpy.types.NodeSocket) -> list[bpy.types.Node
 def _place(
     section: Section, red: bpy.types.NodeSocket, green: bpy.types.NodeSocket, blue: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """The texture coordinates in the middle of their 4096th."""
+    """Return the texture coordinates at the middle of their cell, 1/4096 wide."""
     of_u = section.math("FLOOR", section.math("DIVIDE", blue, 16.0), label="Lower bits of u")
     of_v = section.math("MODULO", blue, 16.0, label="Lower bits of v")
     u, v = (section.math("MULTIPLY_ADD", high, 16.0, low) for high, low in ((red, of_u), (green, of_v)))
@@ -98,7 +98,7 @@ def _place(
 
 
 def _label(section: Section, name: str, image: bpy.types.Image) -> bpy.types.NodeSocket:
-    """The colour of an image of labels, of which only the nearest says anything."""
+    """Add a label texture, which must be sampled with nearest filtering. Return its color."""
     node = section.node(
         "ShaderNodeTexImage", label=name.removeprefix("Leafcloud "), image=image, interpolation="Closest"
     )
@@ -107,7 +107,7 @@ def _label(section: Section, name: str, image: bpy.types.Image) -> bpy.types.Nod
 
 
 def _is_number(section: Section, material: bpy.types.NodeSocket, number: int, *, last: bool) -> bpy.types.NodeSocket:
-    """1 where the `material` is this number, or, of the `last` that is told apart, one behind it; else 0."""
+    """Return 1 where `material` equals `number`, else 0. With `last` larger numbers match, too, except the trunk's."""
     end = _WOOD - 1 if last else number
     middle, reach = (number + end) / 2.0, (end - number) / 2.0 + 0.25
     return section.math("COMPARE", material, middle, reach, label=f"Material {number}")
@@ -120,10 +120,10 @@ def _leaf_color(
     chosen: bpy.types.NodeSocket,
     surface: Surface,
 ) -> bpy.types.NodeSocket:
-    """The colour of leaves with this `surface` where they are `chosen`, elsewhere what is `behind`."""
+    """Return the color of leaves with this `surface` where `chosen` is 1, elsewhere `behind`."""
     factor = (*surface.color, 1.0)
     if surface.gaps:
-        # There is no image of what had to be rendered: its leaves keep the page's colours until they are given one.
+        # A rendered material has no image. Its leaves keep the colors of the atlas page until an artist sets an image.
         color = behind
     elif surface.color_texture is None:
         color = section.result("ShaderNodeRGB", label=surface.name)

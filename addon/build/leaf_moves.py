@@ -1,4 +1,4 @@
-"""Where the leaves go at a = 1: onto the first cloud, also where that was made of some of them, grown."""
+"""Targets of the leaves at a = 1, on the first cloud. The cloud may be made from kept leaves at their grown size."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 import leafcloud
 
 NO_BILLBOARD = -1
-"""Of leaves that are pruned before the first cloud takes over."""
+"""Billboard number of leaves that are pruned before the first cloud takes over."""
 
 
 @dataclass(frozen=True)
 class LeafMoves:
-    """Per triangle: its billboard (t,), where its corners (t, 3, 3) and its leaf's pivot (t, 3) lie at a = 1; world."""
+    """Data per triangle: its billboard (t,), and the positions of its corners (t, 3, 3) and of its leaf's pivot (t, 3)
+    at a = 1, in the world."""
 
     billboards: NDArray[np.int32]
     targets: NDArray[np.float64]
@@ -23,10 +24,10 @@ class LeafMoves:
 
 
 def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float64]) -> LeafMoves:
-    """Of the leaves with `corners` (t, 3, 3), in the world, onto the chain's first level, which is a cloud.
+    """Return the moves of leaves with `corners` (t, 3, 3), in the world, onto the chain's first level, a cloud.
 
-    Targets are those of leaves as large as they are at rest: the node group lets them grow about their pivots, and then
-    they lie where the cloud shows them. What is pruned before stays where it is.
+    Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
+    coincide with the cloud. Leaves that are pruned earlier stay in place.
     """
     level = chain.levels[0]
     assert level.cloud is not None

@@ -1,4 +1,4 @@
-"""The levels as objects: LOD 0 from the tree's own leaves, the clouds from the chain, the wood beside each."""
+"""Creation of the level objects: LOD 0 from the tree's leaves, the billboard clouds, and each level's trunk."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ from .wood import Wood, simplified, whole
 
 @dataclass
 class Costs:
-    """Seconds and bytes that each effect has cost so far."""
+    """Seconds and bytes spent on each effect so far, by effect name."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     bytes: dict[str, int] = field(default_factory=dict)
 
     @contextmanager
     def spent_on(self, effect: str, nbytes: int) -> Iterator[None]:
-        """Adds the time of the block, and `nbytes`, to those of `effect`."""
+        """Add the block's running time and `nbytes` to the costs of `effect`."""
         begin = time.perf_counter()
         yield
         self.seconds[effect] = self.seconds.get(effect, 0.0) + time.perf_counter() - begin
@@ -68,13 +68,14 @@ class Costs:
 
 @dataclass(frozen=True)
 class Plan:
-    """How the levels are to be built: the name of all, the tree's place, which effects are on, when levels are drawn.
+    """Build instructions: the name of the collection, the tree's placement, the effects that are on, the LOD ranges.
 
-    centre and radius: of the foliage, in the tree's coordinates; distances are taken from the centre. switch_distances
-    and reaches, one for each level with the leaves first, are in world units. roughness and metallic are the leaves'
-    where no texture says how glossy they are, specular is their Specular IOR Level; share is what of the light shines
-    through them, where there is a texture of it. light, if it is baked, is that of the leaves, to be multiplied by
-    light_strength.
+    centre, radius: bounding sphere of the foliage, in the tree's coordinates. Distances are measured from the center.
+    switch_distances, reaches: one per level, the leaves first, in world units.
+    roughness, metallic: the leaves' values, used if the level has no roughness and metallic texture.
+    specular: the leaves' Specular IOR Level.
+    share: fraction of the light that the leaves transmit, used with a translucency texture.
+    light: baked light of the leaves; None without baked light. Materials multiply it by light_strength.
     """
 
     name: str
@@ -86,14 +87,14 @@ class Plan:
     switch_distances: tuple[float, ...]
     reaches: tuple[Reach, ...]
     drawn: range = range(1)
-    """The levels that are seen; without transitions and pruning only these can be, and where it is one it always is."""
+    """Levels that the camera sees. A single one is always shown if there are neither transitions nor pruning."""
     thinning: Thinning = field(default_factory=Thinning)
     growth: tuple[float, float] = (0.0, 0.0)
-    """Of pruned leaves beside what their area asks for, as `leafcloud.Chain.growth`."""
+    """Further growth of pruned leaves, a factor on the scale that keeps their area (`leafcloud.Chain.growth`)."""
     contrast: tuple[float, float] | None = None
-    """What pruned leaves keep of theirs, as `leafcloud.Chain.contrast`; None leaves it alone."""
+    """Contrast that pruned leaves keep (`leafcloud.Chain.contrast`); None leaves colors unchanged."""
     mean_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Of the leaves as they are seen, linear."""
+    """Mean color of the visible leaves, linear."""
     roughness: float = 1.0
     metallic: float = 0.0
     specular: float = USUAL_SPECULAR
@@ -102,14 +103,14 @@ class Plan:
     light: Light | None = None
     light_strength: float = 1.0
     wood_errors: tuple[float, ...] = ()
-    """How far the wood of each level behind the leaves may lie from what came, world units; empty: it is what came."""
+    """Maximum deviation of the trunk from the input for level 1, 2 …, in world units; empty: no simplification."""
     gloss_for: str = "gloss"
-    """The effect for whose sake there is an image of occlusion, roughness and metallic, if there is one."""
+    """The effect that is charged for the image of occlusion, roughness and metallic."""
     wind: WindSettings | None = None
-    """What blows, and on what; when levels take over is the plan's."""
+    """Wind and tree measurements; None without wind. The levels' own `start`, `end` and center come from this plan."""
     grazing_fade: bool = False
     owners: tuple[int, ...] = ()
-    """The number, among the leaves' own, of each material that a leaf map knows; empty: they are the same."""
+    """For each material number in the leaf map, the index of the leaf material; empty if the numbers are equal."""
 
     @property
     def follows_camera(self) -> bool:
@@ -118,11 +119,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class BuiltLevel:
-    """One level in Blender. `triangles` counts those of the object, without the wood.
+    """One level in Blender.
 
-    wood_error: how far the wood lies from that of LOD 0, world units. apart: how far each of a pair of billboards is
-    held in front of its place (`side_nodes`), in the object's own unit; 0 where there are no pairs.
-    wood_corners: which corners of that of LOD 0 are left, as `Wood.corners`.
+    triangles: triangles of the object, without the trunk.
+    wood_error: measured deviation of the trunk from LOD 0's, in world units.
+    apart: offset of front and back billboards along their normals (`side_nodes`), in the object's own units; 0 without
+    such pairs.
+    wood_corners: kept corners of LOD 0's trunk, as `Wood.corners`.
     """
 
     number: int
@@ -137,24 +140,24 @@ class BuiltLevel:
 
 @dataclass(frozen=True)
 class _Shape:
-    """A level's mesh before it is one: its faces in pruning order, the rank of each, and what its vertices need."""
+    """The data of a level's mesh: its faces in pruning order, the rank of each face, and the vertex attributes."""
 
     surface: Surface
     ranks: NDArray[np.float32]
     pruning: Pruning | None = None
     transition: Transition | None = None
     light: Light | None = None
-    """By corner of the mesh, (c, 3)."""
+    """(c, 3) for each side, one row per corner of the mesh."""
     swaying: Swaying | None = None
 
 
 def build_levels(
     tree: Tree, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan, costs: Costs
 ) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
-    """Makes a collection of all levels, not yet in any scene.
+    """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
 
-    Everything lies at the tree's matrix, in the tree's coordinates. Without transitions and pruning nothing follows the
-    camera where it sees but one level: then only that is shown. When anything fails, what was made is removed again.
+    Meshes are in the tree's coordinates, objects have the tree's matrix. If the camera sees a single level and there
+    are neither transitions nor pruning, only that level is shown. On failure everything created is removed.
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
@@ -176,7 +179,7 @@ def build_levels(
 
 
 def _woods(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list[Wood | None]:
-    """The wood of every level, the leaves first; the cross shows it in its textures and has none."""
+    """Return the trunk of every level, the leaves first. None for the cross impostor: its textures show the trunk."""
     clouds = [level for level in chain.levels if level.cloud is not None]
     crosses = [None] * (len(chain.levels) - len(clouds))
     if tree.wood is None:
@@ -193,7 +196,7 @@ def _woods(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list
 def _add_level(
     collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: Wood | None, plan: Plan, costs: Costs
 ) -> BuiltLevel:
-    """Puts `obj`, and the wood as its child, into the collection, where and when they are to be seen."""
+    """Link `obj` and its child trunk to the collection. Set their transforms, custom properties and modifiers."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
     obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(plan.centre), plan.radius
     members = {obj: plan.reaches[number]}
@@ -232,14 +235,17 @@ def _add_level(
 
 
 def _let_fade(obj: bpy.types.Object) -> None:
-    """Gives the object materials of its own beside the artist's, which stay the mesh's: others show it, and files."""
+    """Assign fading copies of the materials to the object.
+
+    The mesh keeps the artist's materials, because other objects and files use the mesh.
+    """
     for slot in obj.material_slots:
         material = slot.material
         slot.link, slot.material = "OBJECT", fading_copy(material)
 
 
 def _lod_settings(reach: Reach, plan: Plan, *, thins: bool) -> LodSettings:
-    """The node group's inputs. Leaves are pruned as planned; clouds keep all their billboards until they vanish."""
+    """Return the node group's inputs. `thins`: prune as planned; else prune nothing while the level is drawn."""
 
     def own(distance: float) -> float:
         return min(distance / plan.placement.scale, NEVER)
@@ -283,7 +289,7 @@ def _leaf_object(
 
 
 def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan) -> _Shape:
-    """The leaves by material, within each by rank, each leaf whole."""
+    """Return the leaves sorted by material, then by rank. The triangles of a leaf stay together."""
     leaf_ids = foliage.leaf_ids
     ranks = chain.ranks[leaf_ids]
     order = np.lexsort((leaf_ids, ranks, geometry.material_ids))
@@ -315,7 +321,10 @@ def _leaf_swaying(
     plan: Plan,
     of_vertex: NDArray[np.integer[Any]],
 ) -> Swaying:
-    """For vertices of the triangles `of_vertex` (v,). Leaves that get no billboard go on with their own branch."""
+    """Return the wind attributes for vertices of the triangles `of_vertex` (v,).
+
+    Leaves without a billboard keep swaying with their own branch.
+    """
     to_tree = plan.placement.to_tree
     pivots = chain.pivots[of_vertex]
     carriers = None
@@ -331,7 +340,7 @@ def _leaf_swaying(
 
 
 def _cloud_or_none(level: leafcloud.Level | None) -> leafcloud.Level | None:
-    """The level if it is a cloud: the cross has no parents, nothing morphs to it."""
+    """Return the level if it is a cloud, else None. The cross impostor has no parents, so nothing morphs to it."""
     return level if level is not None and level.cloud is not None else None
 
 
@@ -366,9 +375,9 @@ def _cloud_object(
 
 
 def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
-    """The images in Blender of the level with this number."""
+    """Create the images of the level with this number."""
     base_color = level.base_color
-    # The first level is what a bake is for.
+    # Level 1 belongs to every bake, so its base color is charged to no effect.
     with costs.spent_on("far_levels", _own_bytes(level, base_color)) if number > 1 else nullcontext():
         image = atlas_image(name, base_color)
     page = Page(image, roughness=plan.roughness, metallic=plan.metallic, specular=plan.specular)
@@ -391,21 +400,21 @@ def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Cos
 
 
 def _own_bytes(level: leafcloud.Level, pixels: NDArray[np.uint8]) -> int:
-    """Of an image of the level's page, which other trees may share."""
+    """Return the level's share of an image's bytes. Other trees may share the atlas page."""
     return round(pixels.nbytes * level.page_share)
 
 
 def _add_leaf_map(
     obj: bpy.types.Object, uv: NDArray[np.uint8], leaf: NDArray[np.uint8], own: Sequence[bpy.types.Material | None]
 ) -> None:
-    """Gives the level's material what it needs to show another season: the chain's leaf map."""
+    """Add the leaf map's images and nodes to the level's material, for swapping leaf textures later."""
     uv_image = atlas_image(f"{obj.name}_leaf_uv", uv, data=True)
     leaf_image = atlas_image(f"{obj.name}_leaf_id", leaf, data=True)
     add_leaf_map(obj.data.materials[0], uv_image, leaf_image, own)
 
 
 def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan: Plan) -> _Shape:
-    """The billboards by rank; `following` is the cloud that they morph to, if any."""
+    """Return the billboards sorted by rank. `following`: the cloud that they morph to; None without one."""
     order = np.argsort(level.ranks, kind="stable")
     count = level.corners.shape[1] - 2
     keys = np.zeros((len(order), count), np.int32)
@@ -440,8 +449,11 @@ def _cloud_swaying(
     billboards: NDArray[np.integer[Any]],
     parents: NDArray[np.integer[Any]],
 ) -> Swaying | None:
-    """For vertices (v,) of `billboards` that go to the planes `parents` of the next level. The cross has no pivots: it
-    stands on the ground, and bends as the wood does."""
+    """Return the wind attributes for vertices of `billboards` (v,) that morph to the planes `parents` (v,) of the next
+    level.
+
+    None without wind and for the cross impostor, which has no pivots: it stands on the ground and bends as the trunk.
+    """
     if plan.wind is None or level.cloud is None:
         return None
     to_tree = plan.placement.to_tree
@@ -455,20 +467,23 @@ def _cloud_swaying(
 
 
 def _parents(level: leafcloud.Level) -> NDArray[np.int32]:
-    """(t,) the plane of `level`, which is a cloud, for each triangle of the level before."""
+    """Return (t,) the plane of the cloud `level` for each triangle of the level before."""
     assert level.cloud is not None
     return level.cloud.parents.astype(np.int32)
 
 
 def _pruning(ranks: NDArray[np.float32], pivots: NDArray[np.float64], plan: Plan) -> Pruning:
-    """For vertices with `ranks` (v,), whose leaves have `pivots` (v, 3) in the world."""
+    """Return the pruning attributes from the `ranks` (v,) and world-space `pivots` (v, 3) of the vertices' leaves."""
     return Pruning(ranks, plan.placement.to_tree(pivots))
 
 
 def _transition(
     billboards: NDArray[np.int32], targets: NDArray[np.float64], pivot_targets: NDArray[np.float64], plan: Plan
 ) -> Transition:
-    """For vertices (v,) on `billboards` of the next level; `targets` and `pivot_targets` (v, 3) in the world."""
+    """Return the transition attributes for vertices. `billboards` (v,): numbers in the next level, −1 for none.
+
+    `targets`, `pivot_targets` (v, 3): positions at a = 1 in the world.
+    """
     return Transition(billboards, plan.placement.to_tree(targets), plan.placement.to_tree(pivot_targets))
 
 
@@ -492,7 +507,7 @@ def _object(
 
 
 def _pruning_extras(mesh: bpy.types.Mesh, shape: _Shape) -> dict[str, Any]:
-    """The tables of areas and of prefixes, with the materials' names instead of their numbers."""
+    """Return the tables of triangle counts and areas. Materials are given by name instead of by number."""
     names = [material.name if material is not None else "" for material in mesh.materials]
     prefixes = [{**row, "material": names[row["material"]]} for row in prefix_table(shape.surface, shape.ranks)]
     areas = np.empty(len(mesh.polygons), np.float32)

@@ -1,4 +1,4 @@
-"""Materials of the clouds, an atlas page cut out by its alpha; and what the leaves' own materials expect of a mesh."""
+"""Materials of the billboard levels, made from atlas pages, and the mesh layer names that leaf materials read."""
 
 from __future__ import annotations
 
@@ -26,33 +26,35 @@ SHARE_NODE = "Leafcloud Translucent Share"
 
 @dataclass(frozen=True)
 class Page:
-    """The images of a level; `normal` in the billboards' axes, `gloss` of occlusion, roughness and metallic.
+    """Images and values of a level's material.
 
-    `visibility`: where the sky is seen, in the billboards' axes; see `leafcloud.Level.visibility`.
+    normal: tangent-space normal map. gloss: occlusion, roughness and metallic in red, green and blue.
+    visibility: bent-normal occlusion in the billboards' axes (`leafcloud.Level.visibility`).
     """
 
     base_color: bpy.types.Image
     normal: bpy.types.Image | None = None
     gloss: bpy.types.Image | None = None
     occluded: bool = False
-    """Whether the red of `gloss` says anything."""
+    """Whether the red channel of `gloss` holds occlusion."""
     visibility: bpy.types.Image | None = None
     translucency: bpy.types.Image | None = None
-    """The colour of the light that shines through; alpha says where any does, if there are `opaque_parts`."""
+    """Color of the transmitted light. With `opaque_parts` alpha is 0 where no light is transmitted."""
     share: float = 0.0
-    """Of the light that shines through rather than being reflected."""
+    """Fraction of the light that is transmitted instead of reflected."""
     opaque_parts: bool = False
     roughness: float = 1.0
     metallic: float = 0.0
-    """Both where there is no image of them."""
+    """Roughness and metallic are used if `gloss` is None."""
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
 
 
 def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
-    """A packed PNG image of `pixels` (h, w, 4), row 0 on top: sRGB with straight alpha, or `data` that are no colours.
+    """Create a packed PNG image from `pixels` (h, w, 4), row 0 on top.
 
-    Blender's own PNG writer is left aside: the same pixels give the same bytes in every version.
+    They are sRGB with straight alpha; with `data` they are not colors. The core writes the PNG instead of Blender, so
+    that the same pixels give the same bytes in every Blender version.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.png"
@@ -62,8 +64,8 @@ def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> 
     image.name = name
     image.filepath_raw = f"//{name}.png"
     for packed in image.packed_files:
-        packed.filepath = image.filepath_raw  # Else it keeps the folder's name, which is another one every time.
-    # Colours are dilated under transparent texels and wanted there: they must not be multiplied by alpha.
+        packed.filepath = image.filepath_raw  # Otherwise it keeps the path of the temporary folder.
+    # Transparent texels hold dilated colors for filtering. They must not be multiplied by alpha.
     image.alpha_mode = "CHANNEL_PACKED"
     if data:
         image.colorspace_settings.name = "Non-Color"
@@ -71,14 +73,14 @@ def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> 
 
 
 def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: bool) -> bpy.types.Material:
-    """A Principled BSDF with the page's images, opaque where the alpha of the base colour is above `alpha_cutoff`;
-    see-through where that is 0.
+    """Create a material with a Principled BSDF that uses the page's images.
 
-    Blender's glTF exporter writes the threshold as `alphaMode` MASK with that `alphaCutoff`, none as BLEND, normals as
-    `normalTexture` and gloss as `metallicRoughnessTexture`.
+    It is cut out: opaque where the base color's alpha is above `alpha_cutoff`. With `alpha_cutoff` 0 it is alpha
+    blended. Blender's glTF exporter writes a cutout as `alphaMode` MASK with that `alphaCutoff` and blending as BLEND.
+    Normals become `normalTexture`, roughness and metallic `metallicRoughnessTexture`.
 
-    With translucency a Mix Shader adds it: (1 − share) · Principled BSDF + share · Translucent BSDF, as the leaves'
-    materials are read (`scene.translucency`). Highlights become weaker by the same share.
+    A Mix Shader adds translucency: (1 − share) · Principled BSDF + share · Translucent BSDF. Leaf materials are read
+    the same way (`scene.translucency`). Highlights become weaker by the same fraction.
     """
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
@@ -110,7 +112,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
 
 
 def page_of(material: bpy.types.Material | None) -> tuple[bpy.types.Image | None, float] | None:
-    """The atlas page of a level's material, and its alpha cutoff, 0 where it is blended; None for other materials."""
+    """Return the atlas page of a level's material and its alpha cutoff, 0 if blended; None for other materials."""
     if material is None or material.node_tree is None:
         return None
     nodes = material.node_tree.nodes
@@ -121,7 +123,7 @@ def page_of(material: bpy.types.Material | None) -> tuple[bpy.types.Image | None
 
 
 def shown_share(tree: bpy.types.NodeTree, texture: bpy.types.Node, alpha_cutoff: float) -> bpy.types.NodeSocket:
-    """How much a page hides of what lies behind it: all where alpha is above the cutoff; its alpha, where that is 0."""
+    """Return the opacity of a page: 1 where its alpha is above the cutoff, else 0. With cutoff 0 it is the alpha."""
     if alpha_cutoff == 0.0:
         return texture.outputs["Alpha"]
     threshold = _node(tree, "ShaderNodeMath", (-280.0, 100.0))
@@ -133,9 +135,9 @@ def shown_share(tree: bpy.types.NodeTree, texture: bpy.types.Node, alpha_cutoff:
 
 
 def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
-    """Adds an output for Cycles, which knows no culling: transparent where the side that is seen is the back.
+    """Add an output for Cycles that makes back faces transparent, because Cycles has no backface culling.
 
-    Else both of a pair of billboards would be seen, and each would stand in the other's light.
+    Otherwise front and back billboards would both be visible and shade each other.
     """
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
     side, clear, front, shown = (
@@ -156,7 +158,7 @@ def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
 
 
 def _add_gloss(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.types.Image) -> bpy.types.Node:
-    """Links the image's green and blue; gives the node that takes it apart."""
+    """Link the image's green to roughness and its blue to metallic. Return the Separate Color node."""
     parts = _node(tree, "ShaderNodeSeparateColor", (-280.0, -100.0))
     tree.links.new(_image_node(tree, image, 0.0).outputs["Color"], parts.inputs[0])
     tree.links.new(parts.outputs["Green"], surface.inputs["Roughness"])
@@ -171,17 +173,20 @@ def _add_normal(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.ty
 
 
 def _add_visibility(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
-    """No renderer of Blender's asks for it: it waits for a shader that does, and for the export."""
+    """Add the bent-normal occlusion as an unlinked image node.
+
+    Blender's renderers do not use it. The export and custom shaders do.
+    """
     _image_node(tree, image, -600.0).name = VISIBILITY_NODE
 
 
 def _shine_through(
     tree: bpy.types.NodeTree, surface: bpy.types.Node, opacity: bpy.types.NodeSocket, page: Page, *, cut_out: bool
 ) -> None:
-    """Mixes a Translucent BSDF to the surface, by the share, but only where the opacity lets the surface be.
+    """Mix a Translucent BSDF into the surface with the factor `page.share`.
 
-    So the Principled BSDF keeps its alpha, by which exporters know what is cut out. Where nothing is, and both are seen
-    through alike, both have it.
+    With `cut_out` the factor is also multiplied by the opacity. So the Principled BSDF keeps its alpha, where exporters
+    look for the cutout. Without `cut_out` both shaders have the same opacity.
     """
     texture = _image_node(tree, page.translucency, -900.0)
     texture.name = TRANSLUCENCY_NODE
@@ -208,7 +213,7 @@ def _shine_through(
 def _as_far_as(
     tree: bpy.types.NodeTree, opacity: bpy.types.NodeSocket, shader: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """A shader that is seen through but for its opacity."""
+    """Return `shader` mixed with a Transparent BSDF: `opacity` is the fraction of `shader`."""
     clear, mix = (
         _node(tree, f"Shader{kind}", (300.0, height))
         for kind, height in (("NodeBsdfTransparent", -600.0), ("NodeMixShader", -450.0))
@@ -224,7 +229,7 @@ def _times(
     second: bpy.types.NodeSocket | float,
     height: float,
 ) -> bpy.types.NodeSocket:
-    """The product of two, each a socket's value or a number."""
+    """Return the product of two values, each a socket or a number."""
     node = _node(tree, "ShaderNodeMath", (-280.0, height))
     node.operation = "MULTIPLY"
     for value, socket in zip((first, second), node.inputs, strict=False):
@@ -236,7 +241,7 @@ def _times(
 
 
 def _gltf_output(tree: bpy.types.NodeTree) -> bpy.types.Node:
-    """The node by whose name Blender's glTF exporter knows what a Principled BSDF has no input for."""
+    """Add the node *glTF Material Output*. Blender's exporter reads inputs from it that the Principled BSDF lacks."""
     name = "glTF Material Output"
     group = bpy.data.node_groups.get(name)
     if group is None or group.bl_idname != "ShaderNodeTree":
@@ -262,7 +267,7 @@ def _node(tree: bpy.types.NodeTree, kind: str, location: tuple[float, float]) ->
 
 
 def layer_names(materials: Sequence[bpy.types.Material | None]) -> LayerNames:
-    """What the materials call the UV maps and colour attributes that they read: a new mesh needs them by that name."""
+    """Return the names of the UV maps and color attributes that the materials read. A new mesh needs these names."""
     surfaces = [read_surface(material) for material in materials]
     uv_maps = [surface.texture.uv_map for surface in surfaces if surface.texture is not None]
     colors = [name for surface in surfaces for name in (surface.color_attribute, surface.alpha_attribute)]
@@ -273,6 +278,6 @@ def layer_names(materials: Sequence[bpy.types.Material | None]) -> LayerNames:
 
 
 def with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The page with alpha 0 where something is seen and no light shines through it: the wood of the cross, say."""
+    """Return the translucency page with alpha 0 on opaque texels, such as the trunk in the cross impostor, else 255."""
     opaque = (base_color[..., 3] > 0) & ~translucency[..., :3].any(axis=2)
     return np.dstack([translucency[..., :3], np.where(opaque, 0, 255).astype(np.uint8)])

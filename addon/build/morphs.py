@@ -1,4 +1,4 @@
-"""What lets a level move and thin out: attributes that the node group and engines read, vertex groups, a shape key."""
+"""Storage of a level's transition and pruning data: attributes for nodes and engines, vertex groups, a shape key."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _FIELDS = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector"}
 
 @dataclass(frozen=True)
 class Pruning:
-    """Per vertex (v): the rank of its leaf in [0, 1), below 0 if it is protected; and the leaf's pivot (v, 3) in the
-    tree's coordinates."""
+    """Pruning data per vertex: the rank (v,) of its leaf in [0, 1), negative if protected, and the leaf's pivot (v, 3)
+    in the tree's coordinates."""
 
     rank: NDArray[np.float32]
     pivot: NDArray[np.float32]
@@ -29,7 +29,8 @@ class Pruning:
 
 @dataclass(frozen=True)
 class Transition:
-    """Per vertex (v): its billboard on the next level, −1 for none; where it and its pivot (v, 3) lie at a = 1."""
+    """Transition data per vertex: its billboard (v,) on the next level, −1 for none, and the positions of the vertex
+    and of its leaf's pivot at a = 1 (v, 3), in the tree's coordinates."""
 
     billboard: NDArray[np.int32]
     target: NDArray[np.float32]
@@ -37,20 +38,20 @@ class Transition:
 
     @property
     def nbytes(self) -> int:
-        """Of the attributes and of the shape key, which holds the targets once more."""
+        """Bytes of the attributes and of the shape key, which stores the targets again."""
         return self.billboard.nbytes + 2 * self.target.nbytes + self.pivot_target.nbytes
 
 
 def add_pruning(mesh: bpy.types.Mesh, pruning: Pruning) -> None:
-    """Stores the attributes `leaf_rank` and `leaf_pivot`."""
+    """Store the attributes `leaf_rank` and `leaf_pivot`."""
     add_point_attribute(mesh, "leaf_rank", "FLOAT", pruning.rank)
     add_point_attribute(mesh, "leaf_pivot", "FLOAT_VECTOR", pruning.pivot)
 
 
 def add_transition(obj: bpy.types.Object, transition: Transition) -> None:
-    """Stores `leaf_billboard`, `leaf_target` and `leaf_pivot_target`, a vertex group per billboard, and the shape key.
+    """Store `leaf_billboard`, `leaf_target` and `leaf_pivot_target`, a vertex group per billboard, and the shape key.
 
-    The shape key is the editable and exported form of the morph: undriven, at 0.
+    The shape key holds the morph for editing and export. It has the value 0 and no driver.
     """
     mesh = obj.data
     add_point_attribute(mesh, "leaf_billboard", "INT", transition.billboard)
@@ -60,11 +61,11 @@ def add_transition(obj: bpy.types.Object, transition: Transition) -> None:
     obj.shape_key_add(name="Basis", from_mix=False)
     key = obj.shape_key_add(name=SHAPE_KEY, from_mix=False)
     key.points.foreach_set("co", transition.target.ravel())
-    key.value = 0.0  # Blender 5.0 adds keys at 1.
+    key.value = 0.0  # Blender 5.0 adds keys with the value 1.
 
 
 def add_point_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDArray[np.generic]) -> None:
-    """Stores `values`, one per vertex, as the attribute `name`; `kind` is FLOAT, INT or FLOAT_VECTOR."""
+    """Store `values`, one per vertex, as the point attribute `name`. `kind` is FLOAT, INT or FLOAT_VECTOR."""
     attribute = mesh.attributes.new(name, kind, "POINT")
     attribute.data.foreach_set(_FIELDS[kind], np.ascontiguousarray(values).ravel())
 

@@ -1,4 +1,4 @@
-"""What engines prune by: how much of the index buffer to draw for each λ, and the areas that give the scale."""
+"""Pruning tables for engines: the part of the index buffer to draw for each λ, and the areas that give the scale s."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from .cloud_mesh import Surface
 
 PREFIX_STEPS = 64
-"""The table of prefixes has one entry per λ = 0, 1/64 … 1, that of areas one per rank 0, (1/64)² … 1."""
+"""Steps of both tables. Prefixes have one entry per λ = 0, 1/64 … 1, areas one per rank 0, (1/64)² … 1."""
 
 
 def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
-    """For each material in use its index and how many triangles, from the first, have a rank below λ = 0, 1/64 … 1.
+    """Return, for each used material, its index and the numbers of triangles with a rank below λ = 0, 1/64 … 1.
 
-    `ranks` (f,) rise among the faces of a material.
+    Each number counts from the material's first triangle. `ranks` (f,) ascend among the faces of a material.
     """
     keep = np.arange(PREFIX_STEPS + 1, dtype=np.float32) / np.float32(PREFIX_STEPS)
     table = []
@@ -29,10 +29,10 @@ def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str,
 
 
 def area_shares(areas: NDArray[np.float32], ranks: NDArray[np.float32]) -> list[float]:
-    """The share of the area that has a rank below (i/64)², i = 0 … 64: what engines take the scale s from.
+    """Return the fraction of the area with a rank below (i/64)², i = 0 … 64. Engines compute the scale s from it.
 
-    The squares tell few leaves apart, where s is large. `areas` and `ranks` (f,) are those of all faces; what is never
-    pruned, of a negative rank, does not count. All 0 where nothing has an area.
+    The squares give a finer step where few leaves are left and s is large. `areas` and `ranks` (f,) are of all faces.
+    Protected faces, of negative rank, do not count. All fractions are 0 if no face has an area.
     """
     order = np.argsort(ranks, kind="stable")
     below = np.concatenate([[0.0], np.cumsum(np.where(ranks < 0.0, 0.0, areas)[order], dtype=np.float64)])

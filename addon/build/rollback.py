@@ -1,4 +1,4 @@
-"""Taking back what was made in Blender when making the rest of it fails."""
+"""Removal of the data-blocks that a failed operation has created."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import bpy
 
 @contextmanager
 def removed_on_failure() -> Iterator[None]:
-    """Removes every object, collection, mesh, material, image and node group that the block has made when it fails."""
+    """Remove every object, collection, mesh, material, image and node group that the block has created if it fails."""
     data = bpy.data
     kinds = (data.objects, data.collections, data.meshes, data.materials, data.images, data.node_groups)
     before = [set(kind) for kind in kinds]

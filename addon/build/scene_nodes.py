@@ -1,35 +1,35 @@
-"""The node group that draws all trees of a collection, pruned for the camera by the budget of the scene.
+"""The node group *Leafcloud Scene*. It draws all trees of a collection and prunes them within the scene's budget.
 
-Those farther away give up more of their leaves (after Gomez). With dᵢ the distance from the scene's active camera to
-the i-th tree's centre, and λᵢ its own share of leaves by `lod_nodes`, from the distance in the tree's own coordinates:
+Farther trees lose more of their leaves (after Gomez). dᵢ is the distance from the scene's active camera to the i-th
+tree's center. λᵢ is its fraction of leaves kept as in `lod_nodes`, from the distance in the tree's own coordinates:
 
-    ωᵢ = smooth step from 1 at ¾·z to 0 at z                     how far the tree counts; z = far
-    n = Σ ωᵢ,  d_min = min(dᵢ, z),  R = max ωᵢ·(dᵢ − d_min)      models, the nearest, the range behind it
-    xᵢ = min(dᵢ, z) − d_min,  Rᵢ = max(R, xᵢ)                    depth of the tree, and the range that it sees
+    ωᵢ = smooth step from 1 at ¾·z to 0 at z                     weight of the tree; z = far
+    n = Σ ωᵢ,  d_min = min(dᵢ, z),  R = max ωᵢ·(dᵢ − d_min)      weighted count, nearest tree, depth range behind it
+    xᵢ = min(dᵢ, z) − d_min,  Rᵢ = max(R, xᵢ)                    depth of the tree, and its depth range
     λ′ᵢ = λᵢ · (1 − a · (Rᵢ/z) · (xᵢ/Rᵢ)^(m/n))                  a = strength, m = full models
 
-Where all trees are nearer than ¾·z this is the published formula. Nobody asks what the camera's frame shows, and a tree
-that comes from beyond z has no say in the others' n, d_min and R before it is nearer, where its say begins at 0:
-minima, maxima and sums of continuous functions are continuous, so λ′ is, along any path of the camera and of any tree.
-Only its own range reaches beyond R as far as the tree itself: if it faded out with ωᵢ, a tree that goes away would grow
-leaves again. λ′ is never above λ, and falls with the distance among trees of equal scale.
+If all trees are nearer than ¾·z this is the published formula. λ′ does not depend on the camera frame. A tree that
+comes nearer than z affects the others' n, d_min and R with a weight that starts at 0. Minima, maxima and sums of
+continuous functions are continuous, so λ′ is continuous along any path of the camera and of the trees. A tree's own
+range Rᵢ always reaches as far as the tree. If it faded out with ωᵢ, a departing tree would grow leaves again. λ′ is
+never above λ, and falls with the distance among trees of equal scale.
 
-The triangle budget is one factor f ≤ 1 for all λ′. A leaf is drawn where its key, rank / λ′ᵢ, is below f. So the faces
-are put in the order of their keys and their triangles counted until the budget is full: the key of the first leaf that
-has no room is f. Of leaves with that very key (trees that stand symmetrically have many) those of the first trees are
-drawn, as long as there is room, at a size of 0. So never more than the budget is drawn, and less by a leaf at most.
+The triangle budget is one factor f ≤ 1 for all λ′. A leaf is drawn if its key, rank / λ′ᵢ, is below f. To find f, faces
+are sorted by key and their triangles counted until the budget is full. f is the key of the first leaf without room.
+Several leaves may have exactly this key, for example in symmetrically placed trees. Those of the first trees are drawn
+while there is room, at size 0. So the triangle count never exceeds the budget, and falls short by at most one leaf.
 
     r = clamp((1 − key/f) / min(0.05, 1 − f·λ′ᵢ), 0, 1)           ramp, by leaf
     s = √(ΣA / Σ(A·r²))                                           by tree, A the areas of its leaves in its coordinates
-    p' = pivot + (p − pivot)·s·γ·r                                γ and the share of the mean 1 − κ as in `lod_nodes`
+    p' = pivot + (p − pivot)·s·γ·r                                γ, and 1 − κ for colors, as in `lod_nodes`
 
-Leaves of a negative rank, and meshes without ranks (the wood), are protected: never pruned, never grown, in no sum of
+Leaves of a negative rank, and meshes without ranks (trunks), are protected: never pruned, never grown, in no sum of
 areas. They count in the budget, but it cannot remove them.
 
-Known limits: every tree is realised before it is pruned, each at every change of the camera, so memory and time follow
-the leaves of all trees. Every object of the collection counts in n, the wood too; trees do not lie in collections of
-their own inside it. Leaves do not move onto billboards; their pivots and targets come out in the trees' coordinates.
-Blender 4.2's Delete Geometry node drops custom normals.
+Known limits: each change of the camera realizes all trees before pruning, so memory and time grow with the leaves of
+all trees. Every object of the collection counts in n, trunks too. Trees must not be in child collections. Leaves do not
+morph onto billboards. The output's pivots and targets are in the trees' coordinates. Blender 4.2's Delete Geometry node
+drops custom normals.
 """
 
 from __future__ import annotations
@@ -63,28 +63,29 @@ GROUP_NAME = "Leafcloud Scene"
 
 _LAYOUT_KEY = "leafcloud_scene_layout"
 _LAYOUT = 1
-"""Written into the group; raised when inputs or laws change, so that a file made earlier keeps its own group."""
+"""Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
 _RAMP = 0.05
-"""ρ at most: the share of the leaves drawn that is growing in or out."""
+"""Maximum of ρ, the fraction of the drawn leaves that is growing in or out."""
 _FADE = 0.75
-"""The share of z from which on trees count less."""
+"""Fraction of z from which the weight ω falls."""
 
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """How the trees of a scene share its leaves.
+    """Inputs of the node group.
 
-    prune_start: d₀, from where on leaves are pruned, in the trees' own units (world distance / scale). > 0.
-    prune_half: h in (0, ½]; half of the leaves are left at d₀/h.
-    growth, contrast: of pruned leaves, as measured (`leafcloud.Chain`), the same for all trees; finite.
-    full_models: m, of how many trees the loss is linear in the distance; more lose more. > 0.
+    prune_start: d₀, the distance where pruning begins, in the trees' own units (world distance / scale). > 0.
+    prune_half: h in (0, ½]; half of the leaves are kept at d₀/h.
+    growth, contrast: measured trends of pruned leaves (`leafcloud.Chain`), the same for all trees; finite.
+    full_models: m, the tree count at which pruning is linear in distance; larger scenes prune more. > 0.
     far: z, the distance up to which trees count, in units of the object with the modifier. > 0.
-    strength: a, what the farthest trees lose at most, in [0, 1]; at 0 each tree is pruned by its own distance alone.
-    budget: triangles that are drawn at most, the protected ones among them; 0 for no limit. In [0, 2³¹).
-    centre: the point of a tree that the distance is taken from, in the tree's coordinates.
+    strength: a, the maximum fraction that the farthest trees lose, in [0, 1]. At 0 each tree is pruned by its own
+        distance only.
+    budget: maximum number of triangles, including protected ones; 0 for no limit. In [0, 2³¹).
+    centre: the point of a tree that the distance is measured from, in the tree's coordinates.
 
-    Raises `ValueError` for a value that is outside its range or not finite.
+    Raises `ValueError` for a value that is out of range or not finite.
     """
 
     prune_start: float = NEVER
@@ -116,38 +117,38 @@ class SceneSettings:
 
 
 class _Trees(NamedTuple):
-    """The trees of the scene in one geometry, and what is known of each of its points or faces."""
+    """All trees of the scene in one geometry, with fields on its points and faces."""
 
     geometry: bpy.types.NodeSocket
     rank: bpy.types.NodeSocket
     tree: bpy.types.NodeSocket
     keep: bpy.types.NodeSocket
     area: bpy.types.NodeSocket
-    """A, in the tree's coordinates; 0 for what is protected."""
+    """A, in the tree's coordinates; 0 for protected faces."""
     all_area: bpy.types.NodeSocket
     """ΣA of the tree."""
 
 
 class _Cut(NamedTuple):
-    """Drawn are the leaves of keys below `factor`, and of those at `factor` the ones in trees before `tree`."""
+    """The budget's cut: keys below `factor` are drawn, and keys equal to `factor` in trees numbered below `tree`."""
 
     factor: bpy.types.NodeSocket
     tree: bpy.types.NodeSocket
 
 
 def scene_group() -> bpy.types.NodeTree:
-    """The node group of this file: the one that is there, else a new one."""
+    """Return the node group of the current file. Create it if it is missing."""
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _add_interface, _add_nodes)
 
 
 def add_scene_modifier(
     obj: bpy.types.Object, trees: bpy.types.Collection, settings: SceneSettings
 ) -> bpy.types.NodesModifier:
-    """Makes `obj` draw the `trees` in place of its own mesh. It needs neither the add-on nor Python from then on.
+    """Add the modifier that draws `trees` in place of `obj`'s mesh. It works without the add-on and without Python.
 
-    The collection holds meshes of leaves as LOD 0 has them (point attributes `leaf_rank`, `leaf_pivot`) without
-    modifiers, and wood. It need not be in the scene; where it is, its trees are drawn a second time, whole. `obj` is
-    not in it.
+    The collection holds trunks, and leaf meshes with the point attributes of LOD 0 (`leaf_rank`, `leaf_pivot`) but
+    without modifiers. Keep it out of the scene: trees in the scene are drawn a second time, unpruned. `obj` must not be
+    in the collection.
     """
     values = {
         "Trees": trees,
@@ -167,22 +168,23 @@ def add_scene_modifier(
 
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
-    """Declares the group's inputs. Their names are a promise to files and scripts; their panels are not."""
+    """Declare the group's inputs. Files and scripts rely on the names of the inputs, not on the panels."""
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    declare(tree, "Trees", "Collection", "Meshes of leaves with ranks and pivots, and wood")
-    declare(tree, "Centre", "Vector", "Point of a tree that the distance to the camera is taken from", subtype="XYZ")
+    declare(tree, "Trees", "Collection", "Collection of baked leaves, with ranks and pivots, and of trunks")
+    declare(tree, "Centre", "Vector", "Point of a tree that the distance to the camera is measured from", subtype="XYZ")
 
     panel = tree.interface.new_panel("Pruning")
     declare_pruning(tree, panel)
-    declare_trend(tree, "Growth", "leaves grow less than their area asks for", panel)
-    declare_trend(tree, "Contrast", "colours are pulled toward their mean", panel)
+    declare_trend(tree, "Growth", "the leaves grow less than needed to keep their total area", panel)
+    declare_trend(tree, "Contrast", "leaf colors move toward their mean", panel)
 
     panel = tree.interface.new_panel("Scene")
-    models = "Number of trees of which the loss is linear in the distance; more trees lose more"
+    models = "Tree count at which pruning is linear in distance. Larger scenes prune more"
     declare(tree, "Full Models", "Float", models, panel, default_value=10.0, min_value=0.0)
     declare(tree, "Far", "Float", "Distance up to which trees count", panel, default_value=1000.0, **LENGTH)
-    declare(tree, "Strength", "Float", "Share that the farthest trees lose at most", panel, default_value=0.5, **SHARE)
-    declare(tree, "Budget", "Int", "Triangles that are drawn at most; 0: no limit", panel, default_value=0, min_value=0)
+    strength = "Maximum fraction of their leaves that the farthest trees lose"
+    declare(tree, "Strength", "Float", strength, panel, default_value=0.5, **SHARE)
+    declare(tree, "Budget", "Int", "Maximum number of triangles; 0: no limit", panel, default_value=0, min_value=0)
 
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
@@ -191,7 +193,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     instances = section.result("GeometryNodeCollectionInfo", *operands, label="Trees", transform_space="RELATIVE")
     world_distance, own_distance = _distances(section)
 
-    section = Section(tree, "Share of leaves kept λ′", (-3800.0, 0.0))
+    section = Section(tree, "Fraction of leaves kept λ′", (-3800.0, 0.0))
     own_keep = keep(section, own_distance)
     shared_keep = _scene_keep(section, instances, world_distance, own_keep)
     trees = _realised(Section(tree, "All trees as one mesh", (-1600.0, 0.0)), instances, shared_keep)
@@ -207,12 +209,12 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     cut = _cut(section, kept, triangles, key, trees.tree)
     after = section.compare(key, "GREATER_THAN", cut.factor, label="key > f")
     at = section.compare(key, "GREATER_EQUAL", cut.factor, label="key ≥ f")
-    late = section.compare(trees.tree, "GREATER_EQUAL", cut.tree, label="No room any more")
+    late = section.compare(trees.tree, "GREATER_EQUAL", cut.tree, label="No room left")
     over = section.logic(after, "OR", section.logic(at, "AND", late), label="Over the budget")
-    within = section.switch("GEOMETRY", binds, kept, _deleted(section, kept, over), label="Where the budget binds")
+    within = section.switch("GEOMETRY", binds, kept, _deleted(section, kept, over), label="Cut if over the budget")
     factor = section.switch("FLOAT", binds, 1.0, cut.factor, label="f")
 
-    section = Section(tree, "Growth s·r of the leaves kept", (4200.0, 0.0))
+    section = Section(tree, "Scale s·γ·r of the leaves kept", (4200.0, 0.0))
     drawn_keep = section.math("MULTIPLY", trees.keep, factor, label="f·λ′")
     growth = _growth(section, trees, key, factor, drawn_keep)
     pivot = _pivot(section, instances, trees.tree)
@@ -228,7 +230,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
 def _told(
     section: Section, geometry: bpy.types.NodeSocket, growing: bpy.types.NodeSocket, pulled: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """The geometry with the share of the mean for materials, where the group's user asks for contrast at all."""
+    """Return the geometry, with `leaf_mean_share` stored for materials if an input Contrast is not 0."""
     numbers = ("Contrast", "Contrast of Few")
     first, second = (section.compare(section.group_input(name), "NOT_EQUAL", 0.0) for name in numbers)
     asked = section.logic(first, "OR", second, label="Contrast?")
@@ -236,25 +238,26 @@ def _told(
     told = section.result(
         "GeometryNodeStoreNamedAttribute", geometry, growing, MEAN_SHARE, pulled, label="1 − κ", **stored
     )
-    return section.switch("GEOMETRY", asked, geometry, told, label="Tell materials")
+    return section.switch("GEOMETRY", asked, geometry, told, label="Store for materials")
 
 
 def _distances(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """By tree: d from the camera to its centre in the coordinates of the object with the modifier, and in its own."""
+    """Return d from the camera to each tree's center, in the coordinates of the object with the modifier and of the
+    tree."""
     camera = Camera(section)
     centre = section.group_input("Centre")
     transform = section.result("GeometryNodeInstanceTransform")
-    here = section.result("FunctionNodeTransformPoint", centre, transform, label="Centre of the tree")
+    here = section.result("FunctionNodeTransformPoint", centre, transform, label="Center of the tree")
     distance = camera.distance(section, camera.location, here, label="Distance d")
     inverse = section.result("FunctionNodeInvertMatrix", transform)
-    there = section.result("FunctionNodeTransformPoint", camera.location, inverse, label="Camera seen from the tree")
+    there = section.result("FunctionNodeTransformPoint", camera.location, inverse, label="Camera in tree space")
     return distance, camera.distance(section, there, centre, label="d in its own units")
 
 
 def _scene_keep(
     section: Section, instances: bpy.types.NodeSocket, distance: bpy.types.NodeSocket, own_keep: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """λ′, by tree."""
+    """Return λ′ of each tree."""
 
     def over_trees(values: bpy.types.NodeSocket, statistic: str, label: str) -> bpy.types.NodeSocket:
         node = section.node(
@@ -282,9 +285,10 @@ def _scene_keep(
 
 
 def _realised(section: Section, instances: bpy.types.NodeSocket, shared_keep: bpy.types.NodeSocket) -> _Trees:
-    """The trees as one mesh. What does not depend on the camera is taken from each mesh once, however often it stands.
+    """Realize the trees to one mesh.
 
-    Rank and area are captured before, because afterwards every point has a rank, and areas are those of scaled trees.
+    Rank and area are captured per source mesh before: once for all its copies, because they do not depend on the
+    camera. After realizing, points of meshes without ranks would have ranks, too, and areas would include the scale.
     """
     named = section.node("GeometryNodeInputNamedAttribute", "leaf_rank", label="leaf_rank", data_type="FLOAT")
     rank = section.switch("FLOAT", named.outputs["Exists"], -1.0, named.outputs["Attribute"], label="Rank")
@@ -304,11 +308,11 @@ def _realised(section: Section, instances: bpy.types.NodeSocket, shared_keep: bp
 
 
 def _key(section: Section, trees: _Trees) -> bpy.types.NodeSocket:
-    """rank / λ′, at least 1 for every leaf where λ′ is 0, negative for what is protected.
+    """Return rank / λ′: at least 1 for every leaf if λ′ is 0, negative for protected points.
 
-    In f32 the quotient is below 1 where rank is below λ′, and nowhere else.
+    In f32 the quotient is below 1 if and only if the rank is below λ′.
     """
-    least = section.math("ADD", trees.rank, TINY, label="0 is lost at λ′ = 0, too")
+    least = section.math("ADD", trees.rank, TINY, label="At λ′ = 0 prune rank 0, too")
     return section.math("DIVIDE", least, section.math("MAXIMUM", trees.keep, TINY), label="Key")
 
 
@@ -323,13 +327,16 @@ def _corner_count(section: Section) -> bpy.types.NodeSocket:
 def _exceeds_budget(
     section: Section, geometry: bpy.types.NodeSocket, triangles: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """Whether there is a budget and `geometry` has more triangles. Counted in integers: f32 has not all from 2²⁴ on."""
+    """Return whether there is a budget and `geometry` exceeds it.
+
+    It counts in integers, because f32 cannot represent every integer above 2²⁴.
+    """
     faces = {"data_type": "INT", "domain": "FACE"}
     total = section.node("GeometryNodeAccumulateField", triangles, label="All triangles", **faces).outputs["Total"]
     count = section.result("GeometryNodeSampleIndex", geometry, total, 0, label="Count", **faces)
     budget = section.group_input("Budget")
     limited = section.compare_integers(budget, "GREATER_THAN", 0, label="Is there a budget?")
-    return section.logic(limited, "AND", section.compare_integers(count, "GREATER_THAN", budget), label="Does it bind?")
+    return section.logic(limited, "AND", section.compare_integers(count, "GREATER_THAN", budget), label="Exceeded?")
 
 
 def _cut(
@@ -339,29 +346,29 @@ def _cut(
     key: bpy.types.NodeSocket,
     tree: bpy.types.NodeSocket,
 ) -> _Cut:
-    """The cut of `geometry`, which has more triangles than the budget.
+    """Return the cut that fits `geometry` into the budget that it exceeds.
 
-    Faces become points, which are quicker to sort. A face has the key of its first point, not the mean of its points,
-    which may be rounded: then a leaf would be counted that is not deleted. Sorting keeps the order of equal keys, so
-    the faces of one tree stay together. What is protected comes first, and is not cut.
+    Faces become points, which sort faster. A face takes the key of its first point. The mean of its points may be
+    rounded, and then a counted leaf would not be deleted. Sorting keeps the order of equal keys, so the faces of one
+    tree stay together. Protected faces come first and are never cut.
     """
     corner = section.result("GeometryNodeCornersOfFace", label="First corner")
     first = section.result("GeometryNodeVertexOfCorner", corner, label="First point")
     key = section.at_index(key, first, "Key of the face", data_type="FLOAT", domain="POINT")
     of_face = {"Key": ("FLOAT", key), "Tree": ("INT", tree), "Triangles": ("INT", triangles)}
-    faces, key, tree, triangles = section.capture(geometry, "FACE", "Of the face", **of_face)
+    faces, key, tree, triangles = section.capture(geometry, "FACE", "Key, tree, triangles", **of_face)
     points = section.result("GeometryNodeMeshToPoints", faces, label="Faces as points", mode="FACES")
     ordered = section.result("GeometryNodeSortElements", points, None, None, key, label="By key", domain="POINT")
 
     of_point = {"data_type": "INT", "domain": "POINT"}
     counted = section.node("GeometryNodeAccumulateField", triangles, label="Triangles so far", **of_point)
     used, budget = counted.outputs["Leading"], section.group_input("Budget")
-    full = section.compare_integers(used, "GREATER_THAN", budget, label="No room any more")
+    full = section.compare_integers(used, "GREATER_THAN", budget, label="No room left")
     points = {"data_type": "FLOAT", "domain": "POINT"}
-    factor = section.node("GeometryNodeAttributeStatistic", ordered, full, key, label="First key without", **points)
+    factor = section.node("GeometryNodeAttributeStatistic", ordered, full, key, label="First key left out", **points)
     factor = section.math("MAXIMUM", factor.outputs["Min"], 0.0, label="f")
-    at = section.logic(full, "AND", section.compare(key, "LESS_EQUAL", factor), label="Of these, at f")
-    first_tree = section.node("GeometryNodeAttributeStatistic", ordered, at, tree, label="First tree without", **points)
+    at = section.logic(full, "AND", section.compare(key, "LESS_EQUAL", factor), label="No room, and key = f")
+    first_tree = section.node("GeometryNodeAttributeStatistic", ordered, at, tree, label="First tree out", **points)
     return _Cut(factor, first_tree.outputs["Min"])
 
 
@@ -372,7 +379,7 @@ def _growth(
     factor: bpy.types.NodeSocket,
     drawn_keep: bpy.types.NodeSocket,
 ) -> bpy.types.NodeSocket:
-    """s·γ·r. The sum of what is drawn is taken over the geometry that it is asked on, after pruning."""
+    """Return s·γ·r. The sum of the drawn areas runs over the pruned geometry that evaluates this field."""
     share = section.math("DIVIDE", key, factor, label="rank / (f·λ′)")
     rest = section.math("SUBTRACT", 1.0, drawn_keep, label="1 − f·λ′")
     width = section.math("MAXIMUM", section.math("MINIMUM", rest, _RAMP, label="ρ"), TINY)
@@ -385,7 +392,7 @@ def _growth(
 
 
 def _pivot(section: Section, instances: bpy.types.NodeSocket, tree: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """The leaf's pivot where the tree stands: realising moves points, but no attributes."""
+    """Return the leaf's pivot at the tree's placement. Realizing instances transforms points, but no attributes."""
     transform = section.result("GeometryNodeInstanceTransform")
     operands = (instances, transform, tree)
     place = section.result(

@@ -1,4 +1,4 @@
-"""Node trees written as formulas, and laid out so that they can be read."""
+"""A node builder: node trees written like formulas, with an automatic layout."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from typing import Any, TypeAlias
 import bpy
 
 Operand: TypeAlias = bpy.types.NodeSocket | float | str | tuple[float, ...] | None
-"""What a node's input gets: a link, a constant, or nothing."""
+"""The operand of a node's input: a socket to link, a constant, or None to keep the default."""
 
 
 class Section:
-    """A labelled frame of a node tree, in which nodes are placed as they come: right of what they use, below others.
+    """A labeled frame of a node tree. It places each new node to the right of its operands, below other nodes.
 
-    The functions that make nodes take sockets and constants, and return the socket of the result, so that they nest
-    like the formula they stand for.
+    The methods that add nodes take sockets and constants and return the result's socket, so calls nest like a formula.
     """
 
     _COLUMN_WIDTH = 220.0
@@ -29,7 +28,10 @@ class Section:
         self._frame.location = origin
 
     def node(self, kind: str, *operands: Operand, label: str = "", **properties: Any) -> bpy.types.Node:
-        """A node with `operands` on its enabled inputs, in order; `None` leaves one as it is."""
+        """Add a node with `operands` on its enabled inputs, in order. `None` keeps an input's default.
+
+        properties: attributes of the node.
+        """
         node = self._tree.nodes.new(kind)
         node.label = label
         for key, value in properties.items():
@@ -44,12 +46,12 @@ class Section:
         return node
 
     def result(self, kind: str, *operands: Operand, label: str = "", **properties: Any) -> bpy.types.NodeSocket:
-        """The first enabled output of such a node."""
+        """Add a node as `node` does. Return its first enabled output."""
         node = self.node(kind, *operands, label=label, **properties)
         return next(socket for socket in node.outputs if socket.enabled)
 
     def group_input(self, name: str) -> bpy.types.NodeSocket:
-        """The group's input `name`, on a node of its own that shows nothing else."""
+        """Return the group's input `name`, on a new Group Input node that hides the other inputs."""
         node = self._tree.nodes.new("NodeGroupInput")
         for socket in node.outputs:
             socket.hide = socket.name != name
@@ -63,7 +65,7 @@ class Section:
         return self.result("ShaderNodeVectorMath", *operands, label=label, operation=operation)
 
     def mix(self, factor: Operand, a: Operand, b: Operand, label: str) -> bpy.types.NodeSocket:
-        """The vector (1 − factor)·a + factor·b."""
+        """Return the vector (1 − factor)·a + factor·b."""
         return self.result("ShaderNodeMix", factor, a, b, label=label, data_type="VECTOR")
 
     def compare(self, a: Operand, operation: str, b: Operand, label: str = "") -> bpy.types.NodeSocket:
@@ -78,23 +80,26 @@ class Section:
     def switch(
         self, kind: str, condition: Operand, otherwise: Operand, then: Operand, label: str
     ) -> bpy.types.NodeSocket:
-        """`then` where `condition` holds, else `otherwise`; the branch that is not taken is not evaluated."""
+        """Return `then` where `condition` is true, else `otherwise`. The other branch is not evaluated."""
         return self.result("GeometryNodeSwitch", condition, otherwise, then, label=label, input_type=kind)
 
     def attribute(self, kind: str, name: str) -> bpy.types.NodeSocket:
-        """The point attribute `name`; 0 on a mesh that has none."""
+        """Return the point attribute `name`; 0 on a mesh without it."""
         return self.result("GeometryNodeInputNamedAttribute", name, label=name, data_type=kind)
 
     def vector_attribute(self, name: str, missing: Operand) -> bpy.types.NodeSocket:
-        """The point attribute `name`; `missing` on a mesh that has none."""
+        """Return the vector point attribute `name`; `missing` on a mesh without it."""
         node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")
         value, exists = node.outputs["Attribute"], node.outputs["Exists"]
-        return self.switch("VECTOR", exists, missing, value, label=f"{name}, if there")
+        return self.switch("VECTOR", exists, missing, value, label=f"{name} or default")
 
     def at_index(
         self, value: bpy.types.NodeSocket, index: bpy.types.NodeSocket, label: str, **properties: Any
     ) -> bpy.types.NodeSocket:
-        """The field `value` at another `index` of a domain; 0 outside. Blenders order its inputs differently."""
+        """Return the field `value` at another `index` of a domain; 0 outside.
+
+        It links inputs by name, because Blender versions order them differently.
+        """
         node = self._tree.nodes.new("GeometryNodeFieldAtIndex")
         node.label = label
         for key, setting in properties.items():
@@ -108,9 +113,10 @@ class Section:
     def capture(
         self, geometry: bpy.types.NodeSocket, domain: str, label: str, **values: tuple[str, bpy.types.NodeSocket]
     ) -> tuple[bpy.types.NodeSocket, ...]:
-        """The geometry with `values` (a kind, as FLOAT, and a field each) kept on its `domain`, and what reads each.
+        """Capture fields on a `domain` of the geometry. Return the geometry, then a field per captured value.
 
-        On instances each geometry is looked at by itself, unless the domain is INSTANCE.
+        values: a type, such as FLOAT, and a field for each name. On instances each instanced geometry is evaluated
+        separately, unless the domain is INSTANCE.
         """
         node = self._tree.nodes.new("GeometryNodeCaptureAttribute")
         node.label, node.domain = label, domain
@@ -132,7 +138,7 @@ class Section:
 
 
 def _drawn_height(node: bpy.types.Node) -> float:
-    """About how high the node is drawn: Blender knows it only after it was drawn in an editor."""
+    """Return the estimated height of the node. Blender knows the height only after it has drawn the node."""
     rows = 2.0  # header and one menu
     for socket in (*node.inputs, *node.outputs):
         if socket.enabled and not socket.hide:

@@ -1,9 +1,8 @@
-"""What casts the leaves' shadow and is not seen: the billboards of level 1, in one mesh that neither moves nor fades.
+"""The shadow proxy: an invisible mesh of level 1's billboards that casts the leaves' shadow and never moves or fades.
 
-Rasterisers draw all that casts a shadow again for every light, cut out by its texture. Billboards are few, and their
-shadow does not change as levels take over from one another. Known limit: they stand among the leaves that they were
-made of, and shade some that no leaf shades; so this is for lights whose shadows are coarse anyway, and nothing that
-Cycles needs.
+Rasterizers draw all shadow casters again for every light, cut out by their textures. Billboards are few, and the proxy
+keeps the shadow unchanged when levels take over. Known limit: the billboards stand among the leaves, and shade some
+leaves that no other leaf shades. Coarse shadow maps hide this. Cycles does not need the proxy.
 """
 
 from __future__ import annotations
@@ -24,18 +23,18 @@ from .levels import EXTRAS
 from .materials import Page, atlas_image, atlas_material
 
 _KEY = "shadow_only"
-"""What says so among the object's custom properties, and in glTF's extras."""
+"""Custom property of a shadow proxy, under `EXTRAS`; also in glTF's extras."""
 _SEEN_BY = ("camera", "diffuse", "glossy", "transmission", "volume_scatter")
 
 
 def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, placement: Placement) -> None:
-    """Puts a proxy beside the levels of a baked tree, which cast no shadow from then on; the wood goes on with its own.
+    """Add a shadow proxy made from `level` to the collection, and stop the levels from casting shadows.
 
-    Its page is white, and has the alpha of the level's for engines.
+    Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page for engines.
     """
     name = f"{collection.name}_shadow"
     pixels, cutoff = level.for_engines()
-    if cutoff == 0.0:  # Shadow maps know no shades.
+    if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
         cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255
     material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
@@ -52,7 +51,7 @@ def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, p
 
 
 def shadow_proxy_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
-    """That of a baked tree, if it has one."""
+    """Return the shadow proxy in a baked tree's collection; None if it has none."""
     return next(filter(is_shadow_proxy, collection.objects), None)
 
 
@@ -62,7 +61,7 @@ def is_shadow_proxy(obj: bpy.types.Object) -> bool:
 
 @contextmanager
 def left_out(collection: bpy.types.Collection, obj: bpy.types.Object) -> Iterator[None]:
-    """Takes the object out of the collection for a while: who draws all that is in a file would draw it, too."""
+    """Unlink the object from the collection during the block, for exports: file viewers would draw the object."""
     collection.objects.unlink(obj)
     try:
         yield

@@ -1,7 +1,7 @@
-"""The trees of which `scene_nodes` makes a scene: copies of the leaves, and of the wood, of all that were baked.
+"""Tree sets for `scene_nodes`: copies of the leaves and trunks of all baked trees.
 
-The copies share the meshes of the levels, have no modifiers, and lie in a collection that is in no scene; so the node
-group sees them as they are, wherever the camera is.
+The copies share the levels' meshes, have no modifiers, and are in a collection outside all scenes. So the node group
+reads the original leaves from any camera position.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from .baked_trees import level_number, woods
 
 @dataclass(frozen=True)
 class SharedTrees:
-    """`trees` is what is drawn, `sources` the objects that show the same, and all other levels of it, until now.
+    """A tree set.
 
-    leaves: the LOD 0 of each kind of tree, in the order of their names. count: of the trees.
+    trees: the collection to draw. sources: the objects that the tree set replaces: levels, trunks and instances.
+    leaves: the LOD 0 of each kind of tree, sorted by name. count: the number of trees.
     """
 
     trees: bpy.types.Collection
@@ -29,9 +30,9 @@ class SharedTrees:
 
 
 def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
-    """The baked trees among the `objects`, and those in the collections that these are instances of.
+    """Return a tree set of the baked trees among the `objects`, including trees in instanced collections.
 
-    Raises `ValueError` where there is none.
+    name: of the new collection. Raises `ValueError` if there is no baked tree.
     """
     wood = woods()
     placed: list[tuple[bpy.types.Object, Matrix]] = []
@@ -41,7 +42,7 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
         placed += [(level, matrix) for level, matrix in shown if level_number(level) == 0]
         sources += [obj] if shown else []
     if not placed:
-        raise ValueError("no baked tree is there: bake one first, or unhide it")
+        raise ValueError("there is no baked tree: bake one first, or unhide it")
     trees = bpy.data.collections.new(name)
     for level, matrix in placed:
         _add(trees, level, matrix)
@@ -54,7 +55,10 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
 
 
 def levels_shown(obj: bpy.types.Object) -> Iterator[tuple[bpy.types.Object, Matrix]]:
-    """The levels that the object is or, as an instance of a collection, shows, and where."""
+    """Yield the levels that the object shows, and their world matrices.
+
+    An object shows itself if it is a level, or the levels of the collection that it instances.
+    """
     if level_number(obj) is not None:
         yield obj, obj.matrix_world
     elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:

@@ -1,10 +1,12 @@
-"""The node group that holds the two of a pair of billboards apart, each toward who sees it.
+"""The node group *Leafcloud Sides*. It moves front and back billboards apart along their normals.
 
-Where the two sides of a level differ, each billboard is two, back to back in one place. Rasterisers draw the one that
-faces the viewer. Ray tracers meet both, and a ray that passes the back of one, which is transparent, passes what lies
-exactly there, too: the other. So they are parted, but in Blender only, where Cycles needs it: by a modifier after all
-that moves them, for a level that collapses onto the next brings its own pairs together again. The meshes, and the
-files that are made of them, lie exactly on the planes that other levels morph to.
+If the two sides of a level differ, each billboard is a pair: a front and a back billboard in the same place.
+Rasterizers draw the one that faces the viewer. A ray tracer's ray hits both. When it passes the transparent back of
+one, it also passes the other one at exactly the same distance.
+
+So the pairs are moved apart, only in Blender, where Cycles needs it. The modifier follows all others that move the
+billboards, because a level that morphs onto the next would bring its own pairs together again. Meshes and exported
+files stay exactly on the planes that other levels morph to.
 """
 
 from __future__ import annotations
@@ -21,33 +23,34 @@ _LAYOUT_KEY = "leafcloud_sides_layout"
 _LAYOUT = 1
 
 _SHARE = 1.0 / 16384.0
-"""Of the level's whole extent: some 30 units in the last place of what a camera at 60 radii measures."""
+"""Offset as a fraction of the level's extent: about 30 ulp of the distance to a camera at 60 radii."""
 
 
 def apart(corners: NDArray[np.float64], number: int) -> float:
-    """How far each of the billboards with these corners (b, c, 3), of the level `number` ≥ 1, is moved, in their unit.
+    """Return the offset of each billboard of the level `number` ≥ 1, in the unit of its `corners` (b, c, 3).
 
-    Each level lies in front of the one that has morphed to it, so that it is lit while the two cross-fade.
+    The offset grows with the number. So each level lies in front of the one that has morphed to it, and stays lit while
+    the two cross-fade.
     """
     return number * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) * _SHARE
 
 
 def add_side_modifier(obj: bpy.types.Object, apart: float) -> bpy.types.NodesModifier:
-    """Moves every face of `obj` along its normal by `apart` > 0, in the object's own unit."""
+    """Add the modifier that moves every face of `obj` along its normal by `apart` > 0, in the object's own units."""
     return add_modifier(obj, GROUP_NAME, side_group(), {"Apart": apart})
 
 
 def side_group() -> bpy.types.NodeTree:
-    """The node group of this file: the one that is there, else a new one."""
+    """Return the node group of the current file. Create it if it is missing."""
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _fill)
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    declare(tree, "Apart", "Float", "How far a billboard lies in front of its place", default_value=0.0, **LENGTH)
-    section = Section(tree, "Toward who sees it", (0.0, 0.0))
+    declare(tree, "Apart", "Float", "Offset of each billboard along its normal", default_value=0.0, **LENGTH)
+    section = Section(tree, "Offset along the normal", (0.0, 0.0))
     normal = section.result("GeometryNodeInputNormal")
     step = section.vector("SCALE", normal, section.group_input("Apart"), label="Step")
-    moved = section.result("GeometryNodeSetPosition", section.group_input("Geometry"), None, None, step, label="Part")
+    moved = section.result("GeometryNodeSetPosition", section.group_input("Geometry"), None, None, step, label="Apart")
     section.node("NodeGroupOutput", moved)

@@ -1,4 +1,4 @@
-"""What the wind needs to know of a level's vertices, and of a tree's stature; only where the effect wind is on."""
+"""Wind attributes of vertices, and the wind's custom properties for engines. Both exist only with the effect wind."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .wind_nodes import WindSettings
 
 @dataclass(frozen=True)
 class Swaying:
-    """Per vertex (v): the pivot of its leaf or billboard (v, 3), that of its billboard on the next level (v, 3), and of
-    leaves alone the phase, in [0, 1), and how freely they flutter, from 0 in the heart of the crown to 1 at its hull.
+    """Wind data per vertex, in the tree's coordinates. None: the level does not have it, or already stores it.
 
-    In the tree's coordinates; None is what the level does not have, or has already.
+    pivot (v, 3): of its leaf or billboard. billboard_pivot (v, 3): of its billboard on the next level.
+    phase (v,) in [0, 1) and flutter (v,): leaves only. flutter rises from 0 at the crown's center to 1 at its hull.
     """
 
     pivot: NDArray[np.float32] | None = None
@@ -32,7 +32,7 @@ class Swaying:
 
     @property
     def attributes(self) -> dict[str, NDArray[np.float32]]:
-        """By name."""
+        """The arrays that are not None, by attribute name."""
         named = {
             "leaf_pivot": self.pivot,
             "leaf_billboard_pivot": self.billboard_pivot,
@@ -47,15 +47,15 @@ class Swaying:
 
 
 def add_swaying(mesh: bpy.types.Mesh, swaying: Swaying) -> None:
-    """Stores the attributes."""
+    """Store the data as point attributes of the mesh."""
     for name, values in swaying.attributes.items():
         add_point_attribute(mesh, name, "FLOAT" if values.ndim == 1 else "FLOAT_VECTOR", values)
 
 
 def plane_pivots(level: leafcloud.Level) -> NDArray[np.float64]:
-    """(k, 3) for each plane of the cloud `level` the centroid of its billboard's area, in the world.
+    """Return (k, 3) the area centroid of the billboard on each plane of the cloud `level`, in the world.
 
-    That is the pivot which the core gives the billboard when it stands as a leaf of the next level.
+    The core uses the same point as the pivot when it treats the billboard as a leaf to build the next level.
     """
     corners = level.corners.astype(np.float64)
     sides = corners[:, 1:] - corners[:, :1]
@@ -70,21 +70,26 @@ def plane_pivots(level: leafcloud.Level) -> NDArray[np.float64]:
 
 
 def phases(leaf_ids: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """(n,) in [0, 1): neighbours in the order of leaves are far apart."""
+    """Return (n,) phases in [0, 1) that differ strongly between leaves with successive numbers."""
     return np.minimum(leaf_ids.astype(np.float64) * GOLDEN % 1.0, 1.0 - 2.0**-24).astype(np.float32)
 
 
 def freedom(pivots: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n,) of leaves with `pivots` (n, 3): the distance from the crown's middle as a share of the ellipsoid that fills
-    the box about all pivots, at most 1."""
+    """Return (n,) the flutter of leaves with `pivots` (n, 3), in [0, 1].
+
+    It is the distance from the crown's center, relative to the ellipsoid inscribed in the bounding box of all pivots,
+    at most 1.
+    """
     low, high = pivots.min(axis=0), pivots.max(axis=0)
     half = np.where(high > low, (high - low) / 2.0, 1.0)
     return np.minimum(np.linalg.norm((pivots - (low + high) / 2.0) / half, axis=1), 1.0).astype(np.float32)
 
 
 def wind_extras(settings: WindSettings) -> dict[str, Any]:
-    """What engines need beside the vertices, as `shaders/leafcloud.glsl` takes it: vectors are Y-up, lengths in the
-    node's own units; `direction` alone is in the world."""
+    """Return the wind's custom properties for engines, as `shaders/leafcloud.glsl` expects them.
+
+    Vectors are Y-up, lengths in the node's own units. Only `direction` is in the world.
+    """
     stature, wind, swing = settings.stature, settings.wind, settings.swing
     return {
         "direction": y_up(wind.direction),

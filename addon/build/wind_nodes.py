@@ -1,53 +1,55 @@
-"""The node group that lets the wind move a level: leaves flutter, and everything sways with the branch that carries it.
+"""The node group *Leafcloud Wind*. Leaves flutter, and everything sways with the branch that carries it.
 
-It stands behind *Leafcloud LOD* and moves what comes out of that. All lengths are in the tree's own coordinates. The
-ideas are the usual ones of vegetation in real time, displacement that follows from the place in a few sines: T. Sousa,
-"Vegetation Procedural Animation and Shading in Crysis", GPU Gems 3, ch. 16 (2007); R. Habel, A. Kusternig, M. Wimmer,
-"Physically Guided Animation of Trees", Eurographics 2009. With F the foot of the trunk, u up, H the tree's height, Q
-its spread, d where the wind blows to (|d| = 1), S its strength, G the share that comes and goes, P the period, t the
-seconds, o the object's place in the world and V the vector `PLACE_TURNS`:
+The group follows *Leafcloud LOD* in the modifier stack and moves its output. All lengths are in the tree's own
+coordinates. Like most real-time vegetation it displaces points by a few sines of their position: T. Sousa, "Vegetation
+Procedural Animation and Shading in Crysis", GPU Gems 3, ch. 16 (2007); R. Habel, A. Kusternig, M. Wimmer, "Physically
+Guided Animation of Trees", Eurographics 2009.
 
-    σ = S / (|S| + 4)                                            how hard it blows, in (−1, 1)
+F is the foot of the trunk, u the direction up, H the tree's height, Q its spread. d is the direction that the wind
+blows to (|d| = 1), S its strength, G the gusting fraction of it, P the period, t the time in seconds, o the object's
+location in the world, V the vector `PLACE_TURNS`:
+
+    σ = S / (|S| + 4)                                            effective strength, in (−1, 1)
     τ = t/P + V·o                                                turns
     g = 1 − G + G·(0.6 sin 2πτ + 0.4 sin 2π·0.618τ)              gusts, |g| ≤ 1
-    y = c − F,  η = max(u·y, 0)/H,  r = y − (u·y)·u,  ρ = |r|/Q  of a place c: how high it is, how far from the axis
+    y = c − F,  η = max(u·y, 0)/H,  r = y − (u·y)·u,  ρ = |r|/Q  relative height of a point c and distance from the axis
     θ = 2π·2.3τ − k·y/Q,  k = 2·(d + u × d)                      waves along and across the wind
     w(c) = σ·A·H·g·η²·d + σ·B·Q·ρ² sin θ·(d + u)/2               sway: the trunk leans, branches swing about it
 
-A is Sway, B Branches. Wood moves by w of each of its points. What is drawn as one, a leaf or a billboard, follows w at
-its pivot c as w and its derivative w′ say, so that it bends with the branch and stays what it is:
+A is the input Sway, B the input Branches. Each point of the trunk and branches moves by w. A leaf or a billboard moves
+as one piece: by w and its derivative w′ at its pivot c. So it bends with the branch and keeps its shape:
 
     W_c(x) = w(c) + w′(c)·(x − c)
            = σ·A·H·g·(η² + 2η u·(x − c)/H)·d
              + σ·B·Q·((ρ² + 2 r·(x − c)/Q²) sin θ − ρ² cos θ k·(x − c)/Q)·(d + u)/2
 
-So a leaf's pivot moves just as the wood there. Each leaf also turns about its pivot, by an angle that is 0 on
-billboards, with f how freely it flutters (the attribute `leaf_flutter`) and φ its `leaf_phase`:
+So a leaf's pivot moves exactly as the branch there. Each leaf also rotates about its pivot. The angle is 0 on
+billboards. f is the attribute `leaf_flutter`, from stiff to free, and φ the attribute `leaf_phase`:
 
     n = (sin 2π(5τ + φ)·d + sin 2π(6.9τ + 3φ)·u × d) / √2,  |n| ≤ 1
-    p = c(a) + R(n, |σ|·α·f·(1 − a)·|n|)·(p(a) − c(a))           R turns about n, by an angle; α is Flutter
+    p = c(a) + R(n, |σ|·α·f·(1 − a)·|n|)·(p(a) − c(a))           R(n, angle): rotation about n; α is the input Flutter
     p' = p + (1 − a)·W_c(p) + a·W_C(p)                           C: the pivot of the billboard (`leaf_billboard_pivot`)
 
-*Levels stay closed.* W is affine, so a point of a billboard moves as its corners say, whatever its outline is and
-however large it is. At a = 1 a leaf moves by W_C, as does the billboard with the pivot C on the next level at its
-a = 0: the two are where they would be without wind, under one affine map. Nothing is left but rounding, some 32 ulp of
-the greatest coordinate. Where the next level takes over, at a = 0.998, leaves lack 0.002 of at most
+*Leaves and billboards coincide at the hand-over.* W is affine, so every point of a billboard moves consistently with
+its corners, whatever its outline and size. At a = 1 a leaf moves by W_C. So does the next level's billboard with the
+pivot C at its own a = 0. The same affine map moves both from where they are without wind. Only rounding remains, about
+32 ulp of the greatest coordinate. The next level takes over at a = 0.998. There leaves are off by 0.002 of at most
 
     |σ|·α·|p − c| + |W_C(p) − W_c(p)|,   the latter at most M·(|p − c|² + |p − C|²)/2 by Taylor, M the greatest |w″|
 
-With |w″| ≤ |σ|·(2A/H + B/Q·(2 + 4|k| + |k|²)), where |k| ≤ 2√2, that is 0.0005 of the spread for a billboard that
-reaches half of it from its pivot in a storm (σ = 1). How far a billboard's rim is from the wood beside it is bounded by
-M·|p − C|²/2, too; nothing jumps because of it.
+|w″| ≤ |σ|·(2A/H + B/Q·(2 + 4|k| + |k|²)) with |k| ≤ 2√2. In a storm (σ = 1) leaves are off by 0.0005 of the spread,
+for a billboard that extends half the spread from its pivot. M·|p − C|²/2 also bounds the distance between a
+billboard's rim and the branch beside it. This distance causes no pop.
 
-*Bounds.* |w| ≤ |σ|·(A·H·η² + B·Q·ρ²): nothing at the foot, A of the height at the top however strong the wind.
+*Bounds.* |w| ≤ |σ|·(A·H·η² + B·Q·ρ²). The foot does not move. The top leans by at most A times the height in any wind.
 
-At strength 0 the output is the input, bit for bit and at no cost. The group works without Python: the direction is the
-Z axis of Field, live, or the input Direction, in the world; trees that stand apart are not in step, for V·o differs,
-while levels, which stand in one place, are.
+At strength 0 the output is the input, bit for bit and at no cost. The group works without Python. The direction is the
+live Z axis of Field, or the input Direction, in the world. Trees at different locations sway out of step, because V·o
+differs. Levels of one tree share a location, so they sway in step.
 
 Known limits: normals do not turn. All instances of one object (a forest's variants, a collection instance) sway in
-step, by the place of the object that they show. Wood and the cross, which have no pivots, bend where they have points:
-long edges stay straight. Nothing collides.
+step, by the location of the instanced object. Trunks and cross impostors have no pivots and bend only at their
+vertices: long edges stay straight. There are no collisions.
 """
 
 from __future__ import annotations
@@ -80,33 +82,33 @@ SWAY_NAME = "Leafcloud Sway"
 _LAYOUT_KEY = "leafcloud_wind_layout"
 _SWAY_KEY = "leafcloud_sway_layout"
 _LAYOUT = 1
-"""Written into both groups; raised when inputs or laws change, so that a file baked earlier keeps its own group."""
+"""Version stored in both groups. Increase it when inputs or laws change: files baked earlier then keep their groups."""
 
 HALF_FORCE = 4.0
 """The strength at which σ is ½."""
 PLACE_TURNS = (0.1732, 0.1414, 0.2236)
-"""V, turns per unit of the world: no two of them, nor trees in rows, are in a simple ratio."""
+"""V, turns per world unit. No two are in a simple ratio, so rows of trees do not sway in step."""
 GUSTS = ((1.0, 0.6), (0.618, 0.4))
-"""Turns per period, and weights, of which gusts are made."""
+"""Turns per period and weight of each sine of the gusts."""
 BRANCH_TURNS = 2.3
 """Turns of the branches per period."""
 FLUTTER_TURNS = (5.0, 6.9)
 """Turns of the leaves per period, about d and about u × d."""
 PHASES = (1.0, 3.0)
-"""How often the phase counts in either; whole numbers, so that φ = 1 is φ = 0."""
+"""Factors of the phase in the two rotations. They are whole numbers, so that φ = 1 equals φ = 0."""
 WAVES = 2.0
-"""|k| along d."""
+"""Component of k along d."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """How much a tree gives way to the wind; the defaults are those of the group.
+    """A tree's response to the wind. The node group has the same defaults.
 
-    sway: A, how far the top leans at most, as a share of the height; in [0, 1].
-    branches: B, how far the tips of branches swing beside that, as a share of the spread; in [0, 1].
-    flutter: α, by how much leaves turn at most, radians; in [0, π/2].
+    sway: A, the maximum lean of the top, as a fraction of the height; in [0, 1].
+    branches: B, the maximum additional swing of branch tips, as a fraction of the spread; in [0, 1].
+    flutter: α, the maximum rotation of leaves in radians; in [0, π/2].
 
-    Raises `ValueError` for a value outside its range.
+    Raises `ValueError` for a value out of range.
     """
 
     sway: float = 0.1
@@ -122,8 +124,12 @@ class Swing:
 
 @dataclass(frozen=True)
 class WindSettings:
-    """What blows, on what, and how far the level is on its way to the next: `start`, `end`, `centre` as `LodSettings`
-    has them. `move_pivots` moves the attribute `leaf_pivot`, too, for a group behind this one that reads it."""
+    """Inputs of the node group.
+
+    stature, wind, swing: the tree's measurements, the wind, and the tree's response.
+    start, end, centre: the transition, as in `LodSettings`.
+    move_pivots: move the attribute `leaf_pivot`, too, for a later node group that reads it.
+    """
 
     stature: Stature
     wind: Wind = BREEZE
@@ -135,15 +141,14 @@ class WindSettings:
 
 
 def wind_group() -> bpy.types.NodeTree:
-    """The node group of this file: the one that is there, else a new one."""
+    """Return the node group of the current file. Create it if it is missing."""
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _add_interface, _add_nodes)
 
 
 def add_wind_modifier(obj: bpy.types.Object, settings: WindSettings) -> bpy.types.NodesModifier:
-    """Adds the group to `obj` as its last modifier. It needs neither the add-on nor Python from then on.
+    """Add the group to `obj` as its last modifier. It works without the add-on and without Python.
 
-    Where the wind's force field is in the file, its Z axis gives the direction, and a driver, without Python, the
-    strength.
+    If the wind's force field is in the file, its Z axis sets the direction. A driver without Python sets the strength.
     """
     stature, wind, swing = settings.stature, settings.wind, settings.swing
     values: dict[str, InputValue] = {
@@ -172,39 +177,40 @@ def add_wind_modifier(obj: bpy.types.Object, settings: WindSettings) -> bpy.type
 
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
-    """Declares the group's inputs. Their names are a promise to files and scripts; their panels are not."""
+    """Declare the group's inputs. Files and scripts rely on the names of the inputs, not on the panels."""
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     swing = Swing()
 
     panel = tree.interface.new_panel("Wind")
-    declare(tree, "Field", "Object", "Force field along whose Z axis the wind blows", panel)
+    declare(tree, "Field", "Object", "Force field that sets the direction: the wind blows along its Z axis", panel)
     along = {"subtype": "XYZ", "default_value": BREEZE.direction}
-    declare(tree, "Direction", "Vector", "Where the wind blows to in the world, without a field", panel, **along)
-    strength = "Strength of the wind as of a force field; at 0 nothing moves"
+    declare(tree, "Direction", "Vector", "Direction of the wind in the world, used without a field", panel, **along)
+    strength = "Strength of the wind, in the units of a force field; at 0 nothing moves"
     declare(tree, "Strength", "Float", strength, panel, default_value=BREEZE.strength)
-    gusts = "Share of the wind that comes and goes; the rest leans on the tree all the time"
+    gusts = "Fraction of the wind that comes and goes; the rest is constant"
     declare(tree, "Gusts", "Float", gusts, panel, default_value=BREEZE.gusts, **SHARE)
-    declare(tree, "Period", "Float", "Seconds in which the trunk sways once", panel, default_value=2.0, min_value=0.01)
+    declare(tree, "Period", "Float", "Seconds per sway of the trunk", panel, default_value=2.0, min_value=0.01)
 
     panel = tree.interface.new_panel("Tree")
-    leaning = "How far the top leans at most, as a share of the height"
+    leaning = "Maximum lean of the top, as a fraction of the height"
     declare(tree, "Sway", "Float", leaning, panel, default_value=swing.sway, **SHARE)
-    swinging = "How far branches swing beside that at most, as a share of the spread"
+    swinging = "Maximum swing of the branch tips in addition to the lean, as a fraction of the spread"
     declare(tree, "Branches", "Float", swinging, panel, default_value=swing.branches, **SHARE)
     turning = {"subtype": "ANGLE", "default_value": swing.flutter, "min_value": 0.0, "max_value": math.pi / 2.0}
-    declare(tree, "Flutter", "Float", "By how much leaves turn at most", panel, **turning)
-    declare(tree, "Foot", "Vector", "Where the trunk stands, which the wind does not move", panel, subtype="XYZ")
+    declare(tree, "Flutter", "Float", "Maximum rotation of the leaves", panel, **turning)
+    declare(tree, "Foot", "Vector", "Foot of the trunk. The wind does not move it", panel, subtype="XYZ")
     upward = {"subtype": "XYZ", "default_value": (0.0, 0.0, 1.0)}
-    declare(tree, "Up", "Vector", "Along the trunk", panel, **upward)
-    declare(tree, "Height", "Float", "Of the tree above its foot", panel, default_value=10.0, **LENGTH)
-    declare(tree, "Spread", "Float", "How far leaves reach from the trunk", panel, default_value=4.0, **LENGTH)
-    declare(tree, "Move Pivots", "Bool", "Move leaf_pivot, too, for nodes behind these", panel)
+    declare(tree, "Up", "Vector", "Direction up, along the trunk", panel, **upward)
+    declare(tree, "Height", "Float", "Height of the tree above its foot", panel, default_value=10.0, **LENGTH)
+    spread = "Greatest distance of a leaf from the axis of the trunk"
+    declare(tree, "Spread", "Float", spread, panel, default_value=4.0, **LENGTH)
+    declare(tree, "Move Pivots", "Bool", "Move the attribute leaf_pivot, too, for later modifiers that read it", panel)
 
     panel = tree.interface.new_panel("Transition to Billboards")
     declare_transition(tree, panel)
-    declare(tree, "Centre", "Vector", "Point that the distance to the camera is taken from", panel, subtype="XYZ")
-    declare(tree, "Manual", "Bool", "Ignore the camera: at the value below, as in Leafcloud LOD", panel)
+    declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
+    declare(tree, "Manual", "Bool", "Ignore the camera and use the value below, as in Leafcloud LOD", panel)
     declare_by_hand(tree, panel)
 
 
@@ -222,13 +228,15 @@ _SWAY_INPUTS = {
     "Swing": "Float",
     "Branch Angle": "Float",
 }
-"""Of the group inside, in the order of `_Air.sway`."""
+"""Inputs of the group *Leafcloud Sway* and their types: the point, the pivot, then `_Air.sway` in its order."""
 
 
 @dataclass(frozen=True)
 class _Air:
-    """What is the same for all points: d, u × d, |σ|, τ; and `sway`, what the group inside has after point and pivot:
-    F, u, H, Q, d, k, (d + u)/2, σ·A·H·g, σ·B·Q, 2π·2.3τ."""
+    """Values that are the same for all points: d, u × d, |σ|, τ.
+
+    sway: the inputs of *Leafcloud Sway* after point and pivot: F, u, H, Q, d, k, (d + u)/2, σ·A·H·g, σ·B·Q, 2π·2.3τ.
+    """
 
     along: bpy.types.NodeSocket
     across: bpy.types.NodeSocket
@@ -257,7 +265,7 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     offset = section.switch("VECTOR", moving, own, between, label="W")
     blown = section.vector("ADD", fluttering, offset, label="p'")
 
-    section = Section(tree, "Only what is needed", (4400.0, 0.0))
+    section = Section(tree, "Apply if the wind blows", (4400.0, 0.0))
     geometry = section.group_input("Geometry")
     moved = section.result("GeometryNodeSetPosition", geometry, None, blown, label="Move")
     moved = _pivots_moved(section, moved, air, pivot)
@@ -306,21 +314,21 @@ def _air(section: Section) -> _Air:
 
 
 def _direction(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """d in the tree's coordinates, and o, the object's place in the world."""
+    """Return d in the tree's coordinates, and o, the object's location in the world."""
     this = section.result("GeometryNodeSelfObject")
     here = section.node("GeometryNodeObjectInfo", this, label="This object", transform_space="ORIGINAL")
     back = section.result("FunctionNodeInvertMatrix", here.outputs["Transform"])
     by_hand = section.result("FunctionNodeTransformDirection", section.group_input("Direction"), back, label="By hand")
     info = section.node(
-        "GeometryNodeObjectInfo", section.group_input("Field"), label="Field seen from here", transform_space="RELATIVE"
+        "GeometryNodeObjectInfo", section.group_input("Field"), label="Field in local space", transform_space="RELATIVE"
     )
     by_field = section.result(
-        "FunctionNodeTransformDirection", (0.0, 0.0, 1.0), info.outputs["Transform"], label="Its Z axis"
+        "FunctionNodeTransformDirection", (0.0, 0.0, 1.0), info.outputs["Transform"], label="Z axis of the field"
     )
-    # Only the Object Info of no object has the scale 0.
+    # Object Info gives the scale 0 only if no object is set.
     size = section.vector("LENGTH", info.outputs["Scale"])
     there = section.compare(size, "GREATER_THAN", 0.0, label="Is there a field?")
-    along = section.switch("VECTOR", there, by_hand, by_field, label="Where to")
+    along = section.switch("VECTOR", there, by_hand, by_field, label="Wind direction")
     return section.vector("NORMALIZE", along, label="d"), here.outputs["Location"]
 
 
@@ -331,13 +339,13 @@ def _fluttered(
     point: bpy.types.NodeSocket,
     pivot: bpy.types.NodeSocket,
 ) -> bpy.types.NodeSocket:
-    """p: the point, turned about its leaf's pivot."""
+    """Return p: the point, rotated about its leaf's pivot."""
     target = section.vector_attribute("leaf_pivot_target", missing=pivot)
     centre = section.mix(share, pivot, target, label="Pivot at a")
     phase = section.attribute("FLOAT", "leaf_phase")
     axes = (air.along, air.across)
     rolls = [
-        section.vector("SCALE", axis, _sine(section, air.turns, speed, phase, count), label="Turn about it")
+        section.vector("SCALE", axis, _sine(section, air.turns, speed, phase, count), label="Rotation about the axis")
         for axis, speed, count in zip(axes, FLUTTER_TURNS, PHASES, strict=True)
     ]
     axis = section.vector("SCALE", section.vector("ADD", *rolls), math.sqrt(0.5), label="n")
@@ -353,19 +361,19 @@ def _fluttered(
 def _swayed(
     section: Section, air: _Air, point: bpy.types.NodeSocket, pivot: bpy.types.NodeSocket, label: str
 ) -> bpy.types.NodeSocket:
-    """W_c(x), the way of `point` x with the branch at `pivot` c."""
+    """Return W_c(x), the offset of `point` x that moves with the branch at `pivot` c."""
     group = group_of_layout(SWAY_NAME, _SWAY_KEY, _LAYOUT, _fill_sway)
     return section.result("GeometryNodeGroup", point, pivot, *air.sway, label=label, node_tree=group)
 
 
 def _fill_sway(tree: bpy.types.NodeTree) -> None:
-    """The nodes of W_c(x)."""
+    """Declare the inputs and add the nodes of W_c(x)."""
     tree.is_modifier = False
     tree.interface.new_socket("Offset", in_out="OUTPUT", socket_type="NodeSocketVector")
     for name, kind in _SWAY_INPUTS.items():
         declare(tree, name, kind, "")
 
-    section = Section(tree, "Where the pivot c is", (0.0, 0.0))
+    section = Section(tree, "Height, distance and wave at the pivot c", (0.0, 0.0))
     up = section.group_input("Up")
     height = section.math("MAXIMUM", section.group_input("Height"), TINY, label="H")
     spread = section.math("MAXIMUM", section.group_input("Spread"), TINY, label="Q")
@@ -379,7 +387,7 @@ def _fill_sway(tree: bpy.types.NodeTree) -> None:
     phase = section.math("DIVIDE", section.vector("DOT_PRODUCT", waves, arm), spread, label="k·y/Q")
     angle = section.math("SUBTRACT", section.group_input("Branch Angle"), phase, label="θ")
 
-    section = Section(tree, "How the point x goes along", (1800.0, 0.0))
+    section = Section(tree, "Offset of the point x", (1800.0, 0.0))
     beyond = section.vector("SUBTRACT", section.group_input("Point"), pivot, label="x − c")
     higher = section.math("DIVIDE", section.vector("DOT_PRODUCT", up, beyond), height, label="u·(x − c)/H")
     bend = section.math("MULTIPLY", eta, section.math("MULTIPLY_ADD", higher, 2.0, eta), label="η² + 2η u·(x − c)/H")
@@ -399,13 +407,13 @@ def _fill_sway(tree: bpy.types.NodeTree) -> None:
 def _pivots_moved(
     section: Section, geometry: bpy.types.NodeSocket, air: _Air, pivot: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
-    """The geometry, with its pivots where the wind has them if that is asked for."""
-    there = section.vector("ADD", pivot, _swayed(section, air, pivot, pivot, label="Of the pivot"), label="Pivot")
+    """Return the geometry, with its pivots moved by the wind if Move Pivots is set."""
+    there = section.vector("ADD", pivot, _swayed(section, air, pivot, pivot, label="W of the pivot"), label="Pivot")
     kept = {"data_type": "FLOAT_VECTOR", "domain": "POINT"}
     stored = section.result(
         "GeometryNodeStoreNamedAttribute", geometry, None, "leaf_pivot", there, label="Pivots", **kept
     )
-    return section.switch("GEOMETRY", section.group_input("Move Pivots"), geometry, stored, label="Pivots if asked")
+    return section.switch("GEOMETRY", section.group_input("Move Pivots"), geometry, stored, label="If Move Pivots")
 
 
 def _sine(
@@ -415,7 +423,7 @@ def _sine(
     phase: bpy.types.NodeSocket | None = None,
     count: float = 0.0,
 ) -> bpy.types.NodeSocket:
-    """sin 2π(speed·τ + count·φ)"""
+    """Return sin 2π(speed·τ + count·φ)."""
     own = 0.0 if phase is None else section.math("MULTIPLY", phase, count)
     return section.math(
         "SINE", section.math("MULTIPLY", section.math("MULTIPLY_ADD", turns, speed, own), 2.0 * math.pi)

@@ -1,4 +1,4 @@
-"""The wood beside each level: LOD 0 has it as it came, those behind it with fewer triangles if asked for."""
+"""Trunk meshes of the levels. LOD 0 has the original trunk. Later levels have simplified ones if asked for."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from .materials import layer_names
 
 @dataclass(frozen=True)
 class Wood:
-    """The wood of one level. `mesh` is None where nothing is left.
+    """The trunk of one level.
 
-    name: of the wood of all levels; error: how far it lies from what came, world units; nbytes: of what made the mesh;
-    corners: (n, 3) the corners of what came, counted through all its triangles, of which it is made; None of all.
+    name: common to the trunks of all levels. mesh: None if no triangles are kept. error: measured deviation from the
+    input, in world units. nbytes: size of the mesh data.
+    corners: (n, 3) indices of the kept input corners, counted through all triangles; None keeps all.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Wood:
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
-    """The geometry as it is, with its materials and what these read."""
+    """Create a mesh from the geometry, with its materials and the UV maps and color attributes that they read."""
     order = np.arange(len(geometry.triangles))
     split = split_vertices(geometry.triangles, np.zeros(len(order), np.int32))
     surface = triangle_surface(geometry, order, split)
@@ -43,15 +44,16 @@ def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
 
 
 def whole(name: str, geometry: Geometry) -> Wood:
-    """All of it."""
+    """Return the unsimplified trunk."""
     return Wood(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
 
 
 def simplified(first: Wood, geometry: Geometry, placement: Placement, errors: Sequence[float]) -> list[Wood]:
-    """The wood for levels that may lie as far from `geometry` as `errors`, rising, in the world; `first` is all of it.
+    """Return one simplified trunk per level, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
 
-    Each is made from the input, so that errors do not add up, and is there only where it has fewer triangles than the
-    one before; else that one serves again. It is called after `first` and the number of its level, which counts from 1.
+    errors: maximum deviations from `geometry` in world units, ascending. Each trunk is made from `geometry`, so errors
+    do not add up. If one has no fewer triangles than the one before, that one is used again. A new mesh is named after
+    `first` and its level.
     """
     result = [first]
     positions = world_positions(geometry, placement.matrix)
@@ -68,8 +70,10 @@ def simplified(first: Wood, geometry: Geometry, placement: Placement, errors: Se
 
 
 def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
-    """Triangles (n, 3) of corners of `geometry`, counted through all of its triangles, with all that these carry."""
+    """Return the geometry of triangles (n, 3) given by corners of `geometry`, counted through all of its triangles.
 
+    All data per corner and per triangle is kept.
+    """
     of_triangle = corners[:, 0] // 3
     return replace(
         geometry,
@@ -84,12 +88,12 @@ def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
 
 
 def per_corner(values: NDArray[np.float32], corners: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
-    """(n, 3, …) of the `values` (t, 3, …) at the corners, counted through all triangles."""
+    """Return `values` (t, 3, …) at corners (n, 3), counted through all triangles, as (n, 3, …)."""
     return values.reshape(-1, values.shape[-1])[corners]
 
 
 def _nbytes(geometry: Geometry) -> int:
-    """Of the vertices in use, and of what the corners carry."""
+    """Return the bytes of the used vertices and of the data per corner and triangle."""
     used = len(np.unique(geometry.triangles)) * geometry.positions.itemsize * 3
     arrays = (geometry.triangles, geometry.uvs, geometry.normals, geometry.colors, geometry.material_ids)
     return used + sum(array.nbytes for array in arrays if array is not None)
