@@ -1,1 +1,1 @@
-"""What a bake writes: glTF, preview, report, and how they get into their folder whole or not at all."""
+"""Output files of a bake: glTF, `.blend`, preview and report. A folder gets all of them or none."""

@@ -1,4 +1,4 @@
-"""NAME.blend: the levels, with the camera and the lights of the scene that they were baked in."""
+"""Writer of NAME.blend: the levels, with the cameras and lights of the baked scene."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _KEPT_TYPES = {"CAMERA", "LIGHT", "EMPTY"}
 
 
 def clear_scene(scene: bpy.types.Scene) -> None:
-    """Removes all objects but cameras, lights and the empties that hold them, and all other scenes, from the open file.
+    """Remove all other scenes, all collections, and all objects except cameras, lights and plain empties.
 
-    For a process of its own only. Materials and images stay until `make_self_contained`.
+    For a separate process only. Materials and images stay until `make_self_contained`.
     """
     for other in [other for other in bpy.data.scenes if other != scene]:
         bpy.data.scenes.remove(other)
@@ -29,14 +29,16 @@ def clear_scene(scene: bpy.types.Scene) -> None:
     for obj in [obj for obj in bpy.data.objects if obj not in kept]:
         bpy.data.objects.remove(obj)
     for mesh in [mesh for mesh in bpy.data.meshes if mesh.users == 0]:
-        bpy.data.meshes.remove(mesh)  # A tree that was baked before has the names that its levels are to get.
+        bpy.data.meshes.remove(mesh)  # An earlier bake's meshes have the names that the new levels need.
     for collection in list(bpy.data.collections):
         bpy.data.collections.remove(collection)
 
 
 def make_self_contained() -> None:
-    """Removes what nothing uses, takes over what is linked from libraries, and packs images that lie in files: what is
-    saved then needs nothing beside it."""
+    """Make the open file independent of other files.
+
+    Remove unused data, make linked library data local, and pack images that are files.
+    """
     bpy.data.orphans_purge(do_recursive=True)
     for block in bpy.data.user_map():
         if block.library is not None:
@@ -49,7 +51,7 @@ def make_self_contained() -> None:
 
 
 def save_blend(path: Path) -> None:
-    """Saves the open file, as it is, as `path`. Raises `ExportError` when it could not be written."""
+    """Save a copy of the open file as `path`. Raises `ExportError` if it cannot be written."""
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=True, relative_remap=False)
     except RuntimeError as error:

@@ -1,14 +1,15 @@
-"""Blended clouds in GLB files: cut where billboards cross, with the tree by which they are drawn from back to front.
+"""Draw order of alpha-blended clouds in GLB files.
 
-Engines draw the triangles of a mesh in the order of its indices. No order of whole billboards is right, for they cross
-one another; and for their pieces it depends on the eye. So each primitive whose material is a cloud's is cut
-(`leafcloud.blend_order`), all that its vertices have is interpolated, and its mesh's extras hold the tree, one for each
-primitive:
+Engines draw the triangles of a mesh in the order of its indices. No order of whole billboards is correct, because they
+cross one another. The order of their pieces depends on the eye. So the triangles of each cloud's primitive are cut
+where they cross (`leafcloud.blend_order`), and all vertex attributes are interpolated. The mesh's extras hold a binary
+space partition (BSP) for each primitive:
 
     leafcloud.blend_order[i] = {planes: [nx, ny, nz, d, …], children: [front, back, …], ranges: [first, behind, …]}
 
-`shaders/viewer/blending.js` walks it. Who does not gets the order for an eye in front of the tree. Known limits: a
-cloud that morphs keeps the order of its places at rest; pruned billboards shrink to nothing, but stay in the indices.
+`shaders/viewer/blending.js` traverses it. An engine that ignores it draws the order for an eye in front of the tree.
+Known limits: a cloud that morphs keeps the order of its rest positions; pruned billboards shrink to nothing, but
+stay in the indices.
 """
 
 from __future__ import annotations
@@ -36,19 +37,20 @@ from .glb_file import (
 )
 
 MOST_PIECES = 16
-"""For each triangle, and in all as many as there are of the leaves: behind that, the order is only about right."""
+"""Maximum number of pieces per triangle. The total is also limited to the number of leaf triangles, or to `FEW` if that
+is more. At the limit cutting stops, and the order is only approximate."""
 FEW = 1000
-"""Pieces that any cloud may have, however few leaves there are."""
+"""Number of pieces that a cloud may have even with fewer leaf triangles."""
 _FRONT = np.array([0.0, 0.0, 1.0])
-"""Where the eye is for which indices are in order: before the tree, in glTF's coordinates."""
+"""The direction to the eye for which the indices are sorted: in front of the tree, in glTF's coordinates."""
 _TRIANGLES = 4
 _SHORT, _LONG = (5123, np.uint16), (5125, np.uint32)
 
 
 class BlendOrders:
-    """Orders the primitives of the clouds, by the names of their materials; what it takes counts as `blend_order`'s.
+    """Cutter and sorter of the clouds' primitives. Adds its time and bytes to the costs of the effect `blend_order`.
 
-    `leaves`: how many triangles those have.
+    `materials`: the names of the clouds' materials. `leaves`: the number of leaf triangles.
     """
 
     def __init__(self, materials: Collection[str], leaves: int, costs: Costs) -> None:
@@ -58,7 +60,7 @@ class BlendOrders:
         self._orders: dict[str, leafcloud.BlendOrder] = {}
 
     def add_to(self, path: Path) -> None:
-        """Cuts and orders what is blended in the GLB file at `path`."""
+        """Cut and sort the clouds' triangles in the GLB file at `path`."""
         known = len(self._orders)
         with self._costs.spent_on("blend_order", 0):
             document, binary = read_glb(path)
@@ -74,7 +76,7 @@ class BlendOrders:
             binary = without_unused(document, binary)
         before = path.stat().st_size
         write_glb(path, document, binary)
-        if len(self._orders) > known:  # Each cloud is in two files, and counts in one.
+        if len(self._orders) > known:  # Each cloud is in two files and counts once.
             self._costs.bytes["blend_order"] += path.stat().st_size - before
 
     def _cut(
@@ -104,7 +106,7 @@ class BlendOrders:
 
 
 def _own_accessors(document: dict[str, Any], primitive: dict[str, Any]) -> None:
-    """Copies the accessors that other primitives have, too: Blender's exporter writes what is equal once."""
+    """Copy accessors that other primitives share: Blender's exporter writes equal data only once."""
     primitives = [each for mesh in document["meshes"] for each in mesh["primitives"]]
     users = Counter(
         accessor for each in primitives for accessor in {values[name] for values, name in accessor_uses(each)}
@@ -120,7 +122,7 @@ def _own_accessors(document: dict[str, Any], primitive: dict[str, Any]) -> None:
 
 
 def _before(document: dict[str, Any], mesh: int) -> NDArray[np.float64]:
-    """The direction to the eye in the coordinates of a mesh, as the first node has it that shows it."""
+    """Return the direction to the eye in the coordinates of a mesh, by the rotation of the first node with the mesh."""
     node: dict[str, Any] = next((node for node in document["nodes"] if node.get("mesh") == mesh), {})
     *axis, cosine = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
     back = -np.array(axis)
@@ -135,7 +137,7 @@ def _cut_vertices(
     triangles: NDArray[Any],
     order: leafcloud.BlendOrder,
 ) -> bytes:
-    """Gives each corner of the pieces what it has of its triangle's three."""
+    """Interpolate all vertex attributes at the corners of the pieces, from the corners of their triangles."""
     vertices, weights = triangles[order.sources], order.weights[:, :, None]
     sets = [primitive["attributes"], *primitive.get("targets", [])]
     for accessor in dict.fromkeys(number for values in sets for number in values.values()):
@@ -152,7 +154,7 @@ def _cut_vertices(
 def _replace(
     document: dict[str, Any], binary: bytes, accessor: int, values: NDArray[Any], change: dict[str, Any], target: int
 ) -> bytes:
-    """Gives an accessor other values, in a view of their own."""
+    """Replace the values of an accessor, in a new buffer view."""
     view, binary = append_view(document, binary, values.tobytes(), target=target)
     document["accessors"][accessor].pop("byteOffset", None)
     document["accessors"][accessor] |= {"bufferView": view, **change}
@@ -160,7 +162,7 @@ def _replace(
 
 
 def _tree(order: leafcloud.BlendOrder) -> dict[str, list[Any]]:
-    """As glTF's extras hold it; planes are rounded to what single precision tells apart."""
+    """Return the tree for glTF's extras, with planes rounded to the digits of single precision."""
     planes = order.planes.astype(np.float32)
     return {
         "planes": [float(f"{value:.7g}") for value in planes.ravel().tolist()],

@@ -1,4 +1,4 @@
-"""The files of a cost curve: its rows as CSV and JSON, its charts as PNG and SVG."""
+"""Files of a cost curve: its rows as CSV and JSON, its charts as PNG and SVG."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .staging import Staging
 
 COSTS: tuple[leafcloud.Cost, ...] = ("seconds", "billboards", "bytes")
 CHART_SIZE = (800, 560)
-"""Of each of the three charts that stand side by side, in pixels."""
+"""Width and height of each of the three charts in pixels."""
 
 
 def write_curve(curve: leafcloud.Curve, name: str, directory: Path) -> tuple[str, ...]:
-    """Writes NAME_curve.csv, .json, .png and .svg into `directory`, whole or not at all; gives their names.
+    """Write NAME_curve.csv, .json, .png and .svg into `directory`, all or none, and return their names.
 
-    Raises `OSError` for a folder that cannot be written to.
+    Raises `OSError` for a folder that is not writable.
     """
     with Staging(directory) as staging:
         staging.path(f"{name}_curve.csv").write_text(table(curve), encoding="utf-8", newline="")
@@ -33,7 +33,7 @@ def write_curve(curve: leafcloud.Curve, name: str, directory: Path) -> tuple[str
 
 
 def content(curve: leafcloud.Curve) -> dict[str, Any]:
-    """What the JSON file holds; see `leafcloud.CurveRow` for units."""
+    """Return the content of the JSON file; see `leafcloud.CurveRow` for units."""
     return {
         "leafcloud": leafcloud.__version__,
         "quick": curve.quick,
@@ -45,7 +45,7 @@ def content(curve: leafcloud.Curve) -> dict[str, Any]:
 
 
 def table(curve: leafcloud.Curve) -> str:
-    """The rows with a column for each figure; those of seconds are called by their stage."""
+    """Return the rows as CSV. Each stage has its own column of seconds."""
     rows = [flat(row) for row in curve.rows]
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]))
@@ -55,24 +55,24 @@ def table(curve: leafcloud.Curve) -> str:
 
 
 def flat(row: leafcloud.CurveRow) -> dict[str, Any]:
-    """A row without rows in it."""
+    """Return a row without nested values."""
     seconds = {f"seconds_{stage}": value for stage, value in row["seconds"].items()}
     others = {name: value for name, value in row.items() if name not in ("settings", "seconds")}
     return {**row["settings"], **seconds, **others}
 
 
 def charts(curve: leafcloud.Curve, name: str) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """(height, 3 · width, 4) the charts side by side."""
+    """Return the charts side by side, (height, 3 · width, 4)."""
     width, height = CHART_SIZE
-    title = f"{name}: what accuracy costs"
+    title = f"{name}: the cost of accuracy"
     pictures = [curve.picture(cost, title=title, width=width, height=height) for cost in COSTS]
     return np.ascontiguousarray(np.hstack(pictures))
 
 
 def drawing(curve: leafcloud.Curve, name: str) -> str:
-    """The same as SVG, each chart one within the whole."""
+    """Return the charts as SVG, each nested in one image."""
     width, height = CHART_SIZE
-    title = f"{name}: what accuracy costs"
+    title = f"{name}: the cost of accuracy"
     parts = [
         curve.svg(cost, title=title, width=width, height=height).replace("<svg ", f'<svg x="{place * width}" ', 1)
         for place, cost in enumerate(COSTS)

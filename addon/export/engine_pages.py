@@ -1,7 +1,7 @@
-"""Pages for engines, which make the mip levels of a PNG by plain means: in place only while files are written.
+"""Atlas pages for engines, used only while files are written.
 
-Plain means lose what is thin. With a lower cutoff, and alpha to suit it, crowns keep their density for some levels
-(`leafcloud.Level.for_engines`); Blender itself looks at the page as it is.
+Engines make box-filtered mips of a PNG, and these lose thin leaves. With a lower alpha cutoff and remapped alpha crowns
+keep their density for some mip levels (`leafcloud.Level.for_engines`). Blender itself uses the original page.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ..build.materials import CUTOFF_NODE, PAGE_NODE, atlas_image
 
 @contextmanager
 def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
-    """Gives the clouds' materials, by their names, the pages and cutoffs for engines.
+    """Give the clouds' materials the atlas pages and alpha cutoffs for engines while the block runs.
 
-    What is blended keeps its own: plain means suit it.
+    `levels`: by the names of the materials. Alpha-blended clouds keep their page: box-filtered mips suit them.
     """
     materials: dict[bpy.types.Image, dict[str, leafcloud.Level]] = {}
     for name, level in levels.items():
@@ -35,14 +35,14 @@ def engine_pages(levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
 
 @contextmanager
 def _engine_page(page: bpy.types.Image, levels: Mapping[str, leafcloud.Level]) -> Iterator[None]:
-    """Of materials that show the same `page`, each at a cutoff of its own."""
+    """Replace one `page` while the block runs, in all materials that share it. Each material has its own cutoff."""
     trees = [bpy.data.materials[name].node_tree for name in levels]
     textures = [tree.nodes[PAGE_NODE] for tree in trees]
     thresholds = [tree.nodes[CUTOFF_NODE].inputs[1] for tree in trees]
     own_cutoffs = [threshold.default_value for threshold in thresholds]
     cutoffs = [level.for_engines()[1] for level in levels.values()]
     name = page.name
-    page.name = "Leafcloud page in Blender"  # The file has the other by its name.
+    page.name = "Leafcloud page in Blender"  # The files need this name for the other image.
     shown = None
     try:
         shown = atlas_image(name, next(iter(levels.values())).for_engines()[0])

@@ -1,4 +1,4 @@
-"""All files of a bake, of one tree or of several that share their pages: whole or not at all."""
+"""Writer of all files of a bake, for one tree or for several that share atlas pages."""
 
 from __future__ import annotations
 
@@ -35,12 +35,13 @@ _Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
 
 
 def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
-    """Writes all files of the bake into `directory`, whole or not at all, and gives the report.
+    """Write all files of the bake into `directory`, all or none, and return the report.
 
-    A file has what it is named after of all trees: NAME_LOD1.glb has the first cloud of each, and pages that they share
-    once. NAME.glb shows level 0 of each, and names the other levels (`lod_extension`). `blend` saves the open file, as
-    it is, as NAME.blend beside the others. The levels have to be in a scene. Raises `OSError` for a folder that cannot
-    be written to, `ExportError` when Blender could not write a file.
+    Each file holds all trees: NAME_LOD1.glb has the first cloud of each tree, and shared atlas pages once. NAME.glb
+    shows level 0 of each tree and references the other levels (`lod_extension`). `blend` also saves a copy of the open
+    file as NAME.blend. The levels must be in a scene.
+
+    Raises `OSError` for a folder that is not writable, `ExportError` if Blender cannot write a file.
     """
     name, trees = grove.name, grove.trees
     with Staging(directory) as staging:
@@ -83,7 +84,7 @@ def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> 
 
 
 def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
-    """What each level has beside it of the wood, the leaves first; None where that is nothing."""
+    """Return the trunk of each level, LOD 0 first; None for a level without one."""
     came, part = baked.prepared.wood, baked.prepared.wood_part
 
     def wood(level: BuiltLevel) -> leafcloud.Foliage | None:
@@ -95,7 +96,10 @@ def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
 
 
 def _additions(trees: Sequence[Baked]) -> list[_Addition]:
-    """What is added to files behind Blender's exporter. Trees have their settings in common, and what is blended."""
+    """Return the steps that complete the files after Blender's exporter.
+
+    All trees share their settings, and blended leaves or none.
+    """
     first = trees[0]
     engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
@@ -114,7 +118,7 @@ def _add(additions: Sequence[_Addition], file: Path) -> None:
 
 @contextmanager
 def _as_in_files(tree: Baked) -> Iterator[None]:
-    """Makes the tree what files are to have of it, for the time of the export."""
+    """Change the tree's attributes and materials to those for files while the block runs."""
     settings, facts = tree.prepared.settings, tree.prepared.facts
     with ExitStack() as changes:
         changes.enter_context(engine_attributes(tree.levels))
@@ -133,7 +137,7 @@ def _lod_chain(tree: Baked) -> LodChain:
 
 
 def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
-    """The level of this number of each tree that has one, with its wood."""
+    """Return the objects of level `number` of each tree that has it, with its trunk."""
     levels = [tree.levels[number] for tree in trees if number < len(tree.levels)]
     return [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
 
@@ -143,7 +147,7 @@ def _preview(tree: Baked) -> NDArray[np.uint8]:
 
 
 def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:
-    """The clouds and the crosses by the names of their only materials."""
+    """Return the clouds and cross impostors by the name of their only material."""
     return {
         built.object.data.materials[0].name: level
         for tree in trees

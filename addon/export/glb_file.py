@@ -1,4 +1,4 @@
-"""GLB files as a document and a binary chunk, for what Blender's exporter leaves out."""
+"""Reader and writer of GLB files as a JSON document and a binary chunk, to add data after Blender's exporter."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def read_glb(path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk of the GLB file at `path`."""
+    """Return the JSON document and the binary chunk of the GLB file at `path`."""
     content = path.read_bytes()
     size = struct.unpack_from("<I", content, 12)[0]
     document = json.loads(content[20 : 20 + size])
@@ -26,7 +26,7 @@ def read_glb(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def write_glb(path: Path, document: dict[str, Any], binary: bytes) -> None:
-    """Writes both; the document's only buffer is the chunk."""
+    """Write a GLB file from a document and a binary chunk, which is the document's only buffer."""
     document["buffers"][0]["byteLength"] = len(binary)
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
     chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, binary + b"\0" * (-len(binary) % 4))]
@@ -35,14 +35,14 @@ def write_glb(path: Path, document: dict[str, Any], binary: bytes) -> None:
 
 
 def append_view(document: dict[str, Any], binary: bytes, data: bytes, **more: int) -> tuple[int, bytes]:
-    """The number of a new buffer view of `data`, and the chunk with it, at a multiple of four bytes."""
+    """Append `data` at a multiple of four bytes. Return the index of its buffer view, and the new chunk."""
     binary += b"\0" * (-len(binary) % 4)
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data), **more})
     return len(document["bufferViews"]) - 1, binary + data
 
 
 def accessor_values(document: dict[str, Any], binary: bytes, number: int) -> NDArray[Any]:
-    """(n, width) an accessor of Blender's exporter, which neither interleaves them nor leaves any sparse."""
+    """Return the values of an accessor, (n, width). Blender's exporter writes no interleaved or sparse accessors."""
     accessor = document["accessors"][number]
     view = document["bufferViews"][accessor["bufferView"]]
     width, kind = _WIDTHS[accessor["type"]], _TYPES[accessor["componentType"]]
@@ -51,7 +51,10 @@ def accessor_values(document: dict[str, Any], binary: bytes, number: int) -> NDA
 
 
 def append_accessor(document: dict[str, Any], binary: bytes, values: NDArray[Any]) -> tuple[int, bytes]:
-    """The number of a new vertex attribute with `values` (v, width), and the chunk with them in single precision."""
+    """Append a vertex attribute with `values` (v, width) in single precision.
+
+    Return the index of its accessor, and the new chunk.
+    """
     data = np.ascontiguousarray(values, np.float32)
     view, binary = append_view(document, binary, data.tobytes(), target=ARRAY_BUFFER)
     kind = next(name for name, width in _WIDTHS.items() if width == data.shape[1])
@@ -61,13 +64,13 @@ def append_accessor(document: dict[str, Any], binary: bytes, values: NDArray[Any
 
 
 def accessor_uses(primitive: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """Where a primitive names accessors: the object and the key."""
+    """Return the JSON object and the key of every reference from a primitive to an accessor."""
     sets = [primitive["attributes"], *primitive.get("targets", [])]
     return [(primitive, "indices"), *((values, name) for values in sets for name in values)]
 
 
 def without_unused(document: dict[str, Any], binary: bytes) -> bytes:
-    """The chunk without what no primitive and no image names: accessors and views; the others get new numbers."""
+    """Remove the accessors and buffer views that no primitive or image uses. Return the new chunk."""
     primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]
     uses = [use for primitive in primitives for use in accessor_uses(primitive)]
     accessors, numbers = document["accessors"], sorted({values[name] for values, name in uses})
@@ -96,9 +99,10 @@ def _without_unused_views(document: dict[str, Any], binary: bytes) -> bytes:
 def append_texture(
     document: dict[str, Any], binary: bytes, material: dict[str, Any], name: str, png: bytes
 ) -> tuple[int, bytes]:
-    """The number of a texture that is looked up as the base colour of `material` is, and the chunk with its image.
+    """Append a texture with the sampler of the base color texture of `material`.
 
-    What was appended by that name before is taken again: trees may share their images, whose names Blender keeps apart.
+    Return the index of the texture, and the new chunk. An image already appended under the same name is reused: trees
+    may share images, and Blender's image names are unique.
     """
     known = next((n for n, image in enumerate(document["images"]) if image.get("name") == name), None)
     if known is not None:

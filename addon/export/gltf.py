@@ -1,4 +1,4 @@
-"""glTF through Blender's own exporter, and what is put into its files behind it or into materials meanwhile."""
+"""glTF export by Blender's own exporter, with changes to materials before it and additions to its files after it."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ _OPTIONS = {
     "export_animations": False,
     "export_skins": False,
     "export_apply": False,
-    "export_current_frame": True,  # Else the exporter goes to frame 0.
+    "export_current_frame": True,  # Otherwise the exporter goes to frame 0.
 }
 
 
 @contextmanager
 def masked_leaves(levels: Sequence[BuiltLevel], kept: Collection[str]) -> Iterator[None]:
-    """Cuts blended leaf materials out at an alpha of ½ for the time of the export, but for those that are `kept`.
+    """Cut out blended leaf materials at an alpha of ½ while the block runs, except those named in `kept`.
 
-    Crossing cards that are blended have no depth order in engines, and would change their look where the first cloud,
-    which is cut out, takes over. An alpha of one number above ½ is made full; below, it stays: else all would be gone.
+    In engines, crossing cards that are blended have no depth order. They would also look different from the first
+    cloud, which is cut out. A uniform alpha above ½ becomes 1. A lower one stays: a cutout would remove the leaves.
     """
     materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
     cut_out = [material for material in materials if is_blended(material) and material.name not in kept]
@@ -64,20 +64,20 @@ def masked_leaves(levels: Sequence[BuiltLevel], kept: Collection[str]) -> Iterat
 
 
 def is_blended(material: bpy.types.Material) -> bool:
-    """Whether the material's alpha is read as coverage, or not understood, which exporters take for the same."""
+    """Return whether a material's alpha is blended, or unreadable: exporters treat unreadable alpha as blended."""
     surface = read_surface(material)
     return surface.alpha_mode == "BLEND" or any(gap.startswith("its alpha ") for gap in surface.gaps)
 
 
 def cut_message(material: bpy.types.Material) -> str:
-    """What becomes of a blended leaf material in files where it is not kept."""
+    """Return the message on a blended leaf material that files do not keep blended."""
     alphas = _alphas(material.node_tree)
     if any(alpha.is_linked for alpha in alphas) or not alphas:
         way = "cut it out at an alpha of 0.5"
     elif _even_alphas(material.node_tree):
-        way = f"show its even alpha of {alphas[0].default_value:.3g} as opaque"
+        way = f"show its uniform alpha of {alphas[0].default_value:.3g} as opaque"
     else:
-        way = f"keep its even alpha of {alphas[0].default_value:.3g}, and do not say in which order to draw its leaves"
+        way = f"keep its uniform alpha of {alphas[0].default_value:.3g}, without a draw order"
     return f"material {material.name!r} is blended: the glTF files {way}"
 
 
@@ -86,12 +86,12 @@ def _alphas(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
 
 
 def _even_alphas(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
-    """The alphas of one number above ½."""
+    """Return the inputs with a uniform alpha above ½."""
     return [alpha for alpha in _alphas(tree) if not alpha.is_linked and alpha.default_value > 0.5]
 
 
 def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.types.Node]]:
-    """Puts a threshold before the alpha of each Principled BSDF of a material's own tree; gives those nodes."""
+    """Insert a threshold before each linked alpha of a Principled BSDF, and return the tree and the node of each."""
     cuts = []
     for alpha in [alpha for alpha in _alphas(tree) if alpha.is_linked]:
         threshold = tree.nodes.new("ShaderNodeMath")
@@ -104,9 +104,9 @@ def _cut_out(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeTree, bpy.typ
 
 
 def export_collection(collection: bpy.types.Collection, path: Path) -> None:
-    """Writes all objects of `collection` and of those in it as a GLB file; it is in the current scene.
+    """Write all objects of `collection` and its children as a GLB file. The current scene must contain it.
 
-    Raises `ExportError` when the file could not be written whole.
+    Raises `ExportError` if the complete file cannot be written.
     """
     lit = any(FRONT in obj.data.color_attributes for obj in collection.all_objects)
     try:
@@ -116,7 +116,7 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     except RuntimeError as error:
         raise ExportError(f"{path.name}: {reason(error)}") from error
     if not _is_whole(path):
-        raise ExportError(f"{path.name}: Blender's glTF exporter left no whole file")
+        raise ExportError(f"{path.name}: Blender's glTF exporter wrote no complete file")
     nodes = _node_names(collection)
     if nodes & set(WAITING_NODES):
         add_waiting(path, collection)
@@ -128,19 +128,21 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
 
 
 def _node_names(collection: bpy.types.Collection) -> set[str]:
-    """Of all materials' nodes: what the exporter does not know is added after it, where there is any."""
+    """Return the names of all material nodes in `collection`. Some hold data that Blender's exporter does not write."""
     materials = {material for obj in collection.all_objects for material in obj.data.materials if material is not None}
     return {node.name for material in materials if material.node_tree for node in material.node_tree.nodes}
 
 
 def export_level(level: BuiltLevel, path: Path) -> None:
-    """Writes one level with its wood as a GLB file. Raises `ExportError` when the file could not be written whole."""
+    """Write one level with its trunk as a GLB file. Raises `ExportError` if the complete file cannot be written."""
     export_objects([obj for obj in (level.object, level.wood) if obj is not None], path, level.object.name)
 
 
 def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: str) -> None:
-    """Writes these alone as a GLB file, whose scene has that name. Raises `ExportError` when the file could not be
-    written whole."""
+    """Write only these objects as a GLB file with a scene of the given name.
+
+    Raises `ExportError` if the complete file cannot be written.
+    """
     collection = bpy.data.collections.new(scene_name)
     bpy.context.scene.collection.children.link(collection)
     try:
@@ -152,12 +154,15 @@ def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: 
 
 
 def y_up(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Vectors (…, 3) of Blender's Z-up coordinates in glTF's: (x, z, −y). The exporter turns only those it knows."""
+    """Convert vectors (…, 3) from Blender's Z-up coordinates to glTF's: (x, z, −y).
+
+    Blender's exporter converts known attributes only, not custom ones.
+    """
     return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether `path` is a GLB file as long as its header says."""
+    """Return whether `path` is a GLB file of the length in its header."""
     if not path.is_file():
         return False
     with path.open("rb") as file:

@@ -1,7 +1,7 @@
-"""Textures as KTX2 beside the PNGs of a GLB file, with mip levels that keep what is seen: `KHR_texture_basisu`.
+"""KTX2 textures beside the PNGs of a GLB file: `KHR_texture_basisu`. Their mip levels keep the alpha coverage.
 
-An engine that knows the extension takes them; any other takes the PNG, and makes mip levels itself, in which thin
-leaves dissolve.
+An engine that supports the extension uses the KTX2 textures. Any other engine uses the PNGs and makes its own mip
+levels, in which thin leaves dissolve.
 """
 
 from __future__ import annotations
@@ -18,31 +18,32 @@ from .glb_file import append_view, read_glb, write_glb
 from .translucency import DIFFUSE_TRANSMISSION
 
 ENGINES = ("three", "babylon")
-"""The engines that are known to take it."""
+"""The engines that are known to support the extension."""
 
 EXTENSION = "KHR_texture_basisu"
 
 
 def is_taken(level: leafcloud.Level) -> bool:
-    """glTF wants sides that are multiples of 4."""
+    """Return whether KTX2 is possible: glTF requires sides that are multiples of 4."""
     return level.base_color.shape[0] % 4 == 0 and level.base_color.shape[1] % 4 == 0
 
 
 def warning(settings: BakeSettings, pages: int) -> str | None:
-    """What there is to say before a bake whose `pages` are halved from level to level."""
+    """Return a warning if KTX2 is not possible for one of `pages` atlas pages, each half as large as the one before."""
     sides = (settings.texture_size, settings.texture_height or settings.texture_size)
     sizes = [tuple(max(side >> i, SMALLEST_TEXTURE) for side in sides) for i in range(pages)]
     odd = [f"{width} × {height}" for width, height in sizes if width % 4 or height % 4]
     if settings.engine not in ENGINES or not odd:
         return None
     return (
-        f"pages of {', '.join(odd)} stay PNG only, for {EXTENSION} wants multiples of 4; choose a power of two as size"
+        f"atlas pages of {', '.join(odd)} stay PNG only: {EXTENSION} needs multiples of 4; "
+        "choose a power of two as texture size"
     )
 
 
 @dataclass
 class Ktx2Textures:
-    """The textures of the levels by their materials' names, each encoded when it is first asked for."""
+    """KTX2 textures of the levels, by material name and channel. Each is encoded when it is first used."""
 
     levels: Mapping[str, leafcloud.Level]
     encoded: dict[tuple[str, str], bytes] = field(default_factory=dict)
@@ -54,13 +55,13 @@ class Ktx2Textures:
         return self.encoded[key]
 
     def add_to(self, path: Path) -> None:
-        """Adds the textures of the materials in a GLB file to it; without levels it stays as it is."""
+        """Add the KTX2 textures of its materials to a GLB file. Without levels the file does not change."""
         if not self.levels:
             return
         document, binary = read_glb(path)
         named = [material for material in document.get("materials", []) if material["name"] in self.levels]
         done: dict[int, int] = {}
-        """The KTX2 image in place of each PNG, which several textures may show."""
+        """The KTX2 image for each PNG. Several textures may use one image."""
         for material in named:
             for channel, find in _TEXTURES.items():
                 number = find(material)
@@ -97,4 +98,4 @@ _TEXTURES: dict[str, Callable[[dict[str, Any]], int | None]] = {
         material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture"),
     ),
 }
-"""Where glTF has each channel of a level."""
+"""Functions that return the index of a channel's texture in a glTF material, or None."""

@@ -1,10 +1,11 @@
-"""The levels of a whole chain in a GLB file: `MSFT_lod`, so that every viewer shows the leaves, and nothing in them.
+"""All levels in one GLB file by `MSFT_lod`. A viewer that ignores the extension shows the leaves only.
 
-The scene has the node of each tree's level 0 alone, with its trunk. The extension on that node names those of the other
-levels, which lie in no scene, each with its own trunk as its child. `extras.MSFT_screencoverage` beside it has for each
-level the share of the picture's height down to which it is drawn: how much of it the crown's sphere covers where the
-next level takes over. The last level is drawn down to 0. The extension's text does not say of what coverage is a share;
-the importer that reads it, UnityGLTF, takes it for a share of the height.
+The scene contains only the node of each tree's level 0, with its trunk. The extension on that node lists the nodes of
+the other levels. These are in no scene, and each has its own trunk as a child.
+
+`extras.MSFT_screencoverage` of the node has a number for each level: the fraction of the image height that the crown's
+bounding sphere covers at the distance where the next level takes over. The last level's is 0. The extension does not
+define coverage exactly; its importer UnityGLTF reads it as a fraction of the height.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ COVERAGE = "MSFT_screencoverage"
 
 @dataclass(frozen=True)
 class LodChain:
-    """The names of the nodes of one tree's levels, the leaves first, and down to which coverage each is drawn."""
+    """The node names of one tree's levels, LOD 0 first, and the screen coverage down to which each level is drawn."""
 
     names: tuple[str, ...]
     coverages: tuple[float, ...]
 
 
 def screen_coverages(switch_distances: Sequence[float], radius: float, view: View) -> tuple[float, ...]:
-    """For each level the share of the picture's height, in [0, 1], that the sphere covers where the next takes over.
+    """Return for each level the fraction of the image height that the sphere covers where the next level takes over.
 
-    `switch_distances` rise from 0 and have the unit of `radius`; the last share is 0.
+    `switch_distances` rise from 0, in the unit of `radius`. The fractions are in [0, 1]; the last one is 0.
     """
     tangent = math.tan(view.field_of_view / 2.0)
     return (*(min(radius / (distance * tangent), 1.0) for distance in switch_distances[1:]), 0.0)
 
 
 def add_lods(path: Path, chains: Iterable[LodChain]) -> None:
-    """Hangs the levels of each tree in the GLB file at `path` on its level 0, and takes them out of the scene."""
+    """Add `MSFT_lod` to level 0 of each tree in the GLB file at `path`, and remove the other levels from its scene."""
     document, binary = read_glb(path)
     numbers = {node["name"]: number for number, node in enumerate(document["nodes"])}
     behind: set[int] = set()

@@ -1,8 +1,7 @@
-"""Materials without what only Blender's node groups feed, and without what exporters get lost in, while files are
-written.
+"""Simplified materials for Blender's glTF exporter, used only while files are written.
 
-Exporters read an image that is linked to Base Color, not one behind a Mix node; and leaves and wood have the artist's
-materials in files, though Blender shows copies of them that fade, or read each leaf's own random number.
+The exporter reads an image that is linked to Base Color, but not one behind a Mix node. Leaves and trunk have the
+artist's materials in files; Blender shows copies of these that fade, or that read a random number per leaf.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from ..scene.node_links import Links, tangled_inputs, trees_of
 
 @contextmanager
 def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Links what lies under each contrast node of LOD 0's materials past it."""
+    """Bypass the contrast nodes in LOD 0's materials while the block runs."""
     materials = dict.fromkeys(material for material in levels[0].object.data.materials if material is not None)
     passed = [pair for material in materials if material.node_tree is not None for pair in _pass(material.node_tree)]
     try:
@@ -31,8 +30,11 @@ def plain_colors(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 @contextmanager
 def untangled(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Takes off links that Blender's glTF exporter would follow without end: those of cycles, which mean nothing, and
-    those of `tangled_inputs`. These get the first image behind them, which is all that it reads there."""
+    """Remove links that Blender's glTF exporter would follow for minutes or forever, while the block runs.
+
+    These are the invalid links of cycles, and links to `tangled_inputs`. A tangled input is linked to the first image
+    behind it instead, which is all that the exporter reads there.
+    """
     objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
     materials = dict.fromkeys(material for obj in objects for material in obj.data.materials if material is not None)
     trees = [material.node_tree for material in materials if material.node_tree is not None]
@@ -45,7 +47,7 @@ def untangled(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 
 def _cut(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]]:
-    """Takes off a tree's links, and gives their ends."""
+    """Remove a tree's invalid links, replace its tangled links, and return the ends of all former links."""
     tangled = set(tangled_inputs(tree))
     images = {socket: _first_image(socket) for socket in tangled}
     links = [link for link in tree.links if not link.is_valid or link.to_socket in tangled]
@@ -59,7 +61,7 @@ def _cut(tree: bpy.types.NodeTree) -> list[tuple[bpy.types.NodeSocket, bpy.types
 
 
 def _first_image(target: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
-    """The output of the first image in the same tree on the ways behind an input."""
+    """Return the output of the first image node, in the same tree, that leads to an input; None without one."""
     links, seen, waiting = Links(), set(), [target]
     while waiting:
         link = links.to(waiting.pop())
@@ -74,7 +76,7 @@ def _first_image(target: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
 
 @contextmanager
 def materials_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Shows leaves and wood in the materials of their meshes, instead of the object's own."""
+    """Use the materials of the leaf and trunk meshes instead of their objects' while the block runs."""
     objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
     own = [slot for obj in objects for slot in obj.material_slots if slot.link == "OBJECT"]
     for slot in own:

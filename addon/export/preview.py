@@ -1,4 +1,4 @@
-"""preview.png: leaves and levels side by side, enlarged, and at the sizes at which each level takes over."""
+"""Image for preview.png: leaves and levels side by side, enlarged and at the size where each level takes over."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import leafcloud
 from ..plan.reach import View
 
 WIDEST = 1600
-"""Pixels of the picture's width at most."""
+"""Maximum width of the image in pixels."""
 LARGEST_CELL = 384
 SMALLEST_CELL = 8
 GAP = 16
 GROUND = (204, 214, 224)
-"""sRGB: a pale sky. Not a grey, since what has no material is grey."""
+"""Background color in sRGB, a pale sky. It is not gray because surfaces without a material are gray."""
 DIRECTION = (0.45, -1.0, 0.2)
-"""From the tree to the eye."""
+"""Direction from the tree to the eye."""
 
 
 def preview_image(
@@ -30,9 +30,10 @@ def preview_image(
     switch_distances: Sequence[float],
     view: View,
 ) -> NDArray[np.uint8]:
-    """Three rows (h, w, 4): leaves and levels enlarged; the leaves, and below them each level, as it takes over.
+    """Return an image (h, w, 4) with three rows of pictures.
 
-    `woods`, what stands beside each level, and `switch_distances` have one for each, the leaves first.
+    Row 1: leaves and levels, enlarged. Rows 2 and 3: the leaves, and below them each level, at the size where the level
+    takes over. `woods` (the trunks) and `switch_distances` have one entry per level, LOD 0 first.
     """
     leaves = [foliage, *(level.foliage() for level in levels)]
     subjects = [[part, *([] if wood is None else [wood])] for part, wood in zip(leaves, woods, strict=True)]
@@ -53,7 +54,7 @@ def preview_image(
 
 
 def stacked(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Those of several trees below one another, on the ground where one is narrower."""
+    """Stack the images of several trees, with the background color beside narrower ones."""
     width = max(picture.shape[1] for picture in pictures)
     sheet = np.empty((sum(picture.shape[0] for picture in pictures), width, 4), np.uint8)
     sheet[:] = (*GROUND, 255)
@@ -65,14 +66,14 @@ def stacked(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 
 def seen_size(radius: float, distance: float, view: View, largest: int) -> int:
-    """Pixels that the sphere's diameter covers from `distance`; at least the smallest cell, at most `largest`."""
+    """Return the pixels that the sphere's diameter covers at `distance`, from `SMALLEST_CELL` to `largest`."""
     reach = 2.0 * distance * math.tan(view.field_of_view / 2.0)
     size = largest if reach <= 0.0 else 2.0 * radius / reach * view.resolution
     return int(min(max(size, SMALLEST_CELL), largest))
 
 
 def compose(rows: Sequence[Sequence[NDArray[np.uint8]]], cell: int) -> NDArray[np.uint8]:
-    """Lays pictures (s, s, 4), sRGB with straight alpha, s ≤ `cell`, on a ground, centred in cells of one width."""
+    """Arrange pictures (s, s, 4), sRGB with straight alpha, s ≤ `cell`, in centered cells on the background."""
     heights = [max(picture.shape[0] for picture in row) for row in rows]
     width = max(len(row) for row in rows) * (cell + GAP) + GAP
     sheet = np.empty((sum(heights) + GAP * (len(rows) + 1), width, 4), np.uint8)
@@ -94,7 +95,7 @@ def _lay_over(ground: NDArray[np.uint8], picture: NDArray[np.uint8]) -> None:
 
 
 def _sphere(parts: Sequence[leafcloud.Foliage]) -> tuple[list[float], float]:
-    """A sphere around the bounding spheres of one or two parts."""
+    """Return center and radius of a sphere around the bounding spheres of the parts."""
     centre, radius = np.asarray(parts[0].centre), parts[0].radius
     for part in parts[1:]:
         offset = np.asarray(part.centre) - centre

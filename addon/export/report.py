@@ -1,4 +1,7 @@
-"""report.json: what went in, what came out, what it cost. Deviations are shares of R, areas texels, times seconds."""
+"""Content of report.json: the input, the levels, and their costs.
+
+Deviations are fractions of R, areas are in texels, times in seconds.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,10 @@ from ..settings import BakeSettings
 
 
 def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -> dict[str, Any]:
-    """The content of report.json. `write_seconds` has one for each level, `files` the names of all that was written.
+    """Return the content of report.json for one tree.
 
-    Without the values under the key "seconds" it is the same for the same input, settings and seed.
+    `write_seconds`: one number per level. `files`: the names of all written files. Except for the values under the key
+    "seconds", the same input, settings and seed give the same content.
     """
     prepared = baked.prepared
     levels = [_leaves(baked.levels[0], write_seconds[0])]
@@ -28,7 +32,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
         levels.append(_level(level, built, prepared.settings, distance, seconds))
     if prepared.tree.wood is not None and is_on(baked.effects, "trunk_levels"):
         for row, built in zip(levels, baked.levels, strict=True):
-            # The cross has none beside it: its textures show it.
+            # The cross impostor has no trunk mesh: its textures show the trunk.
             row["wood"] = None if row["method"] == "cross" else _wood(built, prepared.foliage.radius)
     return {
         "leafcloud": leafcloud.__version__,
@@ -50,7 +54,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
 
 
 def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """The content of report.json of several trees: that of each under its name, and what all have in common once."""
+    """Return the content of report.json for several trees: the common values once, the rest for each tree by name."""
     common = ("leafcloud", "blender", "files")
     first = next(iter(reports.values()))
     trees = [
@@ -62,9 +66,9 @@ def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def _predicted(baked: Baked) -> dict[str, Any] | None:
-    """What a cost curve had said, beside what came out; null where none was measured.
+    """Return the prediction of a cost curve beside the measured values; None without a cost curve.
 
-    `settings` are those that a wish has chosen, null without one. `image_error` is level 1's.
+    `settings`: the settings chosen for `seconds`, `image_error` or `preset`, else None. `image_error`: that of level 1.
     """
     chosen = baked.chain.chosen
     predicted = baked.prepared.predicted if chosen is None else chosen["predicted"]
@@ -78,7 +82,7 @@ def _predicted(baked: Baked) -> dict[str, Any] | None:
 
 
 def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
-    """LOD 0: nothing was fitted, nothing deviates."""
+    """Return the row of LOD 0, which has no billboards and no deviation."""
     return {
         "level": 0,
         "method": "leaves",
@@ -102,7 +106,7 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
 def _level(
     level: leafcloud.Level, built: BuiltLevel, settings: BakeSettings, switch_distance: float, write_seconds: float
 ) -> dict[str, Any]:
-    """A cloud or the cross, which promises no ε: what it has none of is null."""
+    """Return the row of a cloud or of the cross impostor, for which ε and the values of the fit are None."""
     cloud = level.cloud
     return {
         "level": built.number,
@@ -125,17 +129,17 @@ def _level(
 
 
 def _wood(built: BuiltLevel, radius: float) -> dict[str, Any]:
-    """The trunk and branches beside a level, and how far they lie from those beside the leaves."""
+    """Return the triangles of a level's trunk, and its deviation from LOD 0's trunk as a fraction of R."""
     return {"triangles": built.wood_triangles, "error": built.wood_error / radius}
 
 
 def billboard_count(level: leafcloud.Level) -> int:
-    """Billboards of a level; a pair of single-sided quads is one."""
+    """Return the number of billboards of a level; a pair of front and back billboards counts once."""
     return len(level.plane_ids) // 2 if level.two_sided else len(level.plane_ids)
 
 
 def _effect(effect: Effect, baked: Baked) -> dict[str, Any]:
-    """What it has cost beside what it was expected to."""
+    """Return an effect's state and reason, its measured costs, and its estimated costs."""
     nbytes = baked.costs.bytes.get(effect.name, 0)
     if effect.name == "back_sides":
         nbytes = sum(level.texels // 2 for level in baked.chain.levels if level.two_sided) * BYTES_PER_TEXEL

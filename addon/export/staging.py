@@ -1,4 +1,4 @@
-"""Files that appear in a folder together: written beside it all, moved in when every one is whole."""
+"""Folder writes that are all or nothing: a hidden folder gathers the files until all are complete."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .. import ending
 
 
 class Staging:
-    """A hidden folder in `directory` that gathers files until `commit` moves them up, over older ones of their names.
+    """A hidden folder in `directory` that gathers files until `commit` moves them up and replaces older ones.
 
-    Left without a commit, `directory` is as it was before: folders that were made for it are gone again.
-    Raises `OSError` when `directory` cannot be made or written to, or holds a folder that has a file's name.
+    Without a commit `directory` does not change, and folders created for it are removed again.
+    Raises `OSError` if `directory` cannot be created or written to, or has a folder with a file's name.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -49,26 +49,26 @@ class Staging:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The names given out so far."""
+        """The names of the files so far."""
         return tuple(self._files)
 
     def path(self, name: str) -> Path:
-        """Where to write the file that is to be called `name`."""
+        """Return the path at which to write the file `name`."""
         if self._folder is None:
-            raise RuntimeError("a staging folder gives out paths only within its `with` block")
+            raise RuntimeError("a staging folder has paths only inside its `with` block")
         target = self._directory / name
         if target.is_dir():
-            raise IsADirectoryError(f"{target} is a folder, a file of that name has to be written")
+            raise IsADirectoryError(f"cannot write the file {target}: a folder has that name; move or rename it")
         self._files.append(name)
         return self._folder / name
 
     def write_json(self, name: str, content: Any) -> None:
-        """Writes `content` as the file `name`; numbers that JSON does not know are refused with `ValueError`."""
+        """Write `content` as the file `name`. Raises `ValueError` for numbers that JSON lacks, such as NaN."""
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         self.path(name).write_text(text + "\n", encoding="utf-8", newline="\n")
 
     def commit(self) -> None:
-        """Moves the files to where they belong. Raises `FileNotFoundError`, and moves none, where one is missing."""
+        """Move all files into the directory. Raises `FileNotFoundError`, and moves none, if one is missing."""
         assert self._folder is not None
         with ending.step():
             for name in self._files:
@@ -80,7 +80,7 @@ class Staging:
 
     def _clean(self) -> None:
         if self._folder is not None:
-            # Renamed first: Blender may be writing there still when the process ends, and would add files.
+            # Renamed first: Blender may still be writing here when the process ends, and would add files.
             shutil.rmtree(self._folder.rename(f"{self._folder}-removed"))
             self._folder = None
         for folder in reversed(self._made):

@@ -1,7 +1,7 @@
-"""Tangents in a GLB file, where a normal map calls for them and only there.
+"""Tangents in a GLB file, only on primitives with a normal map or a bent-normal occlusion texture.
 
-Blender's exporter gives tangents to all meshes or to none; without them engines make up their own, and validators warn.
-On a billboard, which is flat and evenly mapped, there is just one choice: along the texture's columns.
+Blender's exporter writes tangents for all meshes or for none. Without tangents engines compute their own, and
+validators warn. A billboard is flat and evenly mapped, so its tangent is unambiguous: the direction of the texture's u.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .glb_file import accessor_values, append_accessor, read_glb, write_glb
 
 
 def add_tangents(path: Path) -> None:
-    """Adds TANGENT to each primitive of the GLB file at `path` whose material has a map in its axes, and to no others.
+    """Add TANGENT to the primitives of the GLB file at `path` that need tangents.
 
-    That is a normal map, or a texture of where the sky is seen.
+    Their materials have a texture in tangent space: a normal map, or a bent-normal occlusion texture.
     """
     document, binary = read_glb(path)
     maps = {number: _map(material) for number, material in enumerate(document.get("materials", []))}
@@ -32,7 +32,7 @@ def add_tangents(path: Path) -> None:
         texture = mapped[primitive["material"]]
         names = ("POSITION", "NORMAL", f"TEXCOORD_{texture.get('texCoord', 0)}")
         if not {*names} <= {*attributes}:
-            continue  # a mesh without texture coordinates: the map is not laid out on it
+            continue  # without texture coordinates no map is drawn on the mesh
         positions, normals, uvs = (accessor_values(document, binary, attributes[name]) for name in names)
         triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
         tangents = _tangents(positions, normals, uvs, triangles)
@@ -48,9 +48,9 @@ def _map(material: dict[str, Any]) -> dict[str, Any] | None:
 def _tangents(
     positions: NDArray[Any], normals: NDArray[Any], uvs: NDArray[Any], triangles: NDArray[Any]
 ) -> NDArray[np.float32]:
-    """(v, 4) unit tangents along u, across the normals, and the sign with which cross(normal, tangent) points up v.
+    """Return (v, 4): unit tangents along u, perpendicular to the normals, and the sign of the bitangent.
 
-    glTF's v runs down; a normal map's green points up.
+    sign · cross(normal, tangent) points up in the texture. glTF's v runs down; a normal map's green points up.
     """
     points, places = positions.astype(np.float64)[triangles], uvs.astype(np.float64)[triangles]
     (e1, e2), (d1, d2) = (np.moveaxis(values[:, 1:] - values[:, :1], 1, 0) for values in (points, places))
@@ -64,7 +64,7 @@ def _tangents(
     normal = normals.astype(np.float64)
     tangents -= normal * np.einsum("vi,vi->v", normal, tangents)[:, None]
     length = np.linalg.norm(tangents, axis=1, keepdims=True)
-    # Where the texture is not laid out at all, any direction across the normal will do.
+    # If the texture coordinates are degenerate, any direction perpendicular to the normal will do.
     other = np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
     other /= np.linalg.norm(other, axis=1, keepdims=True)
     tangents = np.where(length > 1e-20, tangents / np.maximum(length, 1e-20), other)

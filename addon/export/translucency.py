@@ -1,8 +1,8 @@
-"""The light that shines through the clouds, in a GLB file: `KHR_materials_diffuse_transmission`.
+"""Translucency of the clouds in a GLB file: `KHR_materials_diffuse_transmission`.
 
-The extension mixes as the clouds' materials in Blender do: (1 − factor) · base colour is reflected, factor · colour
-shines through. Where a page has opaque parts, the alpha of the same image multiplies the factor. Blender's exporter
-does not know the extension; engines that do not either reflect the whole base colour.
+The extension mixes as the clouds' materials in Blender do: (1 − factor) · base color is reflected, factor · color is
+transmitted. If an atlas page has opaque parts, the alpha of the color image multiplies the factor. Blender's exporter
+does not support the extension. An engine without support reflects the whole base color.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ DIFFUSE_TRANSMISSION = "KHR_materials_diffuse_transmission"
 
 
 def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
-    """Adds what the materials in `collection` let through to the GLB file that it was written to."""
+    """Add the translucency of the materials in `collection` to the GLB file at `path`, written from the collection."""
     trees = {
         material.name: material.node_tree
         for obj in collection.all_objects
@@ -37,7 +37,7 @@ def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
             "diffuseTransmissionColorTexture": {"index": number},
         }
         if tree.nodes[TRANSLUCENCY_NODE].outputs["Alpha"].is_linked:
-            # A texture of its own: KTX2, which may take the place of the first, has no alpha here.
+            # A second texture, because KTX2 may replace the first one and has no alpha here.
             document["textures"].append(dict(document["textures"][number]))
             extension["diffuseTransmissionTexture"] = {"index": number + 1}
         document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), DIFFUSE_TRANSMISSION})

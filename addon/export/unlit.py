@@ -1,8 +1,8 @@
-"""LOD 0 with baked light, in GLB files: `KHR_materials_unlit`, under vertex colours that are the light.
+"""Baked light of LOD 0 in GLB files: `KHR_materials_unlit`, with the light as vertex colors.
 
-A primitive has one colour at a corner, and shows it on both sides: it is the mean of the light on the two. Clouds,
-whose sides are billboards of their own, are written as unlit by Blender's exporter. All of it is light over its
-strength, for glTF knows none above 1; the strength stands in the materials' extras, `leafcloud.light_strength`.
+A primitive has one color per corner for both sides, so the color is the mean of the light on the two sides. Clouds have
+front and back billboards, and Blender's exporter writes them as unlit. glTF colors end at 1, so all light is divided by
+its strength. The strength is in the materials' extras, `leafcloud.light_strength`.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from ..build.levels import BuiltLevel
 from .glb_file import read_glb, write_glb
 
 COLOR_OPTIONS = {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
-"""What the exporter is told where colours are light: to write those that render, and no others."""
+"""Export options for baked light: write the vertex colors used for rendering, and no others."""
 
 UNLIT = "KHR_materials_unlit"
 _MEAN = "leafcloud_light_mean"
 _KEPT = {"name", "alphaMode", "alphaCutoff", "doubleSided", "extras"}
-"""What counts of a material that is not lit, beside its base colour."""
+"""Properties of an unlit material that are kept, beside the base color."""
 
 
 @contextmanager
 def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Makes the mean of both sides' light, times the leaves' own colours, LOD 0's colour for the time of the export."""
+    """Give LOD 0 the mean light of both sides, times the leaves' own colors, as vertex colors while the block runs."""
     mesh = levels[0].object.data
     if not _is_lit(mesh):
         yield
@@ -51,7 +51,7 @@ def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 
 def add_unlit(path: Path, collection: bpy.types.Collection) -> None:
-    """Makes the leaves' own materials unlit in the GLB file that `collection` was written to."""
+    """Make the leaves' own materials unlit in the GLB file at `path`, written from `collection`."""
     meshes = [obj.data for obj in collection.all_objects if _is_lit(obj.data)]
     names = {material.name for mesh in meshes for material in mesh.materials}
     if not names:

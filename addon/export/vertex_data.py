@@ -1,13 +1,13 @@
-"""What shaders read of a vertex in GLB files: rank, pivots, and what the wind needs, each once, as the engine reads it.
+"""Vertex attributes for shaders in GLB files: rank, pivots and wind attributes. A file holds each of them once.
 
-By name, through Blender's exporter: `_LEAF_RANK` (rank, phase, freedom), `_LEAF_PIVOT`, `_LEAF_PIVOT_TARGET` and
-`_LEAF_BILLBOARD_PIVOT`. All have three components, for Blender's own importer (4.2 to 5.1) fails at random on
-attributes of several widths.
+By default Blender's exporter writes custom attributes: `_LEAF_RANK` (rank, phase, freedom), `_LEAF_PIVOT`,
+`_LEAF_PIVOT_TARGET` and `_LEAF_BILLBOARD_PIVOT`. All have three components, because Blender's own importer (4.2 to 5.1)
+fails at random on attributes of different widths.
 
-`BY_COORDINATES` engines drop custom attributes, and get the numbers of `_coordinates` as texture coordinates from
-TEXCOORD_2 on, two in each set. Godot (`GLTFDocument::_parse_meshes`, 4.6) makes CUSTOM0 of TEXCOORD_2 and _3, CUSTOM1
-of _4 and _5, CUSTOM2 of _6 and _7, in single precision and unchanged. glTF wants the lower sets to be there, too: where
-the level has none of its own, they are its first set once more, by the same accessor.
+The engines in `BY_COORDINATES` drop custom attributes. They get the numbers of `_coordinates` as texture coordinates
+from TEXCOORD_2 on, two numbers in each set. Godot (`GLTFDocument::_parse_meshes`, 4.6) makes CUSTOM0 of TEXCOORD_2 and
+_3, CUSTOM1 of _4 and _5, CUSTOM2 of _6 and _7, in single precision and unchanged. glTF requires the lower sets, too. A
+set that the level lacks uses the accessor of its first set.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FIRST_SET = 2
 
 @contextmanager
 def engine_attributes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
-    """Puts custom attributes on each level that has pivots, and takes them away at the end."""
+    """Add custom attributes to each level that has pivots while the block runs."""
     meshes = [level.object.data for level in levels if "leaf_pivot" in level.object.data.attributes]
     added: list[tuple[bpy.types.Mesh, str]] = []
     try:
@@ -47,13 +47,13 @@ def engine_attributes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
 
 
 class VertexData:
-    """Makes texture coordinates of the custom attributes in GLB files for an engine that reads no others."""
+    """Converter of custom attributes in GLB files to texture coordinates, for engines that drop custom attributes."""
 
     def __init__(self, engine: str) -> None:
         self._by_coordinates = engine in BY_COORDINATES
 
     def add_to(self, path: Path) -> None:
-        """Changes the file at `path`; for an engine that reads attributes by their names it stays as it is."""
+        """Convert the attributes in the file at `path`, unless the engine reads custom attributes."""
         if not self._by_coordinates:
             return
         document, binary = read_glb(path)
@@ -72,7 +72,7 @@ class VertexData:
 
 
 def _engine_values(mesh: bpy.types.Mesh) -> dict[str, NDArray[np.float32]]:
-    """(v, 3) by name, Y-up. Where the level has no ranks, that is −1, which is never pruned."""
+    """Return the attributes (v, 3) by name, Y-up. A level without ranks has the rank −1, which is never pruned."""
     values = {}
     if "leaf_rank" in mesh.attributes or "leaf_phase" in mesh.attributes:
         names = {"leaf_rank": -1.0, "leaf_phase": 0.0, "leaf_flutter": 0.0}
@@ -84,7 +84,7 @@ def _engine_values(mesh: bpy.types.Mesh) -> dict[str, NDArray[np.float32]]:
 
 
 def _numbers(mesh: bpy.types.Mesh, name: str, missing: float) -> NDArray[np.float32]:
-    """(v,) the attribute `name`, or `missing` where there is none."""
+    """Return the attribute `name`, (v,); filled with `missing` if the mesh lacks it."""
     numbers = np.full(len(mesh.vertices), missing, np.float32)
     if name in mesh.attributes:
         mesh.attributes[name].data.foreach_get("value", numbers)
@@ -92,7 +92,7 @@ def _numbers(mesh: bpy.types.Mesh, name: str, missing: float) -> NDArray[np.floa
 
 
 def _vectors(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
-    """(v, 3) the attribute `name`, Y-up."""
+    """Return the attribute `name`, (v, 3), Y-up."""
     vectors = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes[name].data.foreach_get("vector", vectors)
     return y_up(vectors.reshape(-1, 3))
@@ -104,7 +104,7 @@ def _move_to_coordinates(document: dict[str, Any], binary: bytes, primitive: dic
         name: accessor_values(document, binary, attributes.pop(name))
         for name in [name for name in attributes if name.startswith("_LEAF_")]
     }
-    # All sets of a level are the same: its materials may call one map by several names.
+    # All sets of a level are equal: its materials may use one UV map under several names.
     for name in [name for name in attributes if name.startswith("TEXCOORD_") and name != "TEXCOORD_0"]:
         del attributes[name]
     if "material" in primitive:
@@ -119,9 +119,9 @@ def _move_to_coordinates(document: dict[str, Any], binary: bytes, primitive: dic
 
 
 def _coordinates(custom: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """(v, 4), (v, 8) or (v, 12): rank, pivot; pivot target, phase; billboard pivot, freedom.
+    """Return (v, 4), (v, 8) or (v, 12) numbers: rank, pivot; pivot target, phase; billboard pivot, freedom.
 
-    As many as the level needs. What it lacks before them is a rank of −1, its pivot, or 0.
+    The width is the smallest that holds the level's attributes. Missing ones are a rank of −1, the pivot, or 0.
     """
     pivot = custom["_LEAF_PIVOT"]
     unranked = np.repeat(np.array([[-1.0, 0.0, 0.0]], np.float32), len(pivot), axis=0)
@@ -134,7 +134,7 @@ def _coordinates(custom: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
 
 
 def _use_first_set(material: Any) -> None:
-    """Lets all textures of a material, however deep they stand in it, read TEXCOORD_0."""
+    """Make all textures of a material use TEXCOORD_0, at any depth of its JSON."""
     if isinstance(material, dict):
         material.pop("texCoord", None)
     inner = material.values() if isinstance(material, dict) else material if isinstance(material, list) else ()

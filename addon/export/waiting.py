@@ -1,13 +1,14 @@
-"""Textures that wait for a shader made for them, in a GLB file: no part of glTF's materials, so they stand in extras.
+"""Optional textures in a GLB file, for custom shaders. glTF's materials have no place for them, so extras hold them.
 
-Each key of `material.extras.leafcloud` is a texture as glTF describes it, linear codes, laid out like the colours.
+Each key of `material.extras.leafcloud` is a glTF texture reference. The textures are linear and laid out like the base
+color.
 
-`visibilityTexture`: light from the direction l, in the axes of tangent, bitangent and normal (not turned on the back),
-reaches the share `lc_sun_share(occlusion, 2 · code − 1, l)` of a place (shaders/leafcloud.glsl); the occlusion is the
-red of `metallicRoughnessTexture`.
+`visibilityTexture`: bent-normal occlusion. Light from the direction l reaches the surface with the fraction
+`lc_sun_share(occlusion, 2 · texel − 1, l)` (shaders/leafcloud.glsl). l is in the axes of tangent, bitangent and normal,
+not flipped on the back. The occlusion is the red channel of `metallicRoughnessTexture`.
 
-`leafUvTexture` and `leafIdTexture`: which leaf a texel shows, and where in its texture (see `build.leaf_map`). The
-codes are labels, so their sampler takes the nearest, and there are no mips and no other formats than PNG.
+`leafUvTexture` and `leafIdTexture`: the leaf that a texel shows, and the place in its texture (see `build.leaf_map`).
+The texels are labels, so they need nearest filtering, have no mips, and are stored as PNG only.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from ..build.materials import VISIBILITY_NODE
 from .glb_file import append_texture, read_glb, write_glb
 
 WAITING_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
-"""By the names of the image nodes that wait."""
+"""The key of each optional texture, by the name of its image node."""
 _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}
 
 
 def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
-    """Adds the textures that wait in the materials of `collection` to the GLB file that it was written to."""
+    """Add the optional textures of the materials in `collection` to the GLB file at `path`, written from it."""
     waiting = {
         material.name: images
         for obj in collection.all_objects
@@ -46,14 +47,14 @@ def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
 
 
 def _images(material: bpy.types.Material) -> dict[str, bpy.types.Image]:
-    """The images that wait in a material, as far as they are packed, by their keys."""
+    """Return the packed optional images of a material by their keys."""
     nodes = {} if material.node_tree is None else material.node_tree.nodes
     images = {key: nodes[name].image for name, key in WAITING_NODES.items() if name in nodes}
     return {key: image for key, image in images.items() if image is not None and image.packed_file is not None}
 
 
 def _nearest(document: dict[str, Any]) -> int:
-    """The number of the sampler that takes the nearest; the others are left alone."""
+    """Return the index of a sampler with nearest filtering. Append one if there is none."""
     samplers = document.setdefault("samplers", [])
     if _NEAREST not in samplers:
         samplers.append(_NEAREST)

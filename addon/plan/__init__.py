@@ -1,1 +1,1 @@
-"""What is decided before the work starts, by functions of plain values: nothing here imports `bpy`."""
+"""Decisions made before a bake starts, as functions of plain values. Nothing here imports `bpy`."""

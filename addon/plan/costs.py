@@ -1,10 +1,11 @@
-"""What an effect will cost: seconds of baking, and bytes of what it adds to the levels before these are packed.
+"""Cost estimates of the effects: seconds of baking, and uncompressed bytes added to the levels.
 
-Each is in proportion to an amount that is known before the bake: vertices, texels, triangles; and what looks through
-the crown takes longer the more leaves stand behind one another. The constants are fitted to measured trees; `make plan`
-measures them anew, and compares estimates with what was measured. Seconds are those of the machine that they were
-measured on. Known limit: how much wood can be left out, and in how many pieces billboards are cut that are blended,
-shows when it is tried; here it is told by what goes with it, seams of the wood's texture and the size of leaves.
+A cost is proportional to an amount that is known before the bake: vertices, texels or triangles. Effects that look
+through the crown take longer the more leaves overlap along a line of sight. The constants are fitted to measured trees.
+`make plan` measures the costs again and compares them with the estimates. Seconds apply to the measuring machine.
+
+Known limit: two amounts are only known after the bake. The trunk triangles left after simplification are estimated from
+the seams of the trunk's texture, the pieces of blended billboards from the leaf size.
 """
 
 from __future__ import annotations
@@ -18,35 +19,38 @@ from .facts import Facts
 
 BYTES_PER_TEXEL = 4
 BILLBOARD_VERTICES = 1000
-"""About as many vertices are there beside the leaves' own."""
+"""Typical number of vertices that level 1's billboards and leaves split between billboards add."""
 
 
 @dataclass(frozen=True)
 class Amounts:
-    """What costs are in proportion to."""
+    """The amounts that costs are proportional to."""
 
     vertices: int
-    """Of the leaves."""
+    """Vertices of the leaves."""
     triangles: int
-    """Of the leaves."""
+    """Triangles of the leaves."""
     wood: int
-    """Triangles beside all clouds, before they are simplified."""
+    """Trunk triangles of all clouds together, before simplification."""
     wood_left: int
-    """Of them, about, when they are: seams hold triangles in place."""
+    """Estimated trunk triangles after simplification. Texture seams hold triangles in place."""
     texels: int
-    """Of the pages of all levels that are made."""
+    """Texels of the atlas pages of all levels."""
     far_texels: int
-    """Of those behind level 1."""
+    """Texels of the atlas pages after level 1's."""
     depth: float
-    """Leaves that a line of sight meets."""
+    """Mean number of leaves along a line of sight."""
     leaf_size: float
-    """Of a leaf, over R."""
+    """Size of a leaf as a fraction of R."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """seconds = `fixed` + `per_layer` · depth + (`seconds` + `seconds_per_layer` · depth) · amount, bytes = `nbytes` ·
-    amount; depth is that of the crown."""
+    """The cost of an effect as a function of an amount, with `depth` from `Amounts`.
+
+    seconds = `fixed` + `per_layer` · depth + (`seconds` + `seconds_per_layer` · depth) · amount
+    bytes = `nbytes` · amount
+    """
 
     amount: Callable[[Amounts], int]
     nbytes: float = 0.0
@@ -64,7 +68,7 @@ class Rate:
 
 
 def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> Amounts:
-    """What the bake will have of each."""
+    """Return the amounts of the bake, known or estimated."""
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds + cross)]
     wood, left = facts.wood * clouds, min(max(4.0 * facts.wood_seams**1.5, 0.1), 1.0)
@@ -73,9 +77,9 @@ def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> 
 
 
 def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The effects with what each is expected to cost: nothing where it is off, all it may where it is undecided.
+    """Return the effects with their estimated costs. An effect that is off costs nothing, an undecided one its maximum.
 
-    Occlusion shares an image with gloss, and self-shadowing with both: the first of them that is on pays for it.
+    Roughness and metallic, occlusion and self-shadowing share an image. The first of them that is on pays for it.
     """
     known = amounts(settings, facts, effects)
     result = []
@@ -104,7 +108,7 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
 
 
 def _vertices(known: Amounts) -> int:
-    """With those of level 1's billboards, and of leaves that lie on several of them."""
+    """Return the vertices of the leaves and of level 1's billboards."""
     return known.vertices + BILLBOARD_VERTICES
 
 
@@ -133,7 +137,10 @@ def _far_texels(known: Amounts) -> int:
 
 
 def _pieces(known: Amounts) -> int:
-    """Of billboards that are blended: large leaves take more of them, but files hardly more than the leaves have."""
+    """Return the estimated number of pieces of blended billboards.
+
+    It grows with the leaf size. Files limit it to about the triangles of the leaves.
+    """
     return 2_000 + min(round(84_000 * known.leaf_size), 2 * known.triangles)
 
 
@@ -141,9 +148,9 @@ _SHARING = ("gloss", "occlusion", "self_shadowing")
 _GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
 _WOOD_LEFT = Rate(_wood_left, 87.0)
 _ORDER = Rate(_triangles, fixed=0.065, per_layer=0.028, seconds=2.25e-6)
-"""Looking how much of each leaf is seen."""
+"""Measuring how much of each leaf is visible."""
 _GROWTH = Rate(_triangles, fixed=0.11, per_layer=0.0225, seconds=1.45e-6)
-"""Looking at pruned leaves."""
+"""Rendering pruned leaves to measure their growth."""
 
 RATES: dict[str, Rate] = {
     "transitions": Rate(_vertices, 41.0, seconds=1.0e-7),

@@ -1,4 +1,4 @@
-"""Which effects a bake carries, and why: each costs time or memory, and is there only when something calls for it."""
+"""The plan of a bake's effects. Each effect costs time or memory, so it is on only where the scene needs it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from .sight import Sight, pixels_of, prune_start, sight
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: `on` is None while it is left to each cloud to decide as it is baked. `reason` is one sentence.
+    """One effect of the plan, the reason for its state, and its estimated cost.
 
-    seconds, bytes: what it is expected to cost (`plan.costs`).
+    on: None while undecided; the bake then decides for each cloud. reason: one sentence.
+    seconds, bytes: the estimated cost (`plan.costs`).
     """
 
     name: str
@@ -25,16 +26,16 @@ class Effect:
 
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
-    """The effects in the order of `EFFECTS`: as the settings force them, else as the facts call for them."""
+    """Return the effects in the order of `EFFECTS`. The settings override the rules, which look at the facts."""
     scene = _Scene(settings, facts, sight(settings, facts))
     effects = tuple(_asked(settings, name) or _RULES[name](scene) for name in EFFECTS)
     return tuple(map(_under_baked_light, effects)) if is_on(effects, "baked_light") else effects
 
 
 def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
-    """The channels that are read from the materials.
+    """Return the channels to read from the leaf materials.
 
-    Occlusion shares a texture with gloss, and needs it whole.
+    Occlusion and self-shadowing need roughness and metallic, too: all are channels of one texture.
     """
     on = {effect.name for effect in plan_effects(settings, facts) if effect.on}
     if on & {"occlusion", "self_shadowing"}:
@@ -43,7 +44,10 @@ def plan_channels(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
 
 
 def blended_leaves(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
-    """The leaf materials that stay blended in files: those that are seen through, if nothing else is asked for."""
+    """Return the names of the leaf materials that stay alpha blended in files.
+
+    By default the mostly semi-transparent ones; if `effects` forces `blend_order`, all blended ones or none.
+    """
     asked = asked_effects(settings.effects).forced.get("blend_order")
     if asked is None:
         return facts.see_through
@@ -51,7 +55,11 @@ def blended_leaves(settings: BakeSettings, facts: Facts) -> tuple[str, ...]:
 
 
 def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[int, bool]:
-    """How many clouds are made, and whether the cross is: without the effect far_levels those that are seen, or one."""
+    """Return the number of billboard clouds to make, and whether to make the cross impostor.
+
+    Without the effect far_levels, a bake stops at the last level that a camera sees, but not before level 1. If the
+    viewer may be anywhere, it stops at level 1.
+    """
     clouds = 0 if settings.chain == "pruning" else settings.levels
     if is_on(effects, "far_levels"):
         return clouds, settings.cross
@@ -62,14 +70,17 @@ def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
 
 @dataclass(frozen=True)
 class CameraNote:
-    """What the scene's camera has decided, and the value of the setting `viewer` that decides otherwise."""
+    """A note on the camera's influence on the levels, and the value of the setting `viewer` that undoes it."""
 
     text: str
     viewer: str
 
 
 def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> CameraNote | None:
-    """What the levels lack because of the camera, and why; or that it was not planned by. None where it is neither."""
+    """Return a note on what the scene's camera changed in the plan, with the reason; None if there is nothing to tell.
+
+    The note tells which levels are left out, that only one level is shown, or that the plan ignores a still camera.
+    """
     scene = _Scene(settings, facts, sight(settings, facts))
     asked = asked_effects(settings.effects)
     if scene.stands_still and asked.state("far_levels") is None:
@@ -80,7 +91,7 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
     clouds, cross = plan_levels(settings, facts, effects)
     planned = 0 if settings.chain == "pruning" else settings.levels
     left_out = [f"level {number}" for number in range(clouds + 1, planned + 1)]
-    left_out += ["the cross"] if settings.cross and not cross else []
+    left_out += ["the cross impostor"] if settings.cross and not cross else []
     if left_out and asked.state("far_levels") is None:
         verb = "is" if len(left_out) == 1 else "are"
         said.append(f"{' and '.join(left_out)} {verb} left out: {_far_levels(scene).reason}")
@@ -91,13 +102,16 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
 
 
 def sees_pages(settings: BakeSettings, facts: Facts) -> bool:
-    """Whether any camera may see a billboard. A page that none sees is packed at once, not as tightly as may be."""
+    """Return whether any camera may see a billboard. If not, the atlas is packed quickly instead of tightly."""
     seen = sight(settings, facts)
     return seen is None or seen.last > 0
 
 
 def joint_effects(plans: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
-    """The plans of several trees as one: what is on for any, with the first reason for it; the sum of the costs."""
+    """Merge the plans of several trees into one.
+
+    An effect is on if any tree has it on, with the first such reason. Its cost is the sum over the trees.
+    """
 
     def joint(effects: tuple[Effect, ...]) -> Effect:
         shown = next((effect for effect in effects if effect.on), None) or next(
@@ -112,12 +126,12 @@ def joint_effects(plans: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
 
 
 def settle_back_sides(effects: Sequence[Effect], two_sided: Sequence[int]) -> tuple[Effect, ...]:
-    """The effects after the bake, where `two_sided` holds the numbers of the levels that kept both sides."""
+    """Return the effects after the bake. `two_sided`: the numbers of the levels with a texture for each side."""
     return tuple(_settled(effect, two_sided) if effect.on is None else effect for effect in effects)
 
 
 def is_on(effects: Sequence[Effect], name: str) -> bool | None:
-    """Whether the effect `name` is on; None while it is undecided. Raises `KeyError` for a name that is not planned."""
+    """Return whether the effect `name` is on; None while it is undecided. Raises `KeyError` for an unplanned name."""
     for effect in effects:
         if effect.name == name:
             return effect.on
@@ -125,13 +139,13 @@ def is_on(effects: Sequence[Effect], name: str) -> bool | None:
 
 
 def first_on(effects: Sequence[Effect], names: Sequence[str]) -> str:
-    """The first of `names` whose effect is on; the first of all when none is."""
+    """Return the first name of an effect that is on; the first of `names` if all are off."""
     return next((name for name in names if is_on(effects, name)), names[0])
 
 
 @dataclass(frozen=True)
 class _Scene:
-    """What the rules look at. `seen` is None when the viewer may be anywhere."""
+    """The input of the rules. `seen` is None if the viewer may be anywhere."""
 
     settings: BakeSettings
     facts: Facts
@@ -139,7 +153,7 @@ class _Scene:
 
     @property
     def stands_still(self) -> bool:
-        """Whether a camera is there that nothing is planned by, because it stands still."""
+        """True if the plan ignores the scene's camera because it stands still."""
         return self.facts.camera is None and self.facts.scene_camera is not None and self.settings.by_cameras
 
     @property
@@ -151,20 +165,21 @@ class _Scene:
 
     @property
     def only_leaves(self) -> bool:
-        """Whether no camera sees anything but LOD 0."""
+        """True if the cameras see LOD 0 only."""
         return self.seen is not None and self.seen.last == 0
 
     @property
     def where(self) -> str:
-        """From where the cameras see the tree, as the beginning of a sentence."""
+        """The distances of the cameras, as the beginning of a sentence."""
         assert self.facts.camera is not None
         near, far = (
             f"{away / self.facts.radius:.3g}" for away in (self.facts.camera.nearest, self.facts.camera.farthest)
         )
         trees = len(self.facts.camera.spans)
         if trees > 1:
-            return f"the camera sees the {trees} trees from {near} to {far} radii"
-        return f"the camera stays at {far} radii" if near == far else f"the camera stays between {near} and {far} radii"
+            return f"the camera sees the {trees} trees from {near} to {far} crown radii"
+        span = far if near == far else f"{near} to {far}"
+        return f"the camera stays {span} crown radii away"
 
     def takes_over(self, level: int) -> str:
         assert self.seen is not None
@@ -172,12 +187,12 @@ class _Scene:
 
     @property
     def before_level_1(self) -> str:
-        """Why no billboard is seen."""
+        """The reason why no billboard is seen."""
         return f"{self.where}, and {self.takes_over(1)}: no billboard is seen"
 
 
 def _asked(settings: BakeSettings, name: str) -> Effect | None:
-    """What the settings say of an effect, if they do."""
+    """Return the effect as the settings force it; None if they leave it to the plan."""
     asked = asked_effects(settings.effects)
     on = asked.state(name)
     if on is None:
@@ -185,80 +200,80 @@ def _asked(settings: BakeSettings, name: str) -> Effect | None:
     if name in asked.forced:
         return Effect(name, on, f"asked for by `effects={'+' if on else '-'}{name}`")
     if name == "far_levels":
-        return Effect(name, on, f"asked for by `levels={settings.levels}` beside `effects={settings.effects}`")
+        return Effect(name, on, f"asked for by `levels={settings.levels}` with `effects={settings.effects}`")
     if name == "baked_light" and asked.base == "all":
         return Effect(name, on, f"{_BY_NAME}, not by `effects={settings.effects}`")
     return Effect(name, on, f"asked for by `effects={settings.effects}`")
 
 
-_BY_NAME = "the light would have to stand still for good, so it has to be asked for by name or by `unlit`"
+_BY_NAME = "baked light is right only while no light changes, so it must be asked for by name or by `unlit`"
 
 
 def _transitions(scene: _Scene) -> Effect:
     seen = scene.seen
     if seen is None:
-        return Effect("transitions", True, f"{scene.free_camera}, so it sees levels take over from one another")
+        return Effect("transitions", True, f"{scene.free_camera}, so it may see one level take over from another")
     if seen.passed:
         return Effect("transitions", True, f"{scene.where}, and {scene.takes_over(seen.passed[0])}")
     if seen.first != seen.last:
-        return Effect("transitions", False, f"{scene.where}, and none of them is seen to change from level to level")
+        return Effect("transitions", False, f"{scene.where}, and no tree is seen changing levels")
     if seen.last + 1 < len(seen.switches):
         return Effect("transitions", False, f"{scene.where}, and {scene.takes_over(seen.last + 1)}")
-    return Effect("transitions", False, f"{scene.where}, behind the last level's {scene.takes_over(seen.last)}")
+    return Effect("transitions", False, f"{scene.where}, past the last change of level: {scene.takes_over(seen.last)}")
 
 
 def _pruning(scene: _Scene) -> Effect:
     facts, settings, camera = scene.facts, scene.settings, scene.facts.camera
     if facts.leaves == 1:
-        return Effect("pruning", False, "the foliage is one leaf, there is nothing to prune")
+        return Effect("pruning", False, "the foliage is one leaf, so there is nothing to prune")
     if settings.chain == "billboards":
         return _pruning_of_scenes(scene)
     if camera is None:
         reason = f"{scene.free_camera}, so it may see {facts.leaves} leaves from far away"
         return Effect("pruning", True, reason)
     start = prune_start(settings, facts, camera.view)
-    begins = f"leaves are pruned from {start / facts.radius:.3g} on"
+    begins = f"pruning starts at {start / facts.radius:.3g}"
     return Effect("pruning", camera.farthest > start, f"{scene.where}, and {begins}")
 
 
 def _pruning_of_scenes(scene: _Scene) -> Effect:
-    """For the chain of billboards, which prunes no leaves: a scene of many trees may."""
+    """Return the effect for `chain=billboards`: the levels prune no leaves, but a scene of many trees may."""
     facts, camera = scene.facts, scene.facts.camera
     if camera is None:
-        reason = "all leaves stay until level 1 takes over from them, as `chain=billboards` has it"
+        reason = "`chain=billboards` keeps all leaves until level 1 takes over"
         return Effect("pruning", False, reason)
     pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)
     if len(camera.spans) > 1 and pixels < 1.0:
-        reason = f"{scene.where}, where a leaf is {pixels:.2g} pixels large, so a scene may share its leaves out"
+        reason = f"{scene.where}, where a leaf is {pixels:.2g} pixels wide, so a scene of many trees may prune leaves"
         return Effect("pruning", True, reason)
-    return Effect("pruning", False, f"{scene.where}, where all leaves stay until level 1 takes over from them")
+    return Effect("pruning", False, f"{scene.where}, where all leaves stay until level 1 takes over")
 
 
 def _back_sides(scene: _Scene) -> Effect:
     if scene.only_leaves:
         return Effect("back_sides", False, scene.before_level_1)
-    return Effect("back_sides", None, "each level keeps a texture of its own for the back where the two sides differ")
+    return Effect("back_sides", None, "each level keeps a second texture for the back if its two sides differ")
 
 
 def _trunk_levels(scene: _Scene) -> Effect:
     wood = scene.facts.wood
     if wood == 0:
-        return Effect("trunk_levels", False, "there is no wood beside the leaves")
+        return Effect("trunk_levels", False, "the tree has no trunk or branches")
     if scene.only_leaves:
-        return Effect("trunk_levels", False, f"{scene.where}, and {scene.takes_over(1)}: the wood is seen as it came")
+        return Effect("trunk_levels", False, f"{scene.where}, and {scene.takes_over(1)}: only LOD 0's trunk is seen")
     if scene.seen is not None:
-        return Effect("trunk_levels", True, f"{scene.where}, and sees {wood} triangles of wood beside billboards")
-    return Effect("trunk_levels", True, f"{scene.free_camera}, so it may see {wood} triangles of wood from far away")
+        return Effect("trunk_levels", True, f"{scene.where}, and sees {wood} trunk triangles beside billboards")
+    return Effect("trunk_levels", True, f"{scene.free_camera}, so it may see {wood} trunk triangles from far away")
 
 
 def _far_levels(scene: _Scene) -> Effect:
     seen = scene.seen
     if seen is None:
-        return Effect("far_levels", True, f"{scene.free_camera}, so it may be as far away as any level is for")
+        return Effect("far_levels", True, f"{scene.free_camera}, so it may see every level")
     needed = max(seen.last, 1)
     if needed + 1 >= len(seen.switches):
         return Effect("far_levels", True, f"{scene.where}, and {scene.takes_over(needed)}: every level is seen")
-    left = f"only level {needed} is made" if needed == 1 else f"none behind level {needed} is made"
+    left = f"only level {needed} is made" if needed == 1 else f"no level after level {needed} is made"
     return Effect("far_levels", False, f"{scene.where}, and {scene.takes_over(needed + 1)}: {left}")
 
 
@@ -271,30 +286,35 @@ def _normals(scene: _Scene) -> Effect:
 
 def _gloss(scene: _Scene) -> Effect:
     if scene.facts.glossy is None:
-        return Effect("gloss", False, "all leaves are equally glossy, which takes a number and no texture")
+        return Effect("gloss", False, "roughness and metallic do not vary visibly, so no texture is needed")
     if (nobody := _why_unlit(scene)) is not None:
         return Effect("gloss", False, nobody)
-    return Effect("gloss", True, f"lights are mirrored in the material {scene.facts.glossy!r} otherwise than elsewhere")
+    reason = f"roughness and metallic vary in the material {scene.facts.glossy!r}, or differ from the other materials'"
+    return Effect("gloss", True, reason)
 
 
 def _translucency(scene: _Scene) -> Effect:
     if scene.facts.translucent is None:
-        return Effect("translucency", False, "no light shines through the leaves' materials")
+        return Effect("translucency", False, "no leaf material is translucent")
     if (nobody := _why_unlit(scene)) is not None:
         return Effect("translucency", False, nobody)
-    reason = f"{_whose_light(scene)}, and it shines through the material {scene.facts.translucent!r}"
+    reason = f"{_whose_light(scene)}, and the material {scene.facts.translucent!r} is translucent"
     return Effect("translucency", True, reason)
 
 
 def _blend_order(scene: _Scene) -> Effect:
     facts, name = scene.facts, "blend_order"
     if not facts.blended:
-        return Effect(name, False, "no leaf is blended, and what is cut out is drawn in any order")
+        return Effect(name, False, "no leaf material is alpha blended, and cutouts need no draw order")
     if not facts.see_through:
-        return Effect(name, False, f"little is known to be seen through {facts.blended[0]!r}, so it is cut out instead")
+        return Effect(
+            name, False, f"too few leaves are known to be semi-transparent, so {facts.blended[0]!r} is cut out"
+        )
     if scene.only_leaves:
         return Effect(name, False, scene.before_level_1)
-    return Effect(name, True, f"what is behind {facts.see_through[0]!r} is seen through it, from back to front")
+    return Effect(
+        name, True, f"the material {facts.see_through[0]!r} is semi-transparent, so it is drawn back to front"
+    )
 
 
 def _shadow_proxy(scene: _Scene) -> Effect:
@@ -302,28 +322,28 @@ def _shadow_proxy(scene: _Scene) -> Effect:
     if (nobody := _why_unlit(scene)) is not None:
         return Effect(name, False, nobody)
     if scene.settings.chain == "pruning":
-        return Effect(name, False, "no cloud is made that could cast the leaves' shadow")
+        return Effect(name, False, "`chain=pruning` has no cloud that could cast the leaves' shadow")
     if facts.engine == "generic":
-        return Effect(name, False, "what is drawn casts its own shadow, and no billboard stands between leaves for it")
+        return Effect(name, False, "each level casts its own shadow; a proxy would shade some leaves wrongly")
     if facts.triangles < _WORTH_A_PROXY:
-        return Effect(name, False, f"{facts.triangles} triangles of leaves cost a shadow map nothing")
+        return Effect(name, False, f"{facts.triangles} triangles of leaves cost a shadow map next to nothing")
     reason = f"every light in {facts.engine} would draw {facts.triangles} triangles of leaves again for its shadows"
     return Effect(name, True, reason)
 
 
 _WORTH_A_PROXY = 2000
-"""Triangles of leaves: some ten times as many as a cloud has."""
+"""Leaf triangles from which a shadow proxy pays off: some ten times as many as a cloud has."""
 
 
 def _contrast(scene: _Scene) -> Effect:
     if scene.settings.chain == "billboards" or scene.facts.leaves == 1:
         return Effect("contrast", False, "no leaf is pruned before the first cloud takes over")
     if scene.facts.one_color:
-        return Effect("contrast", False, "all leaves are of one colour, there is no contrast to keep")
+        return Effect("contrast", False, "all leaves have the same color, so there is no contrast to keep")
     pruning = asked_effects(scene.settings.effects).state("pruning")
     if not (_pruning(scene).on if pruning is None else pruning):
         return Effect("contrast", False, f"{scene.where}, where no leaf is pruned")
-    return Effect("contrast", True, "pruned leaves grow, and large leaves would make far crowns coarser than they are")
+    return Effect("contrast", True, "pruning enlarges the kept leaves, which would give far crowns too much contrast")
 
 
 def _wind(scene: _Scene) -> Effect:
@@ -339,17 +359,17 @@ def _baked_light(scene: _Scene) -> Effect:
     if not scene.settings.unlit:
         return Effect("baked_light", False, _BY_NAME)
     if not lights.names:
-        return Effect("baked_light", False, "nothing is lit where the levels go, but no light is in the scene either")
+        return Effect("baked_light", False, "the target is unlit, but the scene has no light to bake")
     if lights.changing is not None:
-        return Effect("baked_light", False, f"nothing is lit where the levels go, but {lights.changing}")
+        return Effect("baked_light", False, f"the target is unlit, but {lights.changing}")
     shining = ", ".join(repr(name) for name in lights.names[:3]) + (" and others" if len(lights.names) > 3 else "")
-    return Effect("baked_light", True, f"nothing is lit where the levels go, and {shining} stand still")
+    return Effect("baked_light", True, f"the target is unlit, and the scene's lights do not change: {shining}")
 
 
 def _why_unlit(scene: _Scene) -> str | None:
-    """Why nobody would read what billboards answer lights with; None where somebody does."""
+    """Return the reason why billboards need no textures that respond to light; None if they may need them."""
     if scene.settings.unlit:
-        return "nothing is lit where the levels go"
+        return "the target is unlit"
     return scene.before_level_1 if scene.only_leaves else None
 
 
@@ -363,7 +383,7 @@ def _whose_light(scene: _Scene) -> str:
 
 
 def _always(name: str, reason: str) -> Callable[[_Scene], Effect]:
-    """The rule of an effect that has to be asked for."""
+    """Return the rule of an effect that is on only if the settings ask for it."""
     return lambda scene: Effect(name, False, reason)
 
 
@@ -376,30 +396,33 @@ _RULES: dict[str, Callable[[_Scene], Effect]] = {
     "normals": _normals,
     "gloss": _gloss,
     "translucency": _translucency,
-    "occlusion": _always("occlusion", "the leaves have none of their own, so it would show where billboards take over"),
+    "occlusion": _always("occlusion", "the leaves have no occlusion, so billboards would differ where they take over"),
     "self_shadowing": _always(
-        "self_shadowing", "renderers cast shadows themselves, and only a shader made for it reads the texture"
+        "self_shadowing", "renderers cast shadows themselves, and only a custom shader reads the texture"
     ),
     "shadow_proxy": _shadow_proxy,
     "blend_order": _blend_order,
-    "leaf_map": _always("leaf_map", "the leaves keep their textures until somebody wants another season"),
+    "leaf_map": _always("leaf_map", "only needed to swap the leaf textures later, for another season"),
     "contrast": _contrast,
-    "grazing_fade": _always("grazing_fade", "what is seen on edge is a part of the crown, which is thinner without it"),
+    "grazing_fade": _always("grazing_fade", "crowns look thinner without the billboards that are seen edge-on"),
     "wind": _wind,
     "baked_light": _baked_light,
 }
 
 
 def _under_baked_light(effect: Effect) -> Effect:
-    """Sides differ in their light; what only counts where light may move is left out, even if it is asked for."""
+    """Return the effect as it is with baked light.
+
+    The light differs on the two sides, so both are kept. Effects for moving light are off, even if forced on.
+    """
     if effect.name == "back_sides":
         return replace(effect, on=True, reason="the light is baked in, and differs on the two sides of a leaf")
     if effect.name == "contrast":
-        return replace(effect, on=False, reason="the light is baked in, and would not be pulled toward a mean")
+        return replace(effect, on=False, reason="the light is baked in, and contrast would change base colors only")
     if effect.name == "leaf_map":
-        return replace(effect, on=False, reason="the light is baked into the page, and another texture would have none")
+        return replace(effect, on=False, reason="the light is baked in, and a swapped leaf texture would have none")
     if effect.name in _FOR_MOVING_LIGHT:
-        return replace(effect, on=False, reason="the light is baked in, so there is none left to answer to")
+        return replace(effect, on=False, reason="the light is baked in, so the levels respond to no other light")
     return effect
 
 

@@ -1,4 +1,4 @@
-"""What a scene is, as far as the plan of the effects asks. Plain values; `scene.survey` reads them from Blender."""
+"""Facts about the scene and the tree that the plan of the effects uses. `pipeline.describe` reads them from Blender."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from .reach import View
 from .wind import Wind
 
 Span = tuple[float, float]
-"""The least and the greatest distance of the camera from the middle of a crown, over all frames; world units."""
+"""The least and the greatest distance from the camera to a crown's center over all frames, in world units."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """From where the scene's cameras see each of the trees, the baked one first, and with what.
+    """The distances from the scene's cameras to each tree, the baked tree first, and the view of the cameras.
 
-    Distances from copies that are larger or smaller are those from which the baked tree would look like them.
+    For a copy of another size it is the distance at which the baked tree would look as large.
     """
 
     spans: tuple[Span, ...]
     view: View
     moves: bool = False
-    """Whether it moves, turns or zooms over the frames, or gives way to another camera."""
+    """True if the camera moves, turns or zooms over the frames, or another camera takes over."""
 
     @property
     def nearest(self) -> float:
@@ -35,7 +35,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Lights:
-    """The lamps of a scene, and its world if that shines. `changing` is one that moves or changes, in words."""
+    """The names of a scene's shining lamps and world. `changing`: a phrase that names one that moves or changes."""
 
     names: tuple[str, ...]
     changing: str | None = None
@@ -43,47 +43,47 @@ class Lights:
 
 @dataclass(frozen=True)
 class Facts:
-    """What the plan looks at: who draws the tree, how much there is of it, who sees it, what lights do there."""
+    """The facts: the engine, the size of the tree, its materials, the cameras, the lights and the wind."""
 
     engine: str
     leaves: int = 0
     vertices: int = 0
     triangles: int = 0
-    """Both of the leaves."""
+    """Vertices and triangles of the leaves."""
     wood: int = 0
     """Triangles of trunk and branches."""
     wood_seams: float = 0.0
-    """The share of its vertices that are there only because its texture has a seam."""
+    """Fraction of the trunk's vertices that exist only because of texture seams."""
     radius: float = 1.0
-    """R, world units."""
+    """R, the radius of the leaves' bounding sphere, in world units."""
     area: float = 0.0
-    """Of the leaves' triangles, world units squared."""
+    """Area of the leaf triangles in world units squared."""
     glossy: str | None = None
-    """A leaf material in which lights are seen mirrored, other than in the others or all over it."""
+    """A leaf material with visible highlights whose roughness or metallic varies, or differs from other materials."""
     translucent: str | None = None
-    """A leaf material through which light shines."""
+    """A translucent leaf material."""
     one_color: bool = False
-    """Whether all leaves have one base colour, all over."""
+    """True if all leaves have the same uniform base color."""
     blended: tuple[str, ...] = ()
-    """The leaf materials that are neither opaque nor cut out."""
+    """The leaf materials with alpha blending: neither opaque nor cut out."""
     see_through: tuple[str, ...] = ()
-    """Those of them through most of which what is behind them is seen; none where hardly a leaf has them."""
+    """The blended materials that are mostly semi-transparent. Empty if they cover only a small share of the leaves."""
     camera: Camera | None = None
-    """The camera that the levels are planned by. None: the viewer may be anywhere."""
+    """The camera that the plan uses. None: the viewer may be anywhere."""
     scene_camera: Camera | None = None
-    """The scene's, whether or not the levels are planned by it."""
+    """The scene's camera, used by the plan or not."""
     lights: Lights = Lights(())
     wind: Wind | None = None
-    """What the scene's force fields blow on the tree."""
+    """The wind of the scene's force fields on the tree."""
     renderer: str = ""
-    """The scene's render engine, as Blender names it."""
+    """Blender's name of the scene's render engine."""
 
     @property
     def depth(self) -> float:
-        """How many leaves a line of sight meets, about: their area over that of a disc around the crown."""
+        """The mean number of leaves along a line of sight: leaf area divided by the area of the crown's disc."""
         return self.area / (math.pi * self.radius**2)
 
     @property
     def leaf_size(self) -> float:
-        """The side of a square as large as a leaf is in the mean, world units."""
+        """The side of a square with the mean area of a leaf, in world units."""
         return math.sqrt(self.area / self.leaves) if self.leaves else 0.0

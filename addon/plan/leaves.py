@@ -1,7 +1,7 @@
-"""Which parts of a scene are leaves.
+"""Detection of the leaves in a scene.
 
-The first rule that applies decides: names that the user gives; names that say so; many small components. A part is an
-object's material slot, so that leaves and wood may share one mesh.
+The first rule that finds leaves decides: names that the user gives; names that contain a word for leaves; many small
+components. A part is a material slot of an object, so leaves and trunk may share one mesh.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 SMALL_TRIANGLES = 32
-"""A component of more triangles is not taken for a leaf."""
+"""Maximum number of triangles of a component that counts as a leaf."""
 
 MANY_COMPONENTS = 16
-"""So many small components, over all the parts chosen, are taken for leaves."""
+"""Minimum number of small components, over all chosen parts, that count as leaves."""
 
 SAME_KIND = 2.0
-"""Parts whose components have up to so many times the triangles of the finest part are leaves too; others are twigs."""
+"""Parts with up to this many times the finest part's triangles per component are leaves, too; others are twigs."""
 
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
-# At the start or at the end of a word: "leaflet" and "cloverleaf" say leaf, "overleafing" and "leafless" do not.
+# At the start or at the end of a word: "leaflet" and "cloverleaf" match, "overleafing" and "leafless" do not.
 _LEAF = re.compile(
     r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond)|(?:leaf|leafs|leaves|foliage|needles?|fronds?)(?![a-z])"
 )
 
 
 class LeavesError(ValueError):
-    """It cannot be told which parts are leaves; the message lists the names that there are."""
+    """No rule finds the leaves. The message lists the names in the scene."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Part:
 
     object_name: str
     material_name: str
-    """Empty where the slot has no material."""
+    """Empty if the slot has no material."""
     triangles: int
     instancer_name: str = ""
-    """The object that places copies of this one; empty when the object stands for itself."""
+    """The object that places copies of this one; empty if the object is no copy."""
 
 
 @dataclass(frozen=True)
@@ -51,21 +51,21 @@ class Choice:
     """The leaves among a sequence of parts."""
 
     indices: tuple[int, ...]
-    """Into the parts, ascending, at least one."""
+    """Indices of the parts, ascending, at least one."""
     reason: str
     """One sentence: which parts are leaves, and why."""
 
 
 Measure = Callable[[int], NDArray[np.int64]]
-"""The number of triangles of each connected component of the part with this index."""
+"""A function that returns the number of triangles of each connected component of the part with an index."""
 
 
 def choose_leaves(parts: Sequence[Part], names: Sequence[str] | None, measure: Measure) -> Choice:
-    """Tells the leaves from the wood.
+    """Choose the parts that are leaves.
 
-    `names` are exact object, instancer or material names; `None` or empty lets the scene tell. `measure` is called only
-    when no name tells, because counting components takes a second for a million triangles.
-    Raises `LeavesError` when a name is not there, and when nothing tells.
+    `names`: exact names of objects, instancers or materials; `None` or empty: detect the leaves. `measure` is called
+    only if no name matches, because counting components takes a second for a million triangles.
+    Raises `LeavesError` for a name that no part has, and if no rule finds leaves.
     """
     if names:
         return _choose_named(parts, names)
@@ -73,20 +73,20 @@ def choose_leaves(parts: Sequence[Part], names: Sequence[str] | None, measure: M
 
 
 def says_leaf(name: str) -> bool:
-    """Whether a name says leaf, leaves, foliage, needle or frond, as a word or as the start or the end of one."""
+    """Return whether a name has a word that is, starts or ends with leaf, leaves, foliage, needle or frond."""
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
 
 
 def names_of(part: Part) -> set[str]:
-    """What the part may be called by: its object, its material, what places copies of it."""
+    """Return the names of the part: its object, its material, and its instancer."""
     return {part.object_name, part.material_name, part.instancer_name} - {""}
 
 
 def component_sizes(triangles: NDArray[np.integer[Any]], points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
-    """The number of triangles of each connected component, in the order of their first points.
+    """Return the number of triangles of each connected component, in the order of their first points.
 
-    `triangles` (t, 3) are indices into `points` (v, 3). Points that coincide exactly count as one: files split them
-    where normals or texture coordinates differ.
+    `triangles` (t, 3): indices into `points` (v, 3). Points at exactly the same place count as one, because files split
+    points where normals or texture coordinates differ.
     """
     if len(triangles) == 0:
         return np.zeros(0, np.int64)
@@ -105,7 +105,7 @@ def _choose_named(parts: Sequence[Part], names: Sequence[str]) -> Choice:
 
 
 def _choose_telling(parts: Sequence[Part]) -> Choice | None:
-    # Within an object a material is the finer word: of "oak_leaves" with slots "leaf" and "bark" only "leaf" is meant.
+    # Material names override the object's name: "oak_leaves" with the slots "leaf" and "bark" means "leaf" only.
     objects_with_leaf_material = {part.object_name for part in parts if says_leaf(part.material_name)}
     indices = tuple(
         i
@@ -118,7 +118,7 @@ def _choose_telling(parts: Sequence[Part]) -> Choice | None:
     )
     if not indices:
         return None
-    return Choice(indices, f"{_listed(parts, indices)}: the names say leaf, leaves, foliage, needle or frond.")
+    return Choice(indices, f"{_listed(parts, indices)}: the names contain leaf, leaves, foliage, needle or frond.")
 
 
 def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
@@ -130,11 +130,11 @@ def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
     count = sum(len(sizes[i]) for i in indices)
     if count < MANY_COMPONENTS:
         raise LeavesError(
-            "no object or material name says leaf, and no part is made of many small components; "
+            "no object or material name contains a word for leaves, and no part is made of many small components; "
             f"name the leaves in `leaves`; {_inventory(parts)}"
         )
     median = float(np.median(np.concatenate([sizes[i] for i in indices])))
-    why = f"{count} small components (the median has {median:g} triangles), and no name says leaf"
+    why = f"{count} small components (the median has {median:g} triangles), and there are no leaf names"
     return Choice(indices, f"{_listed(parts, indices)}: {why}.")
 
 
@@ -145,7 +145,7 @@ def _inventory(parts: Sequence[Part]) -> str:
 
 
 def _listed(parts: Sequence[Part], indices: Sequence[int]) -> str:
-    """The chosen parts in words: whole objects by their names, others with their materials."""
+    """Return the chosen parts in words: complete objects by name, others with their materials."""
     chosen = set(indices)
     words: dict[str, None] = {}
     for i in indices:
@@ -160,13 +160,13 @@ def _quoted(names: Sequence[str] | dict[str, None]) -> str:
 
 
 def _shortened(words: Sequence[str], most: int = 12) -> str:
-    """A scene may have thousands of names, a message is one line."""
+    """Join words, shortened to `most`: a scene may have thousands of names, a message is one line."""
     rest = len(words) - most
     return ", ".join(words[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _weld(points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
-    """(v,) the same number for points that coincide exactly."""
+    """Return (v,) numbers, the same for points at exactly the same place."""
     order = np.lexsort(points.T)
     ordered = points[order]
     starts = np.ones(len(points), bool)
@@ -177,7 +177,10 @@ def _weld(points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
 
 
 def _roots(edges: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """(count,) the smallest vertex of each vertex' component. Hooking and pointer jumping: some log(count) passes."""
+    """Return (count,) the smallest vertex of each vertex's component.
+
+    Hooking and pointer jumping: about log(count) passes.
+    """
     roots = np.arange(count)
     while True:
         ends = roots[edges]

@@ -1,4 +1,4 @@
-"""From how far each level is drawn: where it takes over, where it begins to morph, where it hands over. World units."""
+"""LOD ranges: the distances at which each level appears, morphs and disappears. World units."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 HAND_OVER = 0.998
-"""The a at which the next level takes over: at 1 itself overlapping leaves have next to no depth order left."""
+"""The a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order left."""
 START_SHARE = 0.5
-"""A transition begins at this share of the distance at which it ends."""
+"""A transition starts at this fraction of its end distance."""
 
 FADE, FADE_BEHIND_MORPH = 0.25, 0.1
-"""Two levels cross-fade over this share of the distance at which the next appears. Where one has morphed to the next
-little is left to fade: light, and the edges of alpha."""
+"""Two levels cross-fade over this fraction of the distance at which the next one appears. After a morph only light and
+the edges of alpha are left to fade."""
 
 LEAST_STEP = 1.25
-"""A level takes over at least this many times as far away as the one before."""
+"""Minimum ratio of a level's switch distance to that of the level before."""
 
 WOOD_PIXELS = 2.0
-"""How far from where it lay a level's wood may be seen where the level appears."""
+"""Maximum deviation of a level's trunk in pixels at the distance where the level appears."""
 
 
 @dataclass(frozen=True)
 class View:
-    """What the levels are seen with: vertical resolution in pixels, vertical field of view in radians."""
+    """The view of a camera: vertical resolution in pixels, vertical field of view in radians."""
 
     resolution: float = 1080.0
     field_of_view: float = math.radians(50.0)
@@ -32,9 +32,10 @@ class View:
 
 @dataclass(frozen=True)
 class Reach:
-    """A level is drawn for appear ≤ distance < vanish; a runs from 0 at `start` to 1 at `end`; infinite means never.
+    """The LOD range of a level. Infinite means never.
 
-    It fades in from `appear` to `whole`, and out from `fading` to `vanish`.
+    The level is drawn for appear ≤ distance < vanish. Its transition a runs from 0 at `start` to 1 at `end`. The level
+    fades in from `appear` to `whole`, and out from `fading` to `vanish`.
     """
 
     appear: float
@@ -50,11 +51,13 @@ class Reach:
 
 
 def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[Reach, ...]:
-    """The reach of every level; level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]`: it is one.
+    """Return the LOD range of every level.
 
-    With `transitions` each level morphs to the cloud behind it, if one is, and cross-fades with whatever is. The next
-    appears shortly before the morph ends, or at its switch distance, and fades in before this one fades out: what both
-    cover is never seen through.
+    Level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]` is true for a billboard cloud.
+
+    With `transitions` each level morphs to the next level if that is a cloud, and cross-fades with any next level. The
+    next level appears shortly before the morph ends, or at its switch distance. It fades in before this level fades
+    out, so pixels that both levels cover never become transparent.
     """
     result: list[Reach] = []
     appear = whole = gone = switch_distances[0]
@@ -77,10 +80,10 @@ def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transi
 
 
 def wood_reach(reached: Sequence[Reach], number: int) -> Reach:
-    """The reach of the wood of level `number`, which neither moves nor fades from level to level.
+    """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
-    Much of it lies where that of the next level does: where a ray passes one, it passes the other. Only behind the last
-    wood, which is in the next level's textures, it fades with its level.
+    Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
+    both. Only before the cross impostor, whose textures show the trunk, does a trunk fade out with its level.
     """
     own = reached[number]
     morphs = math.isfinite(own.end)
@@ -90,17 +93,18 @@ def wood_reach(reached: Sequence[Reach], number: int) -> Reach:
 
 
 def wood_errors(deviations: Sequence[float], reached: Sequence[Reach], unit: float) -> tuple[float, ...]:
-    """How far the wood of each level behind the leaves may lie from what came: as far as its leaves do, which have the
-    `deviations`, but no farther than `WOOD_PIXELS` where the level appears. A length of 1 is seen so large from `unit`.
+    """Return the maximum deviation of the trunk of each level after LOD 0, from the original trunk.
 
-    Leaves slide onto their billboards, wood changes at once: what leaves may deviate would be seen to jump.
+    It is the level's leaf deviation in `deviations`, limited to `WOOD_PIXELS` at the distance where the level appears.
+    `unit`: the distance at which a length of 1 covers `WOOD_PIXELS`. Leaves morph onto their billboards, but a trunk
+    switches at once, so a deviation as large as the leaves' would be a visible jump.
     """
     behind = zip(deviations, reached[1:], strict=True)
     return tuple(min(deviation, reach.appear / unit) for deviation, reach in behind)
 
 
 def rising(distances: Sequence[float]) -> tuple[float, ...]:
-    """The distances, each greater than the one before by a factor: every level is drawn for a while."""
+    """Return the distances, each raised to at least `LEAST_STEP` times the one before, so that every level is drawn."""
     result: list[float] = []
     for distance in distances:
         result.append(max(distance, LEAST_STEP * result[-1]) if result else distance)

@@ -1,7 +1,7 @@
-"""Which levels the cameras of a scene ever see: estimated before the bake, from how far each level takes over.
+"""Camera visibility: an estimate, before the bake, of the levels that the cameras of a scene see.
 
-The deviations that decide that are not known yet, but bounds of them are. A level may take over sooner than estimated;
-what is left out because of the estimate is only what is coarser, so it is never missed in a picture.
+Switch distances depend on the levels' deviations. Before the bake only upper bounds of these are known, so a level may
+take over sooner than estimated. The plan leaves out only coarser levels, so no picture lacks detail.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from .reach import Reach, View, reaches, rising
 from .thinning import cut_off_distance
 
 EPSILON_STEP = 2.5
-"""How much coarser each cloud is than the one before: the core's own."""
+"""Ratio of the error bounds of consecutive clouds, the same as in the Rust core."""
 
 CROSS_DEVIATION = 0.5
-"""How far the cross deviates from the leaves, as a share of R: 0.48 to 0.56 on the measured trees."""
+"""Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
 
 STILL = 1e-3
-"""A camera whose distance changes by no more than this share of it stands still. So does one that moves by no more than
-this share of its distance, turns by no more than this many radians, and zooms by no more than this share."""
+"""Maximum changes of a still camera: place and distance as fractions of the distance, direction in radians, zoom as a
+fraction."""
 
 
 @dataclass(frozen=True)
 class Sight:
-    """What the cameras see: the levels `first` to `last`, over all trees, and what they see of hand-overs.
+    """The levels and the changes of level that the cameras see, over all trees.
 
-    switches: from how far each level is drawn, the leaves first; world units. passed: the numbers of the levels that
-    some tree is seen to go over into, or back from.
+    switches: the switch distance of each level, LOD 0 first, in world units. first, last: the nearest and the farthest
+    level seen. passed: the numbers of the levels that some tree visibly changes to, or back from.
     """
 
     switches: tuple[float, ...]
@@ -43,7 +43,7 @@ class Sight:
 
 
 def sight(settings: BakeSettings, facts: Facts) -> Sight | None:
-    """What the cameras see; None when the viewer may be anywhere."""
+    """Return the camera visibility; None if the viewer may be anywhere."""
     if facts.camera is None:
         return None
     spans = facts.camera.spans
@@ -58,12 +58,18 @@ def sight(settings: BakeSettings, facts: Facts) -> Sight | None:
 
 
 def stands_still(camera: Camera) -> bool:
-    """Whether neither the camera nor any tree before it moves: then it says nothing about other distances."""
+    """Return whether the distance from the camera to every tree is constant, and the camera itself does not move.
+
+    A still camera does not tell from which other distances the trees will be seen.
+    """
     return not camera.moves and not any(far - near > STILL * far for near, far in camera.spans)
 
 
 def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
-    """The facts for the settings' engine and viewer: these decide whether the levels are planned by a camera."""
+    """Return the facts with the settings' engine, and with the camera that the plan uses.
+
+    The plan uses the scene's camera if the settings allow it, except a still camera with the viewer `auto`.
+    """
     camera = facts.scene_camera if settings.by_cameras else None
     if camera is not None and settings.viewer == "auto" and stands_still(camera):
         camera = None
@@ -71,7 +77,7 @@ def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
 
 
 def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
-    """From how far each level is drawn, the leaves' 0 first, as far as it can be known before the bake; world units."""
+    """Return the estimated switch distances before the bake, LOD 0's 0 first, in world units."""
     clouds = _clouds(settings)
     errors = [min(settings.epsilon * EPSILON_STEP**number, 1.0) for number in range(clouds)]
     deviations = [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)]
@@ -83,22 +89,22 @@ def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple
 
 
 def prune_start(settings: BakeSettings, facts: Facts, view: View) -> float:
-    """From where a leaf is seen smaller than the settings' pixels; world units."""
+    """Return d₀, the distance beyond which a leaf is smaller than the setting `prune_pixels`, in world units."""
     return far_off(facts.leaf_size, settings.prune_pixels, view)
 
 
 def far_off(length: float, pixels: float, view: View) -> float:
-    """From how far `length` is seen so many pixels large."""
+    """Return the distance at which `length` covers `pixels`."""
     return leafcloud.switch_distance(length, pixels, view.resolution, view.field_of_view)
 
 
 def pixels_of(length: float, away: float, view: View) -> float:
-    """How many pixels large `length` is seen from so far away."""
+    """Return the number of pixels that `length` covers at the distance `away`; infinite at 0."""
     return far_off(length, 1.0, view) / away if away > 0.0 else math.inf
 
 
 def level_at(away: float, reached: Sequence[Reach]) -> int:
-    """The number of the level that is drawn from so far away."""
+    """Return the number of the level that is drawn at the distance `away`."""
     return max(number for number, reach in enumerate(reached) if number == 0 or reach.appear <= away)
 
 
@@ -107,6 +113,6 @@ def _clouds(settings: BakeSettings) -> int:
 
 
 def _passes(span: Span, before: Reach, behind: Reach) -> bool:
-    """Whether a camera is seen to go through a part of what a level goes through before the next one appears."""
+    """Return whether a moving camera sees part of the morph before a level, or the level's appearance."""
     near, far = span
     return far - near > STILL * far and far > min(before.start, behind.appear) and near < behind.appear

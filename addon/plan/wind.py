@@ -1,4 +1,4 @@
-"""The wind that moves a tree, and what of the tree's shape it depends on: plain values."""
+"""The wind that moves a tree, and the tree's measurements that its motion depends on. Plain values."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from numpy.typing import NDArray
 Vector = tuple[float, float, float]
 
 FOOT_SHARE = 0.05
-"""The share of the wood's height, from below, whose middle is the foot."""
+"""The trunk's foot is the middle of this lowest fraction of its height."""
 
 FLAT = 1e-3
-"""No tree is flatter or thinner than this share of what it is across."""
+"""Least height and spread of a tree, as a fraction of its diagonal (height and spread)."""
 
 TINIEST = 1e-20
-"""Nor smaller than this: what is a point does not move."""
+"""Least height and spread in the tree's own units. A tree that is a single point does not move."""
 
 PERIOD = 0.8
-"""Seconds of a tree that is one unit tall."""
+"""Period of a tree one world unit tall, in seconds."""
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-"""Multiples of it lie evenly in [0, 1) however many there are."""
+"""The fractional parts of its multiples are spread evenly over [0, 1), for any number of them."""
 
 
 @dataclass(frozen=True)
 class Wind:
-    """What blows.
+    """A wind.
 
-    direction: where to, in the world; of length 1.
+    direction: the direction it blows to, in the world; of length 1.
     strength: in the units of Blender's force fields; below 0 it blows the other way.
-    gusts: the share of it that comes and goes, in [0, 1]; the rest leans on the tree all the time.
-    field: the name of the force field that it follows; None for one that follows nothing.
+    gusts: the fraction of the strength that comes and goes, in [0, 1]; the rest is constant.
+    field: the name of the force field that sets the wind; None without one.
 
-    Raises `ValueError` for a value that is outside its range or not finite.
+    Raises `ValueError` for a value that is out of range or not finite.
     """
 
     direction: Vector = (1.0, 0.0, 0.0)
@@ -53,13 +53,16 @@ class Wind:
 
 
 BREEZE = Wind()
-"""What blows where wind is asked for and no force field says more: along X, moderately."""
+"""The wind if the effect is forced on but the scene has no force field: moderate, along X."""
 
 
 @dataclass(frozen=True)
 class Stature:
-    """How a tree stands, in its own coordinates: the trunk's foot, the unit vector up, its height above the foot, how
-    far its leaves reach from the axis through it, and the seconds in which its trunk sways to and fro once."""
+    """Measurements of a tree in its own coordinates.
+
+    foot: the foot of the trunk. up: the unit vector up. height: above the foot. spread: the greatest distance of a leaf
+    from the axis through the foot. period: the seconds of one sway of the trunk to and fro.
+    """
 
     foot: Vector
     up: Vector
@@ -69,10 +72,10 @@ class Stature:
 
 
 def stature(leaves: NDArray[np.float32], wood: NDArray[np.float32] | None, matrix: NDArray[np.float64]) -> Stature:
-    """Of a tree with the points of `leaves` (n, 3), n > 0, and of `wood` (m, 3), in its own coordinates.
+    """Measure a tree with the points of `leaves` (n, 3), n > 0, and of its trunk `wood` (m, 3), in its own coordinates.
 
-    `matrix` (4, 4) carries these to the world, where up is +Z. The period is 0.8 s · √(height / 1 m), with world units
-    as metres: trees of one shape sway the slower the taller they are, as pendulums do, and a tree of 10 m in 2 … 4 s.
+    `matrix` (4, 4) transforms its coordinates to the world, where up is +Z. The period is 0.8 s · √(height / 1 m), with
+    world units as meters: taller trees of the same shape sway more slowly, as pendulums do. A 10 m tree takes 2 to 4 s.
     """
     up = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
     crown = leaves.astype(np.float64)

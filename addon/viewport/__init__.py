@@ -1,1 +1,1 @@
-"""Baked levels in the 3D view, seen from the view itself: transition, pruning and fades by shaders/leafcloud.glsl."""
+"""Preview of baked levels from a 3D view: morphs, pruning and fades by shaders/leafcloud.glsl."""

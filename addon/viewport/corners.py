@@ -1,4 +1,4 @@
-"""A level's triangles as the shader takes them: an array per attribute, a row per corner, by material."""
+"""A level's triangles as input of the shader: for each material an array per attribute, with a row per corner."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Part:
-    """The triangles of one material: `attributes` (c, …) by name, and what is drawn on them."""
+    """The triangles of one material: the attributes (c, …) by name, and the `paint`."""
 
     attributes: dict[str, Floats]
     paint: Paint
 
 
 def parts_of(obj: bpy.types.Object) -> list[Part]:
-    """An object's own mesh, with or without what lets it move and thin out, in the materials of its slots."""
+    """Return the parts of an object's own mesh, one for each used material slot."""
     mesh = own_mesh(obj)
     by_vertex = _by_vertex(mesh)
     result = []
@@ -40,7 +40,7 @@ def parts_of(obj: bpy.types.Object) -> list[Part]:
 
 
 def _by_vertex(mesh: Copies) -> dict[str, Floats]:
-    """What moves the vertices and thins them out; they stay and are all drawn where it is missing."""
+    """Return the attributes for morph and pruning. A mesh without them neither morphs nor is pruned."""
     positions = mesh.positions
     pivots = _attribute(mesh, "leaf_pivot", positions)
     return {
@@ -53,7 +53,7 @@ def _by_vertex(mesh: Copies) -> dict[str, Floats]:
 
 
 def _attribute(mesh: Copies, name: str, missing: Floats) -> Floats:
-    """(v,) or (v, 3) like `missing`, which stands for an attribute that is not there."""
+    """Return an attribute (v,) or (v, 3) in the shape of `missing`; `missing` itself if the mesh lacks it."""
     attribute = mesh.mesh.attributes.get(name)
     if attribute is None:
         return missing
@@ -63,7 +63,7 @@ def _attribute(mesh: Copies, name: str, missing: Floats) -> Floats:
 
 
 def _uvs(mesh: Copies, paint: Paint) -> Floats:
-    """(t, 3, 2) the images' coordinates; zeros without any."""
+    """Return the images' coordinates, (t, 3, 2); zeros if the mesh has none."""
     uvs = mesh.uvs("" if paint.layout is None else paint.layout.uv_map)
     if uvs is None:
         return np.zeros((len(mesh.triangles), 3, 2), np.float32)
@@ -72,7 +72,7 @@ def _uvs(mesh: Copies, paint: Paint) -> Floats:
 
 
 def _colors(mesh: Copies, paint: Paint) -> dict[str, Floats]:
-    """(t, 3, 4) the colors that multiply both sides, with the light that was baked for each."""
+    """Return the colors, (t, 3, 4), that multiply front and back, with the baked light of each side."""
     color = np.ones((len(mesh.triangles), 3, 4), np.float32)
     color[..., :3] = _color(mesh, paint.color_name)[..., :3]
     color[..., 3] = _color(mesh, paint.alpha_name)[..., 3]
@@ -81,6 +81,6 @@ def _colors(mesh: Copies, paint: Paint) -> dict[str, Floats]:
 
 
 def _color(mesh: Copies, name: str | None) -> Floats:
-    """(t, 3, 4) a color attribute; white for None, and where it is missing."""
+    """Return a color attribute, (t, 3, 4); white for None or a missing one."""
     found = None if name is None else mesh.colors(name)
     return np.ones((1, 1, 4), np.float32) if found is None else found

@@ -1,4 +1,4 @@
-"""Draws the baked levels of a scene in every 3D view, each as it is seen from that view."""
+"""Drawing of a scene's baked levels in all 3D views, with each view's own camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Uniforms = dict[str, float | Sequence[float]]
 
 @dataclass(frozen=True)
 class Drawn:
-    """One object: its inputs as they were read, and its triangles on the graphics card."""
+    """One drawn object: its node group inputs as they were read, and its triangles on the graphics card."""
 
     obj: bpy.types.Object
     inputs: LevelInputs
@@ -34,7 +34,7 @@ class Drawn:
 
 @dataclass
 class Preview:
-    """What is drawn until it is stopped. Read once: what is baked afterwards needs a new one."""
+    """The preview of a scene. It reads the levels once, so levels of a later bake need a new preview."""
 
     shader: gpu.types.GPUShader = field(default_factory=compiled)
     drawn: list[Drawn] = field(default_factory=list)
@@ -46,7 +46,7 @@ class Preview:
             self.drawn.append(Drawn(obj, inputs_of(obj), centre_of(obj), batches))
 
     def draw(self) -> None:
-        """In a view's region, with the camera of that region."""
+        """Draw into the region of a 3D view, with that region's camera."""
         region = bpy.context.region_data
         eye, to_clip = region.view_matrix.inverted().translation, region.perspective_matrix
         gpu.state.depth_test_set("LESS_EQUAL")
@@ -91,9 +91,9 @@ class Preview:
 def uniforms_in_view(
     matrix: Matrix, inputs: LevelInputs, centre: Vector, eye: Vector, to_clip: Matrix
 ) -> Uniforms | None:
-    """The uniforms of a level at `matrix` as seen from `eye` in the world; None where the level is not drawn.
+    """Return the uniforms of a level at `matrix` seen from `eye` in the world; None if the level is not drawn.
 
-    `centre`: the point that distances are taken from, in the level's coordinates. `to_clip`: from the world.
+    `centre`: the point to measure distances from, in the level's coordinates. `to_clip`: from world to clip space.
     """
     place = matrix.inverted_safe() @ eye
     look = look_at(inputs, (place - centre).length)
@@ -104,17 +104,17 @@ def uniforms_in_view(
 
 
 def centre_of(obj: bpy.types.Object) -> Vector:
-    """The point that a level's distances are taken from, in its own coordinates."""
+    """Return the point to measure a level's distances from, in its own coordinates."""
     return Vector(get_modifier_input(obj.modifiers[GROUP_NAME], "Centre"))
 
 
 def levels_in(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """The objects that follow a camera: levels, and their wood."""
+    """Return the objects that follow a camera: levels and their trunks."""
     return [obj for obj in scene.objects if obj.type == "MESH" and GROUP_NAME in obj.modifiers]
 
 
 def inputs_of(obj: bpy.types.Object) -> LevelInputs:
-    """The inputs of the level's node group as they stand, and the tables in its extras."""
+    """Return the current inputs of a level's node groups, and the tables in its extras."""
     modifier = obj.modifiers[GROUP_NAME]
 
     def number(name: str) -> float:

@@ -1,4 +1,4 @@
-"""Hides levels from the 3D views while a preview draws them, so that they can always be found and shown again.
+"""Hiding of levels in the 3D views while a preview draws them. Hidden levels can always be found and shown again.
 
 Only the eye in the Outliner takes an object out of all 3D views, and Blender stores the eye in files and undo steps.
 The view layer keeps a list of the objects in the same data-block: whatever brings back their eyes brings back the list.
@@ -29,7 +29,7 @@ def hide(layer: bpy.types.ViewLayer, objects: Iterable[bpy.types.Object]) -> Non
 
 
 def reveal_all() -> None:
-    """Show what previews have hidden in any view layer of the file."""
+    """Show all objects that previews have hidden, in all view layers of the file."""
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
             _reveal(layer)

@@ -1,6 +1,6 @@
-"""What is drawn of a level from some distance: the numbers that the shader's laws are called with. No bpy.
+"""Shader uniforms of a level at a distance. No bpy.
 
-The laws themselves stand in shaders/leafcloud.glsl; here is only what they are not asked for each vertex.
+The laws are in shaders/leafcloud.glsl. This module computes only the numbers that are the same for all vertices.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ class LevelInputs:
     """The inputs of a level's node groups (`build.lod_nodes.LodSettings`, the width of `build.grazing_nodes`), and its
     table of areas (mesh extras).
 
-    Distances are in the object's own units. `area_shares`, 65 numbers that rise from 0 to 1, may be empty: then pruned
-    leaves do not grow.
+    Distances are in the object's own units. `area_shares`: 65 numbers that rise from 0 to 1; if empty, the scale s of
+    kept leaves stays 1.
     """
 
     start: float
@@ -39,10 +39,10 @@ class LevelInputs:
 
 @dataclass(frozen=True)
 class Look:
-    """Uniforms of the shader.
+    """The uniforms of the shader.
 
-    transition: d, start, end. keep: d, d₀, h. scale: s·γ. next_share: of the pixels, that show the level behind or, if
-    `coming`, this one. contrast, mean_color, grazing: as the laws have them.
+    transition: d, start, end. keep: d, d₀, h. scale: s·γ. next_share: the fraction of the pixels that show the next
+    level, or this level if `coming` is true. contrast, mean_color, grazing: arguments of the laws.
     """
 
     transition: tuple[float, float, float]
@@ -56,14 +56,15 @@ class Look:
 
 
 def look_at(level: LevelInputs, distance: float) -> Look | None:
-    """What is seen from `distance` ≥ 0; None where the level is not drawn.
+    """Return the uniforms at `distance` ≥ 0; None if the level is not drawn.
 
-    While two levels cross-fade each has its share of the pixels, from where one appears to where the other vanishes.
+    During a cross-fade each of two levels shows a fraction of the pixels, from the distance where one appears to the
+    distance where the other vanishes.
     """
     if not level.appear <= distance < level.vanish:
         return None
     kept = _keep(distance, level.prune_start, level.prune_half)
-    # A level is whole half of the way along the fade, and fades out along the other half.
+    # The preview fades over the whole range. The node groups fade in over its first half and out over its second.
     going = _share(distance, 2.0 * level.fading - level.vanish, level.vanish) if level.fading < level.vanish else 0.0
     come = _share(distance, level.appear, 2.0 * level.whole - level.appear) if level.whole > level.appear else 1.0
     return Look(
@@ -83,7 +84,7 @@ def _share(value: float, start: float, end: float) -> float:
 
 
 def _keep(distance: float, start: float, half: float) -> float:
-    """λ = min((d₀/d)^(log_h ½), 1)"""
+    """Return λ = min((d₀/d)^(log_h ½), 1)."""
     nearness = start / max(distance, start, _TINY)
     return nearness ** (math.log(0.5) / math.log(half)) if 0.0 < nearness < 1.0 else 1.0
 
@@ -94,7 +95,7 @@ def _trend(keep: float, numbers: tuple[float, float]) -> float:
 
 
 def _area_scale(keep: float, shares: Sequence[float]) -> float:
-    """s by the table, as `lc_area_scale`, which is called once here instead of at each vertex."""
+    """Return s from the table, as `lc_area_scale` does, but once instead of at each vertex."""
     if keep >= 1.0 or not shares:
         return 1.0
     whole, most = (_share_below(rank, shares) for rank in (keep * (1.0 - min(_RAMP, 1.0 - keep)), keep))
@@ -103,7 +104,7 @@ def _area_scale(keep: float, shares: Sequence[float]) -> float:
 
 
 def _share_below(rank: float, shares: Sequence[float]) -> float:
-    """Linear between the entries, which stand at the ranks (i / n)²."""
+    """Interpolate the table linearly between its entries at the ranks (i / n)²."""
     steps = len(shares) - 1
     below = min(int(math.sqrt(rank) * steps), steps - 1)
     first, second = ((i / steps) ** 2 for i in (below, below + 1))

@@ -42,7 +42,7 @@ class Paint:
 
 
 def paint_of(material: bpy.types.Material | None) -> Paint:
-    """Read any material that a bake makes or leaves as it is; parts that cannot be read have the viewport color."""
+    """Return the paint of a material, baked or original. Unreadable parts get the viewport color."""
     page, strength = page_of(material), strength_of(material)
     headlight = _FROM_EYE if strength is None else 0.0
     bright = 1.0 if strength is None else strength

@@ -1,4 +1,4 @@
-"""The shader of the preview: the laws of shaders/leafcloud.glsl, and what calls them."""
+"""The shader of the preview: the laws of shaders/leafcloud.glsl, and vertex and fragment shaders that call them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ ATTRIBUTES = {
     "front_color": "VEC4",
     "back_color": "VEC4",
 }
-"""Of each corner; a level that is not pruned has the rank −1."""
+"""The attributes of each corner. A level that is not pruned has the rank −1."""
 
 UNIFORMS = {
     "to_clip": "MAT4",
     "transition_at": "VEC4",  # d, start, end, s·γ
     "keep_at": "VEC4",  # d, d₀, h, |cos| below which faces fade
-    "fade": "VEC2",  # share of the next level, 1 for the level that comes
+    "fade": "VEC2",  # share of pixels of the next level; 1 if this is the next level
     "contrast": "VEC2",
     "mean": "VEC3",
     "eye": "VEC3",  # in the object's coordinates
@@ -75,12 +75,12 @@ void main() {
     if (lc_shown(fade.x, gl_FragCoord.xy) != (fade.y > 0.5)) discard;
     vec3 view = normalize(eye - seen_point);
     if (!lc_shown(lc_grazing(dot(face, view), keep_at.w), gl_FragCoord.xy)) discard;
-    // What is blended has a cutoff of 0, and is dithered; what is opaque has one below.
+    // Blended materials have a cutoff of 0 and are dithered. Opaque materials have a negative cutoff.
     float alpha = coverage * factor.a;
     if (cutoff > 0.0 ? alpha <= cutoff : cutoff == 0.0 && !lc_shown(alpha, gl_FragCoord.xy)) discard;
     float kept = lc_keep(keep_at.x, keep_at.y, keep_at.z);
     vec3 color = lc_toward_mean(texel * factor.rgb, mean, lc_contrast(kept, contrast));
-    // From the eye, and the rest from everywhere. A 3D view encodes what is drawn into it.
+    // Light from the eye, and the rest from everywhere. The 3D view converts the colors for display.
     float light = 1.0 - headlight + headlight * abs(dot(normalize(seen_normal), view));
     shown_color = vec4(color * light, 1.0);
 }
@@ -88,7 +88,7 @@ void main() {
 
 
 def uniforms_of(look: Look) -> dict[str, float | tuple[float, ...]]:
-    """The uniforms that follow from how far away a level is seen."""
+    """Return the uniforms that depend on a level's distance."""
     return {
         "transition_at": (*look.transition, look.scale),
         "keep_at": (*look.keep, look.grazing),
@@ -99,7 +99,7 @@ def uniforms_of(look: Look) -> dict[str, float | tuple[float, ...]]:
 
 
 def uniforms_of_paint(paint: Paint) -> dict[str, float | tuple[float, ...]]:
-    """The uniforms that follow from a material."""
+    """Return the uniforms that depend on a material."""
     return {
         "tint": paint.tint,
         "opacity_weights": paint.opacity_weights,
@@ -110,14 +110,14 @@ def uniforms_of_paint(paint: Paint) -> dict[str, float | tuple[float, ...]]:
 
 
 def laws() -> str:
-    """The text of leafcloud.glsl, which lies beside the add-on in the repository, and in its folder when installed."""
+    """Return the text of leafcloud.glsl. It is beside the add-on in the repository, and inside it when installed."""
     here = Path(__file__).resolve().parents[1]
     file = next(root / "shaders" / "leafcloud.glsl" for root in (here, here.parent) if (root / "shaders").is_dir())
     return file.read_text(encoding="utf-8")
 
 
 def compiled() -> gpu.types.GPUShader:
-    """The shader; needs a window, or what `gpu.init` makes in its place."""
+    """Compile the shader. This needs a window, or the context that `gpu.init` creates without one."""
     info = gpu.types.GPUShaderCreateInfo()
     for slot, (name, kind) in enumerate(ATTRIBUTES.items()):
         info.vertex_in(slot, kind, name)
