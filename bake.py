@@ -1,12 +1,12 @@
-"""Bakes the leaves of a tree into levels of detail, without an interface:
+"""Bake the leaves of a tree into levels of detail on the command line:
 
     blender -b [scene.blend] --python bake.py -- --out DIR …      the open scene, or --input FILE
     python bake.py --input FILE --out DIR …                       with the bpy wheel
 
-Both do the same. Exit status 0 means that every file that the report names was written whole; otherwise standard error
-has one line that says why, the status is 1 (2 for a wrong command line), and DIR is as it was. So it is, too, after an
-interrupt (130) or a request to end (143), until the files are moved into DIR together; later ones change nothing. From
-the open scene only the camera and the lights are kept beside the levels; the file that it came from is not touched.
+Both do the same. Exit status 0: every file in the report was written completely. On a failure (1) or a wrong command
+line (2), standard error has one line with the reason, and DIR is unchanged. An interrupt (130) or a termination (143)
+also leaves DIR unchanged. Signals have no effect from the moment the files are moved into DIR together. The baked scene
+keeps only the camera and the lights of the open scene beside the levels. The source file is not changed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import os
 import sys
 
 if __name__ == "__main__":
-    # Before all that takes time. Under Blender the folder of this file is not among those that modules come from.
+    # Answer signals before any slow import. Under Blender the folder of this file is not in the module path.
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
     from addon.ending import answer_signals, leave
 
@@ -44,19 +44,19 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent
 PROGRAM = "bake.py"
 SLOW_SECONDS = 1.0
-"""A stage that takes longer is named on standard error."""
+"""Longer stages are printed on standard error."""
 
 
-_MADE = {"camera": "only those for this view", "anywhere": "all of them"}
-"""The levels that each value of the setting `viewer` makes."""
+_MADE = {"camera": "only the levels for this view", "anywhere": "all levels"}
+"""The levels made with each value of the setting `viewer`."""
 
 
 class Refusal(Exception):
-    """The bake cannot be done. One line."""
+    """The bake is impossible. The message is one line."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Runs one bake; gives the exit status."""
+    """Run one bake and return the exit status."""
     from addon.ending import own_temporary_folder
     from addon.flags import UsageError, parse, settings_of
     from addon.settings import WISHES, asked_effects, flag
@@ -65,18 +65,18 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(arguments)
         settings = settings_of(options)
         if options.json and not options.plan_only:
-            raise UsageError("--json is for --plan-only: add that, or leave it out")
+            raise UsageError("--json needs --plan-only: add --plan-only, or leave --json out")
         if options.out is None and not options.plan_only:
-            raise UsageError("--out DIR is missing: name the folder that the files go to")
+            raise UsageError("--out DIR is missing: name the output folder")
         if options.cost_curve and options.plan_only:
-            raise UsageError("--cost-curve and --plan-only each do something in place of a bake: give one of them")
+            raise UsageError("--cost-curve and --plan-only exclude each other: give one of them")
         wished = [flag(name) for name in WISHES if getattr(settings, name) is not None]
         if options.cost_curve and wished:
-            raise UsageError(f"--cost-curve measures all that {wished[0]} could choose: give one of them")
+            raise UsageError(f"--cost-curve measures all choices of {wished[0]}: give one of them")
         if options.cost_curve and settings.chain == "pruning":
-            raise UsageError("--cost-curve is of clouds, and --chain pruning has none: leave it out")
+            raise UsageError("--cost-curve measures clouds, and --chain pruning has none: leave one of them out")
         if len(options.input or ()) > 1 and (settings.unlit or asked_effects(settings.effects).state("baked_light")):
-            raise UsageError("light is baked where trees stand, and files are no scene: open one that has all trees")
+            raise UsageError("baked light needs one scene, but --input has several files: open a scene with all trees")
         own_temporary_folder()
     except UsageError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
-    """What to print at the end. Raises `Refusal`."""
+    """Run the action and return its last line of output. Raise `Refusal`."""
     _find_modules()
     import leafcloud
     from addon.flags import with_flags
@@ -112,21 +112,21 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
 
 
 def _find_modules() -> None:
-    """Makes bpy and the wheel importable. Raises `Refusal` when one is not there."""
+    """Make bpy and the wheel importable. Raise `Refusal` if one is missing."""
     if find_spec("bpy") is None:
         raise Refusal(
             f"{sys.executable} has no module bpy: run `make setup` and use .venv/bin/python, or run "
             "`blender -b --python bake.py -- …`"
         )
     if find_spec("leafcloud") is None:
-        # Last in the path, so that nothing else of that environment takes the place of Blender's own modules.
+        # Append to the path, so that no package of that environment hides one of Blender's own modules.
         sys.path += [str(folder.parent) for folder in sorted(ROOT.glob(".venv/[Ll]ib/**/site-packages/leafcloud"))]
     if find_spec("leafcloud") is None:
-        raise Refusal("the module leafcloud is not there: run `make setup`, or enable the Leafcloud extension")
+        raise Refusal("the module leafcloud is missing: run `make setup`, or enable the Leafcloud extension")
 
 
 def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
-    """The trees to bake by their names, and the name that all files get."""
+    """Return the trees to bake by name, and the base name of all files."""
     import bpy
 
     from addon.pipeline import file_name, layer_of
@@ -153,7 +153,7 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
 
 
 def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
-    """Opens the files in one scene; the objects of each, by its name."""
+    """Open the files in one scene. Return the objects of each file by the file's name."""
     import bpy
 
     from addon.scene.load import load, load_beside
@@ -184,7 +184,7 @@ def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
 
 
 def plan_table(effects: Sequence[Effect]) -> str:
-    """The plan with a line for each effect: its name, whether it is on, what it is expected to cost, the reason."""
+    """Return the plan as a table with one line per effect: name, state, expected seconds and megabytes, reason."""
     shown = {True: "on", False: "off", None: "auto"}
     rows = [("effect", "", "seconds", "MB", "reason")]
     for effect in effects:
@@ -210,7 +210,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
-        pass  # Whether the folder can be written to is told before the work, not after it.
+        pass  # Report a folder that is not writable before the work, not after it.
     stages("read", 0.0)
     trees, name = _trees(options)
     scene = bpy.context.scene
@@ -241,7 +241,9 @@ def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console:
     stages("read", 0.0)
     trees, name = _trees(options)
     if len(trees) > 1:
-        raise Refusal(f"--cost-curve is of one tree, and here are {len(trees)}: name the file or the leaves of one")
+        raise Refusal(
+            f"--cost-curve measures one tree, but there are {len(trees)}: name the file or the leaves of one tree"
+        )
     [tree] = trees.values()
     stages("prepare", 0.0)
     curve = wait(start_curve(prepare(tree, settings), quick=options.cost_curve == "quick"), stages)
@@ -252,7 +254,7 @@ def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console:
 
 @contextmanager
 def _refusing(directory: Path) -> Iterator[None]:
-    """Turns what the system or Blender says while `directory` is written to into a `Refusal`."""
+    """Turn errors of the system or Blender on writing to `directory` into a `Refusal`."""
     from addon.export.errors import ExportError
 
     try:
@@ -268,7 +270,7 @@ def _refusing(directory: Path) -> Iterator[None]:
 
 
 class _Console:
-    """Standard output and error for our own words, while what Blender says there goes into a log."""
+    """Standard output and error for the program's own messages, while Blender's output goes into a log."""
 
     def __init__(self, out: TextIO, err: TextIO) -> None:
         self._out, self._err = out, err
@@ -291,7 +293,7 @@ class _Console:
 
 
 class _Stages:
-    """Names each stage that takes over a second, as soon as that is known."""
+    """Print the name of each stage that takes more than a second, as soon as it does."""
 
     def __init__(self, console: _Console) -> None:
         self._console = console
@@ -307,9 +309,9 @@ class _Stages:
 
 @contextmanager
 def _own_console() -> Iterator[_Console]:
-    """Sends what Blender and its add-ons print into a file for the time of the block; shows it if the block breaks.
+    """Redirect the output of Blender and its add-ons to a file during the block. Print it if the block raises.
 
-    Blender prints from C, so the descriptors themselves are turned.
+    Blender prints from C, so the file descriptors themselves are redirected.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -339,13 +341,13 @@ def _own_console() -> Iterator[_Console]:
 
 
 def _arguments() -> list[str]:
-    """The arguments meant for us: behind `--` when Blender itself runs, all of them under Python."""
+    """Return the program's arguments: those after `--` under Blender, all of them under Python."""
     given = sys.argv
     return given[given.index("--") + 1 :] if "--" in given else given[1:]
 
 
 def _status() -> int:
-    """The exit status. An unexpected error is shown with its traceback."""
+    """Run the program and return the exit status. Print the traceback of an unexpected error."""
     try:
         return main(_arguments())
     except SystemExit as ended:  # After --help.

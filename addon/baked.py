@@ -1,4 +1,4 @@
-"""What the steps of the pipeline hand to one another."""
+"""Values passed between the steps of the pipeline."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .settings import BakeSettings
 
 @dataclass(frozen=True)
 class Planned:
-    """What a bake would do, and the facts that decide it."""
+    """The plan of a bake, with the facts it is based on."""
 
     settings: BakeSettings
     facts: Facts
@@ -34,7 +34,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class Prepared:
-    """All that the core is given, and the plan of the effects."""
+    """All input of the core, and the plan of the effects."""
 
     tree: Tree
     settings: BakeSettings
@@ -47,25 +47,25 @@ class Prepared:
     effects: tuple[Effect, ...]
     warnings: tuple[str, ...]
     materials: tuple[str, ...]
-    """The names of the leaves' own, which levels whose light is baked in do not keep."""
+    """Names of the leaves' own materials. Levels with baked light replace these materials."""
     light: BakedLight | None = None
     wind: Wind | None = None
     wood_part: Part | None = None
-    """Of which the levels' own wood is made."""
+    """The trunk from which the levels' own trunks are made."""
     owners: tuple[int, ...] = ()
-    """The number, among the leaves' own, of each material that the core knows."""
+    """For each material of the core, its index in the leaves' own materials."""
     predicted: leafcloud.Prediction | None = None
-    """What a cost curve that was measured before says of these settings."""
+    """Prediction for these settings by a cost curve measured before the bake."""
 
     @property
     def levels(self) -> tuple[int, bool]:
-        """How many clouds are made, and whether the cross is."""
+        """The number of clouds, and whether there is a cross impostor."""
         return plan_levels(self.settings, self.facts, self.effects)
 
 
 @dataclass(frozen=True)
 class Baked:
-    """A finished bake: the core's chain, and the levels in Blender, LOD 0 first, each with its switch distance."""
+    """A finished bake: the core's chain and the levels in Blender, LOD 0 first, each with its switch distance."""
 
     prepared: Prepared
     chain: leafcloud.Chain
@@ -80,14 +80,17 @@ class Baked:
 
 @dataclass(frozen=True)
 class Grove:
-    """The trees of one bake, one or several that share their pages; `collection` is the one's own, or has theirs."""
+    """The tree set of one bake: one tree, or several trees that share atlas pages.
+
+    collection: the only tree's own collection, or the parent of the trees' collections.
+    """
 
     name: str
-    """What the files are named after."""
+    """Base name of the files."""
     collection: bpy.types.Collection
     trees: tuple[Baked, ...]
 
     @staticmethod
     def of(tree: Baked) -> Grove:
-        """A tree that stands alone."""
+        """Return a tree set with one tree."""
         return Grove(tree.collection.name, tree.collection, (tree,))

@@ -1,13 +1,14 @@
-"""How a bake in a process of its own ends: at once, with its status, and with nothing unfinished left behind.
+"""End of the `bake.py` process: at once, with its exit status, without unfinished files.
 
-Blender can neither be interrupted nor left in the usual way. An exception that a signal's handler raises crashes it, or
-comes out of an operator as an error of that operator. And where anything still refers to bpy when Python ends, as a
-driver does whose expression failed, Blender does not stop its threads, and the process waits for them for ever. So
-nothing is raised: unfinished files are removed, and `os._exit` ends the process.
+Blender can neither be interrupted nor exited in the usual way. An exception from a signal handler crashes Blender, or
+appears as the error of an operator. If anything still refers to bpy when Python ends, Blender does not stop its
+threads, and the process waits for them forever. A driver with a failed expression does so. Therefore no handler raises:
+the module removes unfinished files, and `os._exit` ends the process.
 
-A thread does so for signals, for C code may keep the main thread for long; that one waits as soon as it runs Python.
+A separate thread answers signals, because C code may block the main thread for long. The main thread waits as soon as
+it runs Python again.
 
-This module imports little, so that a program can answer signals from its first lines on.
+This module imports little, so a program can answer signals from its first lines.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""The exit status that answers each is 128 more than its number: 130 and 143."""
+"""Signals that end the process. The exit status is 128 plus the signal's number: 130 and 143."""
 
 unfinished: list[Callable[[], None]] = []
-"""What removes things that are not to outlive the process unless they are finished."""
+"""Functions that remove unfinished files and folders when the process ends."""
 
 _ending = threading.Lock()
 _stepping = False
@@ -33,13 +34,13 @@ _finished = False
 
 
 def answer_signals(words: str) -> None:
-    """From here on each of `SIGNALS` ends the process, with `words` as a line on standard error.
+    """End the process on each of `SIGNALS` from now on, with `words` as a line on standard error.
 
-    A signal that is ignored stays so. For the main thread.
+    An ignored signal stays ignored. Call this in the main thread.
     """
     receiver, sender = os.pipe()
     os.set_blocking(sender, False)
-    console = os.dup(2)  # Standard error, wherever that is turned later on.
+    console = os.dup(2)  # The present standard error. It may be redirected later.
 
     def answer() -> None:
         while True:
@@ -61,9 +62,9 @@ def answer_signals(words: str) -> None:
 
 @contextmanager
 def step() -> Iterator[None]:
-    """For the time of the block no signal ends the process. For the main thread; no step is within another."""
+    """Keep signals from ending the process during the block. Use it in the main thread, without nesting."""
     global _stepping
-    _stepping = True  # Before the lock is taken, until it is free again: the handler must not wait while it is held.
+    _stepping = True  # Set before taking the lock and until its release: the handler must not wait meanwhile.
     try:
         with _ending:
             yield
@@ -72,13 +73,13 @@ def step() -> Iterator[None]:
 
 
 def finish() -> None:
-    """Let later signals change nothing: the work is done. Call this within a step."""
+    """Ignore later signals, because the work is done. Call this within a step."""
     global _finished
     _finished = True
 
 
 def own_temporary_folder() -> None:
-    """Has Python and Blender keep their temporary files in a folder that goes with the process. Raises `OSError`."""
+    """Move the temporary files of Python and Blender to a folder that is removed at the end. Raise `OSError`."""
     import shutil
     import tempfile
 
@@ -90,9 +91,9 @@ def own_temporary_folder() -> None:
 
 
 def leave(status: int) -> NoReturn:
-    """Ends the process."""
+    """End the process with the exit status `status`."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError):  # Nobody reads it any more.
+        with suppress(OSError):  # The reader has closed the stream.
             stream.flush()
     with step():
         _end(status)
@@ -108,5 +109,5 @@ def _end(status: int, tell: Callable[[], object] = lambda: None) -> NoReturn:
 
 
 def _remove_session_folder() -> None:
-    """Blender's own temporary folder, which lies elsewhere if Blender was there before us, and is empty then."""
+    """Remove Blender's own temporary folder. If Blender started before us, it lies elsewhere and is empty."""
     os.rmdir(sys.modules["_bpy"].app.tempdir)

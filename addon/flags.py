@@ -1,4 +1,4 @@
-"""The command line's flags: those of the settings, and those that say what to do with them."""
+"""Flags of the command line: one for each setting, and flags that choose the action."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CURVES = ("full", "quick")
 
 
 class UsageError(Exception):
-    """The command line is wrong. One line."""
+    """An error in the command line. The message is one line."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -24,13 +24,12 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The command line. Raises `UsageError`; `--help` prints all flags and ends the program."""
+    """Parse the command line. Raise `UsageError`; `--help` prints all flags and ends the program."""
     parser = _Parser(
         prog="bake.py",
-        description="Bakes the leaves of a tree into levels of detail that do not pop.",
-        epilog="Lengths are in the scene's units, shares are of the radius R of the leaves' bounding sphere. Exit "
-        "status: 0 success, 1 failure, 2 wrong command line, 130 interrupted, 143 terminated; unless it is 0, DIR is "
-        "as it was.",
+        description="Bake the leaves of a tree into levels of detail that do not pop.",
+        epilog="R is the radius of the leaves' bounding sphere. Exit status: 0 success, 1 failure, 2 wrong command "
+        "line, 130 interrupted, 143 terminated. A run that does not succeed leaves DIR unchanged.",
         allow_abbrev=False,
     )
     parser.add_argument(
@@ -38,32 +37,30 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help="a .glb, .gltf, .obj or .blend file (default: the open scene); several are a tree each, unless --trees "
-        "says otherwise, and of these only the first may be a .blend",
+        help="Input file: .glb, .gltf, .obj or .blend. With several files, each is one tree unless --trees is given, "
+        "and only the first may be a .blend (default: the open scene)",
     )
     parser.add_argument(
         "--leaves",
         nargs="+",
         metavar="NAME",
-        help="objects or materials that are leaves (default: found by names such as leaf or needle, else by shape)",
+        help="Objects or materials that are leaves (default: found by names such as leaf or needle, else by shape)",
     )
-    parser.add_argument(
-        "--out", type=_folder, metavar="DIR", help="the folder that the files go to; it is made if need be"
-    )
+    parser.add_argument("--out", type=_folder, metavar="DIR", help="Output folder for all files. Created if missing")
     for setting in described():
         _add_setting(parser, setting)
     parser.add_argument(
-        "--plan-only", action="store_true", help="print which effects the bake would carry, and why; write nothing"
+        "--plan-only", action="store_true", help="Print the planned effects with their costs and reasons. Write nothing"
     )
-    parser.add_argument("--json", action="store_true", help="print the plan of --plan-only as JSON instead of a table")
+    parser.add_argument("--json", action="store_true", help="Print the plan of --plan-only as JSON instead of a table")
     parser.add_argument(
         "--cost-curve",
         nargs="?",
         const="full",
         choices=CURVES,
         metavar="HOW",
-        help="instead of a bake, measure what accuracy costs in time with many settings, and write NAME_curve.csv, "
-        ".json, .png and .svg; HOW is full (minutes) or quick (seconds; a sample of the leaves)",
+        help="Instead of baking, measure time and image error for many settings, and write NAME_curve.csv, .json, .png "
+        "and .svg. HOW is full (minutes) or quick (seconds, on a sample of the leaves) (default: full)",
     )
     options = parser.parse_args(arguments)
     options.views = tuple(options.views or ())
@@ -71,7 +68,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def settings_of(options: argparse.Namespace) -> BakeSettings:
-    """The settings that the flags ask for. Raises `UsageError`."""
+    """Return the settings given by the flags. Raise `UsageError`."""
     try:
         return BakeSettings(**{each.name: getattr(options, each.name) for each in described()})
     except SettingsError as error:
@@ -79,12 +76,12 @@ def settings_of(options: argparse.Namespace) -> BakeSettings:
 
 
 def with_flags(message: str) -> str:
-    """The message with the flag of every setting that it names."""
+    """Replace every setting named in the message by its flag."""
     return with_names(message, _flag_words)
 
 
 _OWN_FLAGS = ("input", "leaves", "out")
-"""Those whose names messages use, beside the settings."""
+"""Flags that are not settings but are named in messages."""
 
 
 def _flag_words(name: str, value: str | None) -> str | None:
@@ -96,20 +93,20 @@ def _flag_words(name: str, value: str | None) -> str | None:
         return None
     if setting.type is bool:
         return _switch(setting)
-    # Behind a blank argparse takes a value that begins with a sign for a flag.
+    # After a space, argparse takes a value that begins with a sign for a flag.
     between = "=" if (value or "").startswith(("+", "-")) else " "
     return flag(name) if value is None else f"{flag(name)}{between}{value}"
 
 
 def _switch(each: Described) -> str:
-    """The flag that turns a setting of type bool from its default."""
+    """Return the flag that changes a setting of type bool from its default."""
     return flag(f"no_{each.name}" if each.default else each.name)
 
 
 def _add_setting(parser: argparse.ArgumentParser, each: Described) -> None:
     if each.type is bool:
         action = "store_false" if each.default else "store_true"
-        text = f"do without {each.setting.about}" if each.default else each.setting.about
+        text = f"Turn off: {each.setting.about}" if each.default else each.setting.about
         parser.add_argument(_switch(each), dest=each.name, action=action, help=text)
         return
     more: dict[str, Any] = {"type": each.type, "default": each.default}
@@ -119,26 +116,26 @@ def _add_setting(parser: argparse.ArgumentParser, each: Described) -> None:
 
 
 def _help(each: Described) -> str:
-    """What the setting means, what it may be, and what it is where the flag is not given."""
+    """Return the help of a flag: the meaning, the allowed values and the default."""
     words, choices = [each.setting.about], each.setting.choices
     if choices:
-        words.append(": " + "; ".join(f"{name}, {what}" if what else name for name, what in choices.items()))
+        words.append(". Choices: " + "; ".join(f"{name}: {what}" if what else name for name, what in choices.items()))
     elif each.setting.limit:
-        words.append(f"; {each.setting.limit}")
+        words.append(f". Must be {each.setting.limit}")
     if each.type is not tuple:
         words.append(f" (default: {each.setting.unset if each.default is None else each.default})")
     return with_flags("".join(words)).replace("%", "%%")
 
 
 def _folder(name: str) -> Path:
-    """A folder's path; an empty name, of a variable that is not set, would be the current folder."""
+    """Return a folder's path. Refuse an empty name, as from an unset variable: it would be the current folder."""
     if not name:
-        raise argparse.ArgumentTypeError("the folder's name is empty")
+        raise argparse.ArgumentTypeError("the folder name is empty")
     return Path(name)
 
 
 def _direction(text: str) -> tuple[float, float, float]:
-    """Three numbers with commas between."""
+    """Parse three numbers separated by commas. Raise `ValueError` for other text and for a zero vector."""
     numbers = [float(part) for part in text.split(",")]
     if len(numbers) != 3 or not any(numbers):
         raise ValueError(text)

@@ -1,6 +1,6 @@
-"""A bake of several trees: each goes the pipeline's way by itself, and levels of one number share an atlas page.
+"""Bake of a tree set. Each tree passes through the pipeline alone; levels with the same number share an atlas page.
 
-A single tree is a grove of one, and keeps its own pages.
+A single tree is a tree set of one, and keeps its own atlas pages.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .scene.trees import numbered
 from .settings import PAGE_EFFECTS, BakeSettings
 
 Said = Callable[[str], str]
-"""How a face says a message that names settings: see `naming`."""
+"""Function that puts an interface's words into a message that names settings: see `naming`."""
 
 
 def plan_grove(
     trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
 ) -> dict[str, Planned]:
-    """As `pipeline.plan` for each tree."""
+    """Plan each tree with `pipeline.plan`."""
     planned = {name: plan(tree, settings, layer) for name, tree in trees.items()}
     return {name: replace(each, effects=_effects_said(each.effects, said)) for name, each in planned.items()}
 
@@ -39,10 +39,11 @@ def plan_grove(
 def prepare_grove(
     trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
 ) -> dict[str, Prepared]:
-    """As `pipeline.prepare` for each tree. What one needs a texture for, all get: pages have the same channels; and of
-    the seconds that a bake may take each has as many.
+    """Prepare each tree with `pipeline.prepare`.
 
-    Raises `SceneError` where some trees are blended and the others cut out.
+    All atlas pages have the same channels: every tree gets a texture effect that one tree needs. The setting `seconds`
+    is divided equally among the trees.
+    Raise `SceneError` if some trees are alpha blended and the others are cut out.
     """
     if settings.seconds is not None:
         settings = replace(settings, seconds=settings.seconds / len(trees))
@@ -56,7 +57,7 @@ def prepare_grove(
             return each
         asked = ",".join([settings.effects, *(f"+{name}" for name in lacking)])
         again = prepare(each.tree, replace(settings, effects=asked), layer)
-        reason = "another tree has it, and they share their pages"
+        reason = "another tree has it, and the trees share atlas pages"
         given = (replace(effect, reason=reason) if effect.name in lacking else effect for effect in again.effects)
         return replace(again, effects=tuple(given))
 
@@ -64,20 +65,20 @@ def prepare_grove(
 
 
 def camera_notes(planned: Iterable[Planned | Prepared]) -> tuple[CameraNote, ...]:
-    """What there is to tell of the scene's camera, once where it is the same of several trees."""
+    """Return the notes about the scene's camera, without duplicates."""
     notes = (camera_note(each.settings, each.facts, each.effects) for each in planned)
     return tuple(dict.fromkeys(note for note in notes if note is not None))
 
 
 def start_grove(prepared: Mapping[str, Prepared]) -> ChainsJob:
-    """Starts the core: the trees one after the other, for each takes all processors."""
+    """Start the core's jobs. The trees run one after the other, because each uses all processors."""
     return ChainsJob(prepared)
 
 
 def finish_grove(
     prepared: Mapping[str, Prepared], chains: Collection[leafcloud.Chain], name: str, scene: bpy.types.Scene
 ) -> Grove:
-    """Builds the levels in the scene, one collection a tree; those of several trees lie in one called `name`."""
+    """Build the levels in the scene, one collection per tree. The collections of several trees get a parent `name`."""
     view = view_of(scene)
     with removed_on_failure():
         if len(prepared) == 1:
@@ -101,14 +102,14 @@ def finish_grove(
 
 
 def bake_grove(prepared: Mapping[str, Prepared], scene: bpy.types.Scene, name: str, progress: Progress) -> Grove:
-    """What follows on `prepare_grove`, and needs nothing of the trees' own scene but the camera."""
+    """Run the bake after `prepare_grove`. From the trees' own scene it needs only the camera."""
     chains = wait(start_grove(prepared), progress)
     progress("build", 0.0)
     return finish_grove(prepared, chains, name, scene)
 
 
 def free_name(wanted: str) -> str:
-    """`wanted`, with a number if the levels could not have their names under it."""
+    """Return `wanted`, with a number added if names of the levels would be taken."""
     taken = [item.name for item in (*bpy.data.collections, *bpy.data.objects)]
 
     def is_taken(name: str) -> bool:
@@ -118,7 +119,7 @@ def free_name(wanted: str) -> str:
 
 
 class ChainsJob:
-    """The chains of trees, in their order, on shared pages if there are several; to be waited for as `leafcloud.Job`.
+    """Job for the chains of a tree set, in order, with the interface of `leafcloud.Job`. Several trees share pages.
 
     Works on a thread of its own, which never touches Blender.
     """
@@ -133,15 +134,15 @@ class ChainsJob:
 
     @property
     def stage(self) -> str:
-        """What is done, and of several trees for which; empty before anything is."""
-        finished, job, names = self._finished, self._job, list(self._prepared)  # Once: the thread goes on meanwhile.
+        """The present stage, with the tree's name if there are several; empty before the first stage."""
+        finished, job, names = self._finished, self._job, list(self._prepared)  # Read once: the thread runs on.
         if job is None or len(names) == 1:
             return "" if job is None else job.stage
         return "share pages" if finished == len(names) else f"{names[finished]}: {job.stage}"
 
     @property
     def fraction(self) -> float:
-        """In [0, 1]."""
+        """The fraction done, in [0, 1]."""
         finished, job, count = self._finished, self._job, len(self._prepared)
         within = 0.0 if job is None or finished == count else job.fraction
         return (finished + within) / count
@@ -156,7 +157,7 @@ class ChainsJob:
             self._job.cancel()
 
     def result(self, timeout: float | None = None) -> list[leafcloud.Chain]:
-        """Waits for the end. Raises the work's error, `CancelledError` or, after `timeout` seconds, `TimeoutError`."""
+        """Wait for the chains. Raise the job's error, `CancelledError` or, after `timeout` seconds, `TimeoutError`."""
         return self._result.result(timeout)
 
     def _work(self) -> list[leafcloud.Chain]:
@@ -164,7 +165,7 @@ class ChainsJob:
         for name, each in self._prepared.items():
             with _named(name if len(self._prepared) > 1 else None):
                 self._job = start(each)
-                if self._cancelled:  # Between two jobs: there was none to tell.
+                if self._cancelled:  # `cancel` was called between two jobs.
                     self._job.cancel()
                 chains.append(self._job.result())
             self._finished += 1
@@ -176,7 +177,7 @@ class ChainsJob:
 
 @contextmanager
 def _named(tree: str | None) -> Iterator[None]:
-    """Says of which tree a refusal is, where there are several."""
+    """Prefix errors of the core with the name of the tree; None keeps them."""
     try:
         yield
     except leafcloud.CancelledError:
@@ -189,7 +190,7 @@ def _named(tree: str | None) -> Iterator[None]:
 
 @contextmanager
 def _one_thread() -> Iterator[ThreadPoolExecutor]:
-    """A thread that ends when it has done what it was given in the block; nobody waits for it here."""
+    """Yield a pool of one thread that ends after the work submitted in the block. Do not wait for it."""
     pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="leafcloud")
     try:
         yield pool
@@ -211,15 +212,15 @@ def _check_alpha(prepared: Mapping[str, Prepared]) -> None:
     blended = [name for name, each in prepared.items() if is_on(each.effects, "blend_order")]
     if blended and len(blended) < len(prepared):
         raise SceneError(
-            f"the leaves of {', '.join(blended)} are seen through, those of the other trees are cut out, and no page "
-            "has both: bake them apart, or cut out all with `effects=-blend_order`"
+            f"the leaves of {', '.join(blended)} are alpha blended, the leaves of the other trees are cut out, and the "
+            "two cannot share an atlas page: bake them separately, or cut out all with `effects=-blend_order`"
         )
 
 
 def _share_images(made: Mapping[bpy.types.Image, str], name: str) -> None:
-    """Leaves one of the images wherever several are equal: each tree has brought a copy of every page.
+    """Merge equal images: each tree has its own copy of every shared atlas page.
 
-    `made` has the tree by whose name each is called; what is shared is called by `name` instead.
+    made: for each image the tree name that begins its own name. In names of shared images `name` replaces it.
     """
     kept: dict[tuple[str, bytes], bpy.types.Image] = {}
     shared = set()

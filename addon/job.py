@@ -1,4 +1,4 @@
-"""Waiting for the core, which works on a thread of its own and never touches Blender."""
+"""Waiting for a job of the core. The job runs on a separate thread and never touches Blender."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 Progress = Callable[[str, float], None]
-"""Called with the name of the stage and the share of it that is done, in [0, 1]."""
+"""Function called with the name of the stage and the fraction done, in [0, 1]."""
 
 POLL_SECONDS = 0.1
 
@@ -14,7 +14,7 @@ _T_co = TypeVar("_T_co", covariant=True)
 
 
 class Job(Protocol[_T_co]):
-    """What `leafcloud.Job` can, or several of them one after the other."""
+    """Interface of `leafcloud.Job`, and of several jobs in sequence."""
 
     @property
     def stage(self) -> str: ...
@@ -27,16 +27,16 @@ class Job(Protocol[_T_co]):
 
 
 def wait(job: Job[_T_co], progress: Progress) -> _T_co:
-    """The job's result, with `progress` called about ten times a second while it works.
+    """Wait for the job and return its result. Call `progress` about ten times a second.
 
-    Raises the job's own error. When anything else stops the waiting, `KeyboardInterrupt` for one, the job is cancelled.
+    Raise the job's own error. Cancel the job if another exception, such as `KeyboardInterrupt`, ends the wait.
     """
     try:
         while True:
             try:
                 return job.result(timeout=POLL_SECONDS)
             except TimeoutError:
-                progress(job.stage or "start", job.fraction)  # It has no name before the first stage.
+                progress(job.stage or "start", job.fraction)  # Before the first stage the name is empty.
     except BaseException:
         job.cancel()
         raise

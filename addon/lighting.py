@@ -1,4 +1,4 @@
-"""The effect baked_light: what light falls on the tree where it stands, as the core and the levels take it."""
+"""The effect baked_light: the scene's light on a tree, in the form that the core and the levels take."""
 
 from __future__ import annotations
 
@@ -14,15 +14,18 @@ from .scene.extract import Tree
 from .scene.light import Light, Surroundings, bake_light
 
 BRIGHTEST = 99.9
-"""Per cent of the leaves' light that pages hold; what little is brighter is cut where base colours are bright, too."""
+"""Percentile of the leaves' light that atlas pages hold. Brighter light is clipped where base colors are bright."""
 
 DARK = 1e-3
-"""Light below is none."""
+"""Light below this value counts as no light."""
 
 
 @dataclass(frozen=True)
 class BakedLight:
-    """Light over its strength, which is at least 1 and multiplies what is drawn; and what it has cost."""
+    """Baked light of the leaves and the trunk, divided by `strength`, and the seconds of the bake.
+
+    strength: factor, at least 1, by which renderers multiply the drawn color.
+    """
 
     leaves: Light
     wood: Light | None
@@ -32,9 +35,9 @@ class BakedLight:
 
 
 def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_wood: bool) -> BakedLight:
-    """The light in the scene of `layer` on the tree's leaves, and on its wood if that is asked for, too.
+    """Bake the light in the scene of `layer` on the tree's leaves and, with `with_wood`, on its trunk.
 
-    Raises `SceneError` when Cycles cannot bake.
+    The trunk casts shadows either way. Raise `SceneError` if Cycles cannot bake.
     """
     begin = time.perf_counter()
     casting = [tree.leaves] if tree.wood is None else [tree.leaves, tree.wood]

@@ -1,4 +1,4 @@
-"""The leaves or the wood of a tree as the core takes them: in the world, with their materials described."""
+"""The leaves or the trunk of a tree in the core's form: in world coordinates, with material readings."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ from .scene.light import Light
 
 @dataclass(frozen=True)
 class Part:
-    """A geometry and how it looks. `colors` (t, 3, 4) multiply the base colours, and `back_colors` (t, 3, 3) in their
-    place on the back; None of either is white, or the same. `materials` are numbered by `material_ids` (t,), and
-    `owners` are their numbers in the geometry (see `Described`). `messages`: what had to be left aside of them."""
+    """A geometry with its appearance.
+
+    colors (t, 3, 4): factors of the base colors; None is white. back_colors (t, 3, 3): factors on the back instead;
+    None is the same as the front. materials: indexed by `material_ids` (t,). owners: for each material its index in the
+    geometry (see `Described`). messages: the losses of the material readings.
+    """
 
     geometry: Geometry
     placement: Placement
@@ -34,7 +37,7 @@ class Part:
     messages: tuple[str, ...] = ()
 
     def foliage(self) -> leafcloud.Foliage:
-        """Raises `leafcloud.LeafcloudError` for geometry that the core refuses."""
+        """Build the core's foliage. Raise `leafcloud.LeafcloudError` for geometry that the core refuses."""
         geometry, placement = self.geometry, self.placement
         return leafcloud.Foliage(
             world_positions(geometry, placement.matrix),
@@ -49,7 +52,7 @@ class Part:
         )
 
     def of(self, corners: NDArray[np.integer[Any]]) -> Part:
-        """The triangles (n, 3) of corners, counted through all triangles, as `leafcloud.simplify` gives them."""
+        """Return the part made of the triangles `corners` (n, 3): indices as in `leafcloud.Simplified.corners`."""
         return replace(
             self,
             geometry=gathered(self.geometry, corners),
@@ -62,7 +65,7 @@ class Part:
 def described_part(
     geometry: Geometry, placement: Placement, channels: Sequence[str], share: float, light: Light | None
 ) -> Part:
-    """The geometry under `light`, if any; `channels` and `share` of its materials as in `describe_materials`."""
+    """Build a part from a geometry, under `light` if given. `channels` and `share`: see `describe_materials`."""
     described = describe_materials(geometry, channels, placement.matrix, share)
     front, back = _colors(described.colors, described.back_colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
@@ -73,7 +76,7 @@ def described_part(
 def _colors(
     colors: NDArray[np.float32] | None, back_colors: NDArray[np.float32] | None, light: Light | None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """(t, 3, 4) factors on the front and (t, 3, 3) on the back: the colours, under the light of each side if any."""
+    """Return color factors (t, 3, 4) of the front and (t, 3, 3) of the back, times the light of each side if any."""
     if light is None:
         return colors, back_colors
     front = np.ones((*light.front.shape[:2], 4), np.float32) if colors is None else colors.copy()

@@ -1,9 +1,9 @@
-"""One bake from start to end, the same for the operator and the command line:
+"""The steps of one bake, the same for the operator and the command line:
 
     Tree ──prepare──▶ Prepared ──start──▶ Job ──wait──▶ Chain ──finish──▶ Baked ──write──▶ files
 
-Each step is a function of what the step before gave. Only `finish` and `write` change Blender's data, and they put it
-back when they fail.
+Each step is a function of the previous step's result. Only `finish` and `write` change Blender's data, and they restore
+it when they fail.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ from .settings import EFFECTS, BakeSettings, fit_options
 
 
 def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Facts:
-    """What the plan looks at. Without a layer nothing is known of what surrounds the tree.
+    """Collect the facts for the plan. Without a layer they include nothing about the scene around the tree.
 
-    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked.
+    Raise `leafcloud.LeafcloudError` for geometry that cannot be baked.
     """
     placement, leaves = Placement(tree.matrix), tree.leaves
     shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
@@ -96,24 +96,24 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
 
 
 def _is_one_color(leaves: Geometry) -> bool:
-    """Whether the leaves' base colour is the same number all over."""
+    """Return whether all leaves have one constant base color."""
     surfaces = [read_surface(material) for material in leaves.materials]
     varied = any(surface.color_texture or surface.color_attribute or surface.gaps for surface in surfaces)
     return not varied and len({surface.color for surface in surfaces}) == 1
 
 
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
-    """The effects that a bake would carry, and what each would cost. As `prepare`, which does what they ask for."""
+    """Plan the effects of a bake and estimate their costs. `prepare` plans the same effects and carries them out."""
     facts = describe(tree, settings, layer)
     return Planned(settings, facts, with_costs(settings, facts, plan_effects(settings, facts)))
 
 
 def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
-    """Brings the tree into the world, decides on the effects, and bakes the light in the scene of `layer` if one asks.
+    """Transform the tree to the world, plan the effects, and bake the light of the scene if the plan needs it.
 
-    Without a layer the viewer may be anywhere, and no light is baked.
-    Raises `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a texture that is missing, or
-    light that cannot be baked.
+    Without a layer, the viewer may be anywhere, and no light is baked.
+    Raise `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a missing texture or light that
+    cannot be baked.
     """
     tree = _without_shear(tree)
     placement = Placement(tree.matrix)
@@ -124,7 +124,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(effects, "baked_light") and layer is not None
-    # Only the cross shows the wood.
+    # Only the cross impostor shows the trunk in its textures.
     light = light_of(tree, layer, with_wood=cross and tree.wood is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.wood)
     leaves = described_part(tree.leaves, placement, channels, share, sides[0])
@@ -159,7 +159,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
 
 
 def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
-    """Starts the core on a thread of its own."""
+    """Start the core's job for a chain of levels."""
     settings = prepared.settings
     return leafcloud.start_chain(
         prepared.foliage,
@@ -176,13 +176,13 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
-    """Starts to measure what accuracy costs in time, around the settings. Leaves are not pruned for it."""
+    """Start the core's job for a cost curve around the settings, without pruned leaves."""
     options = chain_options(prepared.settings, prepared.facts, prepared.effects)
     return leafcloud.start_cost_curve(prepared.foliage, wood=prepared.wood, quick=quick, **options)
 
 
 def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> dict[str, Any]:
-    """What the wheel is asked for a chain and for a cost curve alike."""
+    """Return the options of `leafcloud` that chains and cost curves have in common."""
     clouds, cross = plan_levels(settings, facts, effects)
     return {
         "levels": clouds,
@@ -207,7 +207,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect
 
 
 def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
-    """Builds the levels in Blender, under `name`, to be seen with `view`."""
+    """Build the levels in Blender under `name`. `view` sets their switch distances."""
     levels = chain.levels
     radius = prepared.foliage.radius
     deviations = [level.max_deviation_leaves * radius for level in levels]
@@ -216,7 +216,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     def seen(length: float, pixels: float) -> float:
         return leafcloud.switch_distance(length, pixels, view.resolution, view.field_of_view)
 
-    # A level takes over where its deviation is seen smaller than the setting's pixels, and its texels than one.
+    # A level takes over where its deviation appears smaller than `pixels` pixels and its texels smaller than one.
     distances = [
         max(seen(deviation, pixels), seen(level.texel_size, 1.0))
         for level, deviation in zip(levels, deviations, strict=True)
@@ -277,7 +277,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
 
 
 def wind_settings(prepared: Prepared) -> WindSettings | None:
-    """What blows on the tree, and how that stands, not yet when levels take over; None without the effect wind."""
+    """Return the wind on the tree and the tree's stature, without switch distances; None without the effect wind."""
     if prepared.wind is None:
         return None
     tree = prepared.tree
@@ -286,7 +286,7 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
 
 
 def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
-    """What each effect took in the core. What nobody asked for took nothing there."""
+    """Return the seconds that each effect took in the core; 0 for effects that are off."""
     seconds = dict.fromkeys(EFFECTS, 0.0)
     seconds["pruning"] = chain.look_seconds["order"] + chain.look_seconds["growth"]
     seconds["contrast"] = chain.look_seconds["contrast"]
@@ -310,9 +310,9 @@ def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str
 
 
 def _drawn(prepared: Prepared, reached: Sequence[Reach]) -> range:
-    """The levels that the scene's cameras see, of those that are made; the leaves where the viewer may be anywhere.
+    """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
 
-    What they were expected to see is not drawn coarser, only finer, should that turn out to be needed.
+    The range never begins or ends at a coarser level than camera visibility estimated before the bake.
     """
     seen, camera = sight(prepared.settings, prepared.facts), prepared.facts.camera
     if seen is None or camera is None:
@@ -322,9 +322,9 @@ def _drawn(prepared: Prepared, reached: Sequence[Reach]) -> range:
 
 
 def _keep_at_switch(prepared: Prepared) -> float | None:
-    """λ where level 1 takes over; None where nothing is pruned before, as in the chain of billboards.
+    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before.
 
-    It depends on no camera: both distances are in proportion to the same.
+    λ is independent of the camera: both distances scale with the same factor.
     """
     settings = prepared.settings
     if settings.chain == "billboards" or not is_on(prepared.effects, "pruning"):
@@ -337,9 +337,10 @@ def _keep_at_switch(prepared: Prepared) -> float | None:
 
 
 def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
-    """From where the leaves are pruned; where level 1 was made of some, so that just these are left at the `hand_over`.
+    """Return the distances of pruning: infinite without pruned leaves.
 
-    `start` is where a leaf gets small.
+    start: distance where a leaf appears `prune_pixels` long. hand_over: distance where level 1 appears. If level 1 was
+    made of kept leaves, exactly these remain at `hand_over`.
     """
     half = prepared.settings.prune_half
     keep = _keep_at_switch(prepared)
@@ -349,23 +350,23 @@ def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
 
 
 LONGEST_NAME = 44
-"""Bytes: with suffixes such as _LOD1_translucency it has to fit into the 63 of Blender's names."""
+"""Maximum bytes of a name. With suffixes such as _LOD1_translucency it must fit into the 63 of Blender's names."""
 
 
 def file_name(name: str) -> str:
-    """`name` with what file systems refuse or read as something else made into underscores; cut short, never empty."""
+    """Return `name`, shortened, with underscores for characters that file systems refuse or interpret; never empty."""
     short = name.encode()[:LONGEST_NAME].decode(errors="ignore")
     return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", short) or "tree"
 
 
 def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
-    """The view layer that is looked at, or the first of a scene that is not."""
+    """Return the active view layer of the scene, or its first layer if the scene is not active."""
     context = bpy.context
     return context.view_layer if context.scene == scene else scene.view_layers[0]
 
 
 def view_of(scene: bpy.types.Scene) -> View:
-    """What the scene's camera sees with; the usual 1080 pixels and 50° where there is no camera with a perspective."""
+    """Return resolution and field of view of the scene's camera; 1080 pixels and 50° without a perspective camera."""
     if scene.camera is None or scene.camera.type != "CAMERA" or scene.camera.data.type != "PERSP":
         return View()
     frame = np.array(scene.camera.data.view_frame(scene=scene))
@@ -375,7 +376,10 @@ def view_of(scene: bpy.types.Scene) -> View:
 
 
 def _without_shear(tree: Tree) -> Tree:
-    """The tree, along the world's axes where its matrix has a shear: no object can have one, nor a node of glTF."""
+    """Return the tree, with coordinates along the world's axes if its matrix has a shear.
+
+    Neither an object nor a glTF node can have a shear.
+    """
     placement = Placement(tree.matrix)
     if not placement.sheared:
         return tree
@@ -386,13 +390,13 @@ def _without_shear(tree: Tree) -> Tree:
         wood=None if tree.wood is None else _along_axes(tree.wood, placement),
         warnings=[
             *tree.warnings,
-            "the leaves' object is sheared by its parents: LOD 0 lies along the world's axes instead",
+            "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",
         ],
     )
 
 
 def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
-    """The geometry in coordinates along the world's axes, from the same origin: near it single precision is finest."""
+    """Return the geometry along the world's axes. Keep its origin, where single precision is finest."""
     return replace(
         geometry,
         positions=world_positions(geometry, placement.matrix - _translation(placement) + np.eye(4)).astype(np.float32),
@@ -404,7 +408,7 @@ def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
 
 
 def _translation(placement: Placement) -> NDArray[np.float64]:
-    """(4, 4) of a placement's matrix what moves its origin."""
+    """Return the translation (4, 4) of a placement's matrix."""
     matrix = np.eye(4)
     matrix[:3, 3] = placement.matrix[:3, 3]
     return matrix

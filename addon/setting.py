@@ -1,4 +1,4 @@
-"""What is known of one setting: what it means, what it may be."""
+"""Description of one setting: its meaning, limits and choices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 
 @dataclass(frozen=True)
 class Limits:
-    """Which numbers a setting may be. Of whole numbers both ends are in; `above` and `below` leave an end out."""
+    """Range of a number. Both ends are included; `above` excludes `low`, and `below` excludes `high`."""
 
     low: float
     high: float = math.inf
@@ -36,12 +36,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class Setting:
-    """What is known of a setting beside its name and default.
+    """Description of a setting without its name and default.
 
-    about: what it means, as a sentence without its first capital and its point; of one that is on, what is then there.
-    unit: of its value, in capitals, as the command line names what follows a flag.
-    unset: what None stands for.
-    choices: the words that it may be, each with what it stands for or nothing.
+    about: text of the tooltip and --help, in sentences without the last period. For a switch: the effect when it is on.
+    unit: placeholder for the value in --help, in capitals.
+    unset: meaning of the value None.
+    choices: allowed words, each with a description or an empty text.
     """
 
     about: str
@@ -52,7 +52,7 @@ class Setting:
 
     @property
     def limit(self) -> str:
-        """What it may be, in words; empty for what needs none."""
+        """Allowed values in words; empty if any value of the type is allowed."""
         return str(self.limits or "") or (f"one of {', '.join(self.choices)}" if self.choices else "")
 
     def allows(self, value: Any) -> bool:
@@ -63,7 +63,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Described:
-    """A setting with its name, the type of its values, and its default."""
+    """A setting with its name, the type of its values and its default."""
 
     name: str
     type: type
@@ -72,7 +72,10 @@ class Described:
 
     @staticmethod
     def of(name: str, hint: Any, default: Any) -> Described:
-        """From ``Annotated[type, Setting(…)]``: the type without None; of words ``str``, of tuples ``tuple``."""
+        """Build it from ``Annotated[type, Setting(…)]``.
+
+        The type loses None; a ``Literal`` becomes ``str``, and a tuple type ``tuple``.
+        """
         kind, setting = get_args(hint)
         if NoneType in get_args(kind):
             [kind] = [each for each in get_args(kind) if each is not NoneType]

@@ -1,5 +1,8 @@
-"""What a bake is asked to do: each setting stands here once, with its limits and its words. Flags, properties and
-checks are made of these; nothing behind them has to check again."""
+"""Settings of a bake. Each one is defined here once, with its limits and texts.
+
+The command line's flags, Blender's properties and the checks are made from these definitions. Code that receives a
+`BakeSettings` need not check it again.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ Effort = Literal["literal", "default", "final", "best"]
 Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
-"""Settings that choose epsilon, page, samples and effort by a quick cost curve; one of them at most."""
+"""Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
 _FIX_EPSILON = ("method", "max_billboards", "max_texels", "image_epsilon", "chain")
-"""Settings that leave the wishes no epsilon to choose, where they are not at their defaults."""
+"""Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
-    "pruning": "ever fewer leaves, then the cross",
-    "both": "fewer leaves on the way to a first cloud of those that are left",
+    "pruning": "fewer leaves with distance, then the cross impostor, without clouds",
+    "both": "fewer leaves with distance, then a first cloud made of the remaining leaves",
 }
 EFFECTS = (
     "transitions",
@@ -44,20 +47,20 @@ EFFECTS = (
     "baked_light",
 )
 MOVING_LIGHT = tuple(name for name in EFFECTS if name not in ("baked_light", "blend_order"))
-"""What `all` stands for: the effects for light that may move, beside which baked light makes no sense; and the plan
-still decides whether leaves are seen through."""
+"""Effects that `all` turns on. They are for moving light, so `baked_light` is not among them. The plan still decides on
+`blend_order`, from the transparency of the leaves."""
 CHANNELS = ("normals", "gloss", "translucency")
-"""The effects that are channels of the textures and are read from the leaves' own materials."""
+"""Effects that are texture channels read from the leaves' own materials."""
 PAGE_EFFECTS = ("normals", "gloss", "translucency", "occlusion", "self_shadowing", "leaf_map")
-"""The effects that are textures of the clouds: levels that share a page have all of them or none."""
+"""Effects that are textures of the clouds. Levels that share an atlas page must have the same ones."""
 EFFECT_CHOICES = ("auto", "all", "none")
-"""What a list of effects may begin with in place of names."""
+"""Words that may begin a list of effects in place of names."""
 
 SMALLEST_TEXTURE = 64
 
 
 class SettingsError(ValueError):
-    """A setting that cannot be followed. One line: the setting, its value, its limit, what to do; see `naming`."""
+    """An invalid setting. The message is one line: the setting, its value, its limit, the remedy; see `naming`."""
 
 
 _SHARE = Limits(0, 1)
@@ -66,7 +69,7 @@ _POSITIVE = Limits(0, above=True)
 
 @dataclass(frozen=True)
 class BakeSettings:
-    """The settings of one bake, the same from the command line and from the interface.
+    """Settings of one bake, the same for the command line and the interface.
 
     R is the radius of the bounding sphere of the leaves. Raises `SettingsError` for a value outside its limits, and for
     settings that exclude one another.
@@ -75,93 +78,106 @@ class BakeSettings:
     epsilon: Annotated[
         float,
         Setting(
-            "how far a leaf may move along its billboard's normal on level 1, as a share of the crown's radius R",
-            "SHARE",
+            "Maximum distance a leaf may move along its billboard's normal on level 1, as a fraction of the crown "
+            "radius R. Smaller is more accurate and uses more billboards",
+            "FRACTION",
             Limits(0, 1, above=True),
         ),
     ] = 0.04
     candidates: Annotated[
         int,
         Setting(
-            "planes tried per billboard: more make fewer billboards, and take longer", "COUNT", Limits(1, 1_000_000)
+            "Planes tried per billboard. More gives fewer billboards and takes longer", "COUNT", Limits(1, 1_000_000)
         ),
     ] = 600
     levels: Annotated[
-        int, Setting("billboard clouds behind the leaves, the cross not counted", "COUNT", Limits(1, 8))
+        int,
+        Setting(
+            "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has 2.5 times the error "
+            "bound and half the texture size of the one before",
+            "COUNT",
+            Limits(1, 8),
+        ),
     ] = 2
-    cross: Annotated[bool, Setting("crossed billboards of the whole tree behind the clouds")] = True
+    cross: Annotated[bool, Setting("Cross impostor of the whole tree as the last level")] = True
     method: Annotated[
         Method,
         Setting(
-            "the fitter",
+            "Algorithm that fits the billboards",
             "NAME",
             choices={
-                "stochastic": "planes through leaves drawn at random",
-                "density": "the greedy planes of billboard clouds",
-                "kmeans": "leaves parted into as many billboards as `max_billboards` says",
+                "stochastic": "search for the planes that hold the most leaves",
+                "density": "densest planes first",
+                "kmeans": "k-means clusters of leaves, as many as `max_billboards`",
             },
         ),
     ] = "stochastic"
     effort: Annotated[
         Effort,
         Setting(
-            "how long the method stochastic looks for few billboards",
+            "Search time of the stochastic method. A longer search finds fewer billboards",
             "NAME",
             choices={
                 "literal": "the published algorithm, for comparison",
-                "default": "all offsets of all directions, greedily: a fraction of a second",
-                "final": "then a search for fewer billboards: seconds",
-                "best": "the same, ten times as long",
+                "default": "greedy search over all directions and offsets: a fraction of a second",
+                "final": "the greedy search, then a search for fewer billboards: seconds",
+                "best": "the same as final with ten times the search time",
             },
         ),
     ] = "default"
     max_billboards: Annotated[
         int | None,
         Setting(
-            "at most so many on level 1, at the smallest error bound found that does, and slack beyond it",
+            "Maximum number of billboards on level 1. Replaces `epsilon` by the smallest error bound found that needs "
+            "no more billboards, plus the allowance `slack`",
             "COUNT",
             Limits(1),
-            unset="as many as the error bound asks for",
+            unset="as many as the error bound needs",
         ),
     ] = None
     slack: Annotated[
         float,
         Setting(
-            "where `max_billboards` decides: how much farther than the smallest error bound leaves may move where that "
-            "brings them nearer on average, as a share of it",
-            "SHARE",
+            "Extra error allowed beyond the smallest bound for `max_billboards`, as a fraction of that bound. Spent "
+            "where it reduces the mean deviation",
+            "FRACTION",
             Limits(0, 1),
         ),
     ] = 0.25
     max_texels: Annotated[
         int | None,
         Setting(
-            "level 1 needs at most so many, each an eighth of the error bound long, at the smallest bound found that "
-            "does, but not below `epsilon`",
+            "Maximum number of texels on level 1, each one eighth of the error bound wide. Uses the smallest error "
+            "bound found that needs no more texels, but not less than `epsilon`",
             "COUNT",
             Limits(256),
-            unset="as many as the error bound asks for",
+            unset="as many as the error bound needs",
         ),
     ] = None
     max_size: Annotated[
         float | None,
         Setting(
-            "greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, "
-            "at least `epsilon`; smaller billboards have more triangles and draw fewer empty pixels",
-            "SHARE",
+            "Maximum distance of a billboard's leaves from the place where the billboard was found, as a fraction of "
+            "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
+            "FRACTION",
             Limits(0, 2, above=True),
-            unset="0.2 or, for large leaves, twice their radius; no limit for a given number of billboards",
+            unset="0.2, or twice the mean leaf radius if that is more; no limit with `max_billboards`",
         ),
     ] = None
     compact: Annotated[
         float | None,
-        Setting("billboards are parted at gaps of this share of R", "SHARE", Limits(0, 2, above=True), unset="never"),
+        Setting(
+            "Minimum width of a gap at which a billboard is split in two, as a fraction of R",
+            "FRACTION",
+            Limits(0, 2, above=True),
+            unset="never split",
+        ),
     ] = None
     gather: Annotated[
         float,
         Setting(
-            "how much leaves prefer billboards whose middle is near: billboards become smaller, and less of them is "
-            "empty; 1 is noticeable",
+            "Weight of the distance to a billboard's center when a leaf chooses its billboard. Larger gives smaller "
+            "billboards with less empty area; 1 is noticeable",
             "WEIGHT",
             Limits(0, 1_000_000),
         ),
@@ -169,26 +185,31 @@ class BakeSettings:
     max_corners: Annotated[
         int,
         Setting(
-            "corners of a billboard's outline: 4 gives rectangles, more leave less of it empty", "COUNT", Limits(3, 16)
+            "Corners of a billboard's outline. 4 gives rectangles; more corners leave less empty area and add "
+            "triangles",
+            "COUNT",
+            Limits(3, 16),
         ),
     ] = 4
     whole_leaves: Annotated[
-        bool, Setting("keep every leaf on one billboard at the cost of more billboards, not only where one holds it")
+        bool,
+        Setting(
+            "Keep a leaf on one billboard wherever any plane can hold it, not only where a plane of the cloud does. "
+            "Uses more billboards"
+        ),
     ] = False
-    vertical: Annotated[float, Setting("what a billboard that lies flat loses when it is chosen", "SHARE", _SHARE)] = (
-        0.0
-    )
+    vertical: Annotated[float, Setting("Score penalty for horizontal planes", "FRACTION", _SHARE)] = 0.0
     views: Annotated[
         tuple[tuple[float, float, float], ...],
-        Setting("a likely direction of view in the scene, for `facing_views`; may be given again", "X,Y,Z"),
+        Setting("Likely view direction in the scene, for `facing_views`. Repeat the flag for more directions", "X,Y,Z"),
     ] = ()
     facing_views: Annotated[
-        float, Setting("score penalty of billboards that no view of `views` sees face-on", "SHARE", _SHARE)
+        float, Setting("Score penalty for planes that face none of the directions in `views`", "FRACTION", _SHARE)
     ] = 0.0
     image_epsilon: Annotated[
         float | None,
         Setting(
-            "greatest angle by which a vertex may be seen to move, with `viewing_distance`",
+            "Maximum angle by which a vertex may appear to move, for a viewer at `viewing_distance`",
             "RADIANS",
             Limits(0, 1, above=True),
             unset="any",
@@ -197,85 +218,94 @@ class BakeSettings:
     viewing_distance: Annotated[
         float | None,
         Setting(
-            "how near a viewer comes to the crown's centre, as a share of R, with `image_epsilon`",
-            "SHARE",
+            "Minimum distance of the viewer from the crown's center, as a fraction of R, for `image_epsilon`",
+            "FRACTION",
             Limits(1, 1_000_000, above=True),
-            unset="anywhere",
+            unset="any",
         ),
     ] = None
-    seed: Annotated[int, Setting("of every random choice", "NUMBER", Limits(0, 2**63 - 1))] = 0
+    seed: Annotated[int, Setting("Random seed", "NUMBER", Limits(0, 2**63 - 1))] = 0
     texture_size: Annotated[
         int,
         Setting(
-            "columns of level 1's atlas in texels, halved with every level", "TEXELS", Limits(SMALLEST_TEXTURE, 16384)
+            "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
+            "TEXELS",
+            Limits(SMALLEST_TEXTURE, 16384),
         ),
     ] = 2048
     texture_height: Annotated[
         int | None,
-        Setting("rows of level 1's atlas", "TEXELS", Limits(SMALLEST_TEXTURE, 16384), unset="as many as columns"),
+        Setting(
+            "Height of level 1's atlas in texels", "TEXELS", Limits(SMALLEST_TEXTURE, 16384), unset="same as the width"
+        ),
     ] = None
     samples: Annotated[
         int,
         Setting(
-            "of each texel, along each of its sides: more make smoother textures, and take longer",
-            "COUNT",
-            Limits(1, 16),
+            "Samples per texel along each side. More gives smoother textures and takes longer", "COUNT", Limits(1, 16)
         ),
     ] = 4
     close_cracks: Annotated[
         bool,
         Setting(
-            "billboards also show the parts of other billboards' leaves that lie within the error bound of their plane"
+            "Close gaps between billboards: each also shows the parts of other billboards' leaves within the error "
+            "bound of its plane. Makes the crown denser"
         ),
     ] = False
     bend_normals: Annotated[
         float,
         Setting(
-            "how far the billboards' normals are bent toward the hull of the crown, as foliage is often shaded",
-            "SHARE",
+            "How far the billboards' normals bend toward the hull of the crown. Larger gives softer, rounder shading",
+            "FRACTION",
             _SHARE,
         ),
     ] = 0.0
     seconds: Annotated[
         float | None,
         Setting(
-            "make the levels as good as possible in so many, measured without Blender's start and the files; chooses "
-            "error bound, samples, effort, and a page not above the texture size",
+            "Time budget in seconds for making the levels, without Blender's start and writing files. Chooses error "
+            "bound, samples, effort and a texture size up to `texture_size`, for the least error",
             "SECONDS",
             _POSITIVE,
-            unset="as the settings say",
+            unset="off",
         ),
     ] = None
     image_error: Annotated[
         float | None,
         Setting(
-            "make the levels as quickly as possible with at most this image error on level 1, choosing likewise",
+            "Maximum image error of level 1. Chooses the same settings as `seconds`, for the shortest time",
             "ERROR",
             Limits(0, 1, above=True, below=True),
-            unset="as the settings say",
+            unset="off",
         ),
     ] = None
     preset: Annotated[
         Preset | None,
         Setting(
-            "the same, by a place on this tree's cost curve",
+            "Point on this tree's cost curve. Chooses the same settings as `seconds`",
             "NAME",
-            unset="as the settings say",
+            unset="off",
             choices={
-                "draft": "the quickest with at most twice the least error",
-                "balanced": "the quickest within a quarter of the least error",
+                "draft": "the fastest with at most twice the least error",
+                "balanced": "the fastest with at most 1.25 times the least error",
                 "final": "the least error",
             },
         ),
     ] = None
     pixels: Annotated[
-        float, Setting("a level takes over where its error is seen smaller than this many pixels", "PIXELS", _POSITIVE)
+        float,
+        Setting(
+            "A level takes over where its error appears smaller than this many pixels. Larger switches sooner and "
+            "draws faster",
+            "PIXELS",
+            _POSITIVE,
+        ),
     ] = 8.0
-    chain: Annotated[str, Setting("how the levels follow one another", "NAME", choices=CHAINS)] = "billboards"
+    chain: Annotated[str, Setting("Order of the levels by distance", "NAME", choices=CHAINS)] = "billboards"
     prune_pixels: Annotated[
         float,
         Setting(
-            "with the chains pruning and both leaves are pruned where one is seen smaller than this many pixels",
+            "Leaf size in pixels below which pruning begins, for the chains pruning and both. Larger prunes sooner",
             "PIXELS",
             _POSITIVE,
         ),
@@ -283,28 +313,29 @@ class BakeSettings:
     prune_half: Annotated[
         float,
         Setting(
-            "half of the leaves are left at the distance where pruning begins, divided by this",
-            "SHARE",
+            "Distance where pruning begins, divided by the distance where half of the leaves remain. Larger prunes "
+            "faster",
+            "FRACTION",
             Limits(0, 0.5, above=True),
         ),
     ] = 0.5
     trees: Annotated[
         str,
         Setting(
-            "what is a tree of its own; the levels of several share their pages",
+            "How the objects are divided into trees. The levels of several trees share atlas pages",
             "NAME",
             choices={
-                "one": "all that is baked, together",
-                "parents": "each topmost parent with what hangs on it",
-                "collections": "each collection",
+                "one": "all objects are one tree",
+                "parents": "one tree per topmost parent, with its children",
+                "collections": "one tree per collection",
             },
         ),
     ] = "one"
     engine: Annotated[
         str,
         Setting(
-            "which engine the glTF is for: babylon, godot, unity and unreal get rank and pivot as texture coordinates, "
-            "the others as attributes by name",
+            "Target engine of the glTF files. For babylon, godot, unity and unreal, rank and pivot are texture "
+            "coordinates; for the others, named attributes",
             "NAME",
             choices=dict.fromkeys(ENGINES, ""),
         ),
@@ -312,27 +343,28 @@ class BakeSettings:
     effects: Annotated[
         str,
         Setting(
-            f"{', '.join(EFFECT_CHOICES)}, or out of {','.join(EFFECTS)} with commas between; behind that +NAME and "
-            "-NAME force one on or off, and alone they do so over auto, as in `effects=-gloss`",
+            f"Effects of the levels: {', '.join(EFFECT_CHOICES)}, or names separated by commas from "
+            f"{', '.join(EFFECTS)}. Add +NAME or -NAME to force an effect on or off. Without a word before them they "
+            "change auto, as in `effects=-gloss`",
             "NAMES",
         ),
     ] = "auto"
     viewer: Annotated[
         str,
         Setting(
-            "the distances that levels are made for",
+            "Distances for which levels are made",
             "NAME",
             choices={
-                "auto": "distances of the scene's cameras over all frames if the cameras or the trees move and "
-                "no engine is set; else all distances, because the place of a still camera is often an accident",
-                "anywhere": "all distances: all levels are made",
-                "camera": "distances of the scene's cameras, moving or not: only the levels that they see are made",
+                "auto": "the scene's cameras over all frames if the cameras or the trees move and no engine is set, "
+                "else all distances, because the place of a still camera is often an accident",
+                "anywhere": "all distances, so all levels are made",
+                "camera": "the scene's cameras, moving or still, so only the levels that they see are made",
             },
         ),
     ] = "auto"
     unlit: Annotated[
         bool,
-        Setting("what draws the levels shows their colours as they are: light that stands still is baked into them"),
+        Setting("Bake static light of the scene into the levels, for a target that draws them without lighting"),
     ] = False
 
     def __post_init__(self) -> None:
@@ -344,40 +376,40 @@ class BakeSettings:
 
     @property
     def by_cameras(self) -> bool:
-        """Whether the scene's cameras may decide which levels are made."""
+        """True if the scene's cameras may decide which levels are made."""
         return self.viewer != "anywhere" and self.engine == "generic"
 
     def _check_fit(self) -> None:
         needs_count = self.method != "kmeans" or self.max_billboards is not None
-        self._require("max_billboards", needs_count, "given: the method kmeans has it as its input")
+        self._require("max_billboards", needs_count, "set: the method kmeans needs the number of billboards")
         sized = self.max_size is None or self.epsilon <= self.max_size
-        self._require("max_size", sized, f"from epsilon ({self.epsilon}) to 2")
+        self._require("max_size", sized, f"from `epsilon` ({self.epsilon}) to 2")
         both = (self.viewing_distance is None) == (self.image_epsilon is None)
-        self._require("viewing_distance", both, "given with `image_epsilon`, or not at all")
+        self._require("viewing_distance", both, "set together with `image_epsilon`, or not at all")
         ends = self.chain != "pruning" or self.cross
-        self._require("chain", ends, "another without the cross: behind pruned leaves nothing else follows")
+        self._require("chain", ends, "another when the cross is off: after pruned leaves the cross is the only level")
 
     def _check_effects(self) -> None:
         asked = asked_effects(self.effects)
         known = asked.known and {*asked.names, *asked.forced} <= set(EFFECTS)
         choices = (
-            f"{', '.join(EFFECT_CHOICES)}, or a list out of {', '.join(EFFECTS)} with commas between, + or - before"
+            f"{', '.join(EFFECT_CHOICES)}, or names separated by commas from {', '.join(EFFECTS)}, each with "
+            "an optional + or -"
         )
         self._require("effects", known, choices)
         if self.chain != "billboards" and asked.state("pruning") is False:
             raise SettingsError(
-                f"`chain={self.chain}` goes with pruning only, which the effects leave out: turn the effect pruning "
-                "on, or choose `chain=billboards`"
+                f"`chain={self.chain}` needs the effect pruning, which is off: turn it on, or choose `chain=billboards`"
             )
 
     def _check_wishes(self) -> None:
         given = [name for name in WISHES if getattr(self, name) is not None]
         for name in given:
             others = " and ".join(f"`{other}`" for other in given if other != name)
-            self._require(name, not others, f"given without {others}")
+            self._require(name, not others, f"set without {others}")
             fixed = [other for other in _FIX_EPSILON if getattr(self, other) != getattr(BakeSettings, other)]
             without = " and ".join(f"`{other}`" for other in fixed)
-            self._require(name, not fixed, f"given where `epsilon` can be chosen: without {without}")
+            self._require(name, not fixed, f"set without {without}, because it has to choose `epsilon`")
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
@@ -389,23 +421,23 @@ class BakeSettings:
 
 @cache
 def described() -> tuple[Described, ...]:
-    """All settings, in their order."""
+    """Return all settings, in the order of `BakeSettings`."""
     hints = get_type_hints(BakeSettings, include_extras=True)
     return tuple(Described.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
 
 
 def setting_named(name: str) -> Described:
-    """The setting of this name. Raises `KeyError` where none has it."""
+    """Return the setting called `name`. Raise `KeyError` for an unknown name."""
     return {each.name: each for each in described()}[name]
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:
-    """The settings that are the fitter's, as the wheel takes them."""
+    """Return the settings of the fit as keyword options of `leafcloud.fit`."""
     return FitOptions(**{name: getattr(settings, name) for name in FitOptions.__annotations__})  # type: ignore[typeddict-item]
 
 
 class FitOptions(TypedDict):
-    """The names that `BakeSettings` and the wheel have in common; what they mean stands in both."""
+    """Names that `BakeSettings` and the options of `leafcloud.fit` have in common; both document them."""
 
     epsilon: float
     candidates: int
@@ -428,13 +460,18 @@ class FitOptions(TypedDict):
 
 
 def flag(name: str) -> str:
-    """The command line's flag for the setting `name`."""
+    """Return the command line's flag for the setting `name`."""
     return "--" + name.replace("_", "-")
 
 
 @dataclass(frozen=True)
 class AskedEffects:
-    """What a list of effects asks for: its `base`, or None and the `names` that it begins with; what is `forced`."""
+    """A parsed list of effects.
+
+    base: the word of `EFFECT_CHOICES` in the list, or None.
+    names: the effects listed without a sign.
+    forced: the effects listed with a sign: True for +, False for -.
+    """
 
     base: str | None
     names: tuple[str, ...]
@@ -442,13 +479,13 @@ class AskedEffects:
 
     @property
     def known(self) -> bool:
-        """Whether a base stands alone, and where it may."""
+        """True unless the list has both a base and names without a sign."""
         return self.base is None or not self.names
 
     def state(self, name: str) -> bool | None:
-        """Whether an effect is asked for; None leaves it to the plan.
+        """Return whether the effect is requested; None leaves the decision to the plan.
 
-        Levels are asked for by settings of their own.
+        `far_levels` is on in every list but auto: settings of their own choose the levels.
         """
         if name in self.forced:
             return self.forced[name]
@@ -462,7 +499,7 @@ class AskedEffects:
 
 
 def asked_effects(effects: str) -> AskedEffects:
-    """Reads a list with commas between, of which the names are not checked."""
+    """Parse a list of effects separated by commas, without checking the names."""
     words = [word.strip() for word in effects.split(",")]
     forced = {word[1:].strip(): word[0] == "+" for word in words if word[:1] in ("+", "-")}
     plain = [word for word in words if word[:1] not in ("+", "-")]

@@ -1,4 +1,4 @@
-"""All that differs between the Blenders that Leafcloud runs in, 4.2 LTS and later. Nothing else asks the version."""
+"""Differences between Blender versions from 4.2 LTS on. No other module reads the version."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ _FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
 
 def eevee_engine() -> str:
-    """The identifier of EEVEE for `scene.render.engine`."""
+    """Return the identifier of EEVEE for `scene.render.engine`."""
     return "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
 
 
 def blend_relative_path() -> set[str]:
-    """The options of a property of paths that may begin with //, the folder of the .blend file."""
+    """Return the options of a path property that accepts //, the folder of the .blend file."""
     known = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties  # 4.5 and later
     return {"ANIMATABLE", *(["PATH_SUPPORTS_BLEND_RELATIVE"] if known else [])}
 
 
 def set_modifier_input(modifier: bpy.types.NodesModifier, name: str, value: InputValue) -> None:
-    """Sets the input called `name` of a geometry-node modifier, in the type that its socket wants.
+    """Set the input `name` of a geometry-node modifier, converted to the type of its socket.
 
-    Tags the object, because Blender does not notice that the values of a modifier changed.
-    Raises `KeyError` when the modifier's group has no such input.
+    Tag the object for an update, because Blender does not notice changed values of a modifier.
+    Raise `KeyError` if the modifier's group has no such input.
     """
     socket = _input_socket(modifier, name)
     converted = _convert(socket, value)
@@ -41,9 +41,9 @@ def set_modifier_input(modifier: bpy.types.NodesModifier, name: str, value: Inpu
 
 
 def get_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
-    """The value of the input called `name`: a bool, an int, a float, or a tuple of floats for a vector.
+    """Return the value of the input `name`: a bool, an int, a float, or a tuple of floats for a vector.
 
-    Raises `KeyError` when the modifier's group has no such input.
+    Raise `KeyError` if the modifier's group has no such input.
     """
     socket = _input_socket(modifier, name)
     if hasattr(modifier, "properties"):  # 5.2 and later
@@ -54,9 +54,9 @@ def get_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
 
 
 def drive_modifier_input(modifier: bpy.types.NodesModifier, name: str, source: bpy.types.ID, path: str) -> None:
-    """Makes the input called `name` follow the number at `path` of `source`, by a driver that needs no Python.
+    """Drive the input `name` by the number at `path` of `source`, with a driver that needs no Python.
 
-    Raises `KeyError` when the modifier's group has no such input.
+    Raise `KeyError` if the modifier's group has no such input.
     """
     identifier = _input_socket(modifier, name).identifier
     if hasattr(modifier, "properties"):  # 5.2 and later
@@ -70,12 +70,12 @@ def drive_modifier_input(modifier: bpy.types.NodesModifier, name: str, source: b
 
 
 def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> None:
-    """Gives the mesh custom normals: `normals` (corners, 3), unit vectors in the order of `mesh.loops`.
+    """Set custom normals of a mesh: `normals` (corners, 3), unit vectors in the order of `mesh.loops`.
 
-    From Blender 4.5 on they are stored free, as vectors: `mesh.corner_normals` gives them back bit for bit, and they
-    stay when points move. Before, Blender keeps them as two 16-bit angles against the normal that the mesh has by
-    itself: they come back within some 1e-4 (1e-2 where they nearly oppose it), and turn with the faces.
-    Raises `ValueError` when the array's shape does not fit the mesh.
+    Blender 4.5 and later store free vectors: `mesh.corner_normals` returns them bit for bit, and they stay when points
+    move. Earlier versions store two 16-bit angles relative to the mesh's own normal. Those are accurate to about 1e-4
+    (1e-2 if nearly opposite to that normal), and turn with the faces.
+    Raise `ValueError` if the array's shape does not fit the mesh.
     """
     expected = (len(mesh.loops), 3)
     if normals.shape != expected:
@@ -85,7 +85,7 @@ def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> No
     if not _FREE_NORMALS:
         mesh.normals_split_custom_set(normals)
         return
-    # An attribute of this name that is there already may be the encoded kind (INT16_2D).
+    # An existing attribute of this name may be of the encoded type (INT16_2D).
     existing = mesh.attributes.get("custom_normal")
     if existing is not None:
         mesh.attributes.remove(existing)
@@ -95,9 +95,9 @@ def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> No
 
 
 def clear_terminator(obj: bpy.types.Object) -> None:
-    """Makes Cycles cast shadows on `obj` where it is, and not where it would be if it were as round as its normals.
+    """Turn off the shadow terminator offsets of `obj`: Cycles then casts shadows on the flat faces themselves.
 
-    Since 4.5 that is said to objects, before it was to Cycles.
+    The offsets are properties of the object since Blender 4.5, and of `obj.cycles` before.
     """
     if hasattr(obj, "shadow_terminator_geometry_offset"):
         obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
@@ -118,7 +118,7 @@ def _input_socket(modifier: bpy.types.NodesModifier, name: str) -> bpy.types.Nod
 
 
 def _convert(socket: bpy.types.NodeTreeInterfaceSocket, value: Any) -> Any:
-    """`value` in the type that the socket stores, so that numpy's scalars and arrays may be given, too."""
+    """Convert `value` to the type that the socket stores. NumPy scalars and arrays are allowed."""
     match socket.socket_type:
         case "NodeSocketFloat":
             return float(value)

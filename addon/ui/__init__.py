@@ -1,4 +1,4 @@
-"""The interface: operators, their panels in the 3D view's sidebar, and the settings that both show."""
+"""The interface: operators, panels in the 3D view's sidebar, and their settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CLASSES = (
 
 
 def _forget_file(*_: object) -> None:
-    """Leave nothing of the file before: Blender keeps modules and the window manager when it opens another."""
+    """Forget the previous file. Blender keeps modules and the window manager when it opens another file."""
     forget_curve()
     show_nothing(bpy.context.window_manager.leafcloud)
 

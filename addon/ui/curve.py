@@ -1,4 +1,4 @@
-"""The cost curve in the sidebar: measured in seconds, shown as a chart, and its points to choose from."""
+"""The cost curve in the sidebar: measuring it, its chart and buttons for its points."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from .properties import bake_settings, with_labels
 from .selection import selected_trees
 
 _CHOSEN = ("epsilon", "texture_size", "samples", "effort")
-"""The settings that an offer sets."""
+"""Settings that a point of the curve sets."""
 
 
 def forget_curve() -> None:
-    """Frees the chart and what was told: the add-on is about to go."""
+    """Free the chart and clear the result of the last bake."""
     measured.forget()
     measured.tell_nothing()
 
 
 class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
-    """Measure on a sample of the selected leaves what accuracy costs in time"""
+    """Measure image error and time of some settings on a sample of the selected leaves. Takes seconds"""
 
     bl_idname = "leafcloud.curve"
     bl_label = "Measure Cost Curve"
@@ -39,7 +39,7 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
         with selected_trees(context) as trees:
             if len(trees) > 1:
                 raise SceneError(
-                    f"{len(trees)} trees are selected, and a curve is of one: select the objects of one tree"
+                    f"{len(trees)} trees are selected, but a cost curve measures one: select the objects of one tree"
                 )
             [(self._name, tree)] = trees.items()
             self._prepared = prepare(tree, settings, layer_of(context.scene))
@@ -47,7 +47,7 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
 
     def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:
         measured.keep(curve, self._name, self._prepared)
-        self.report({"INFO"}, f"Measured {len(curve.rows)} settings of {self._name}")
+        self.report({"INFO"}, f"Measured {len(curve.rows)} settings on {self._name}")
         return {"FINISHED"}
 
 
@@ -58,18 +58,18 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
     bl_label = "Use These Settings"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Point", description="Which of the points, the quickest first", min=0)
+    index: IntProperty(name="Point", description="Number of the point, fastest first", min=0)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if measured.last() is None:
-            cls.poll_message_set("No cost curve was measured yet")
+            cls.poll_message_set("No cost curve has been measured yet")
             return False
         return True
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """What is shown beside the pointer: the settings of this point."""
+        """Return the tooltip: the settings of this point."""
         last = measured.last()
         if last is None or properties.index >= len(last.offers):
             return ""
@@ -86,7 +86,7 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
             self.report({"ERROR"}, f"The curve has {len(last.offers)} points, there is no point {self.index}")
             return {"CANCELLED"}
         settings, chosen = context.scene.leafcloud, last.offers[self.index]["settings"]
-        if settings.texture_height:  # The page keeps its proportions.
+        if settings.texture_height:  # Keep the proportions of the atlas page.
             height = settings.texture_height * chosen["texture_size"] // settings.texture_size
             settings.texture_height = max(height, SMALLEST_TEXTURE)
         for name in _CHOSEN:
@@ -96,13 +96,13 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
 
 
 def describe(offer: leafcloud.Offer) -> str:
-    """A point in a few words: a sidebar is narrow."""
+    """Return a short text for a point. The sidebar is narrow."""
     predicted = offer["predicted"]
     return f"{predicted['seconds']:.1f} s, error {predicted['image_error']:.3f}"
 
 
 def _is_used(settings: bpy.types.PropertyGroup, offer: leafcloud.Offer) -> bool:
-    """Whether a bake would take this point: its settings, and no wish."""
+    """Return whether a bake would use this point: its settings, and no wish."""
     if settings.max_billboards or settings.seconds or settings.image_error:
         return False
     chosen = offer["settings"]
@@ -114,7 +114,7 @@ def _is_used(settings: bpy.types.PropertyGroup, offer: leafcloud.Offer) -> bool:
 
 class LEAFCLOUD_PT_curve(bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_curve"
-    bl_label = "What Accuracy Costs"
+    bl_label = "Cost Curve"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Leafcloud"
@@ -151,24 +151,24 @@ def _add_point(
     offer: leafcloud.Offer,
     text: str,
 ) -> None:
-    """A button that takes a point, pressed where its settings are those that there are."""
+    """Add a button that uses a point. It looks pressed while the settings equal the point's."""
     button = layout.operator("leafcloud.pick", text=text, depress=_is_used(settings, offer))
     button.index = last.offers.index(offer)
 
 
 _UNIT = 20
-"""Pixels of an icon at scale 1, where the interface is not scaled."""
+"""Side of an icon at scale 1 in an unscaled interface, in pixels."""
 
 
 def _icon_scale(context: bpy.types.Context) -> float:
-    """At which the chart is as wide as the panel."""
+    """Return the icon scale that makes the chart as wide as the panel."""
     if context.region is None:
         return 12.0
     return min(max(context.region.width / (context.preferences.system.ui_scale * _UNIT) - 2.5, 8.0), 30.0)
 
 
 def expected(properties: bpy.types.PropertyGroup) -> str:
-    """What the curve says of the settings as they are, or why no bake can follow them; empty where it says nothing."""
+    """Return the prediction for the current settings, or why they are invalid; empty without a prediction."""
     last = measured.last()
     if last is None:
         return ""
@@ -184,7 +184,7 @@ def expected(properties: bpy.types.PropertyGroup) -> str:
 
 
 def _wished(offers: list[leafcloud.Offer], settings: BakeSettings) -> leafcloud.Offer | None:
-    """The point that a wish for an error or for seconds begins with, about."""
+    """Return about the point from which a bake starts to satisfy a wish for an error or for seconds."""
     if settings.image_error is not None:
         most = settings.image_error
         return next((offer for offer in offers if offer["predicted"]["image_error"] <= most), None)

@@ -1,4 +1,4 @@
-"""A forest, from the sidebar: its settings, the operator that plants it, its panel."""
+"""The forest in the sidebar: its settings, the operator that plants it, its panel."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ _WITH_POINTS = ("MESH", "CURVE", "CURVES", "POINTCLOUD")
 
 
 class LeafcloudForestSettings(bpy.types.PropertyGroup):
-    """How the next forest is planted."""
+    """Settings of the next forest."""
 
     tree: PointerProperty(
         name="Tree",
-        description="Collection that a bake has made; empty: the only one in the scene",
+        description="Collection of a baked tree. Empty: the only baked tree in the scene",
         type=bpy.types.Collection,
     )
     points: PointerProperty(
         name="Points",
-        description="Object on whose points trees are planted, in place of what it shows; empty: the active object",
+        description="Object with one point per tree. The trees replace its own geometry. Empty: the active object",
         type=bpy.types.Object,
     )
     width: FloatProperty(
         name="Dither",
-        description="Share of a distance within which trees switch, each at its own place",
+        description="Trees switch levels at random distances up to this fraction beyond the switch distance. Larger "
+        "hides the switches better and draws finer levels farther away",
         default=_DEFAULTS.width,
         min=0.0,
         max=1.0,
@@ -40,7 +41,7 @@ class LeafcloudForestSettings(bpy.types.PropertyGroup):
     )
     far: FloatProperty(
         name="Far",
-        description="Points that are farther away are not drawn; 0: all are",
+        description="Maximum distance at which trees are drawn. 0: no limit",
         default=0.0,
         min=0.0,
         subtype="DISTANCE",
@@ -48,7 +49,7 @@ class LeafcloudForestSettings(bpy.types.PropertyGroup):
 
 
 class LEAFCLOUD_OT_forest(bpy.types.Operator):
-    """Plant a baked tree on every point of an object: of its levels each shows the one that its distance asks for"""
+    """Plant a baked tree on every point of an object. Each tree shows the level for its distance from the camera"""
 
     bl_idname = "leafcloud.forest"
     bl_label = "Plant Forest"
@@ -63,7 +64,7 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         wanted, points = context.scene.leafcloud_forest, _points(context)
-        assert points is not None, "or poll would have refused"
+        assert points is not None, "poll refuses without points"
         try:
             with removed_on_failure():
                 forest = _build(context, _trees(context)[0])
@@ -75,7 +76,7 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         for modifier in before:
             points.modifiers.remove(modifier)
         planted.name = GROUP_NAME
-        self.report({"INFO"}, f"{points.name} is planted with {len(forest.distances) + 1} variants")
+        self.report({"INFO"}, f"Planted {points.name} with {len(forest.distances) + 1} variants")
         return {"FINISHED"}
 
 
@@ -97,7 +98,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
 
 
 def _problem(context: bpy.types.Context) -> str:
-    """Why no forest can be planted now, and what to do; empty where one can."""
+    """Return why no forest can be planted now, with the remedy; empty if one can."""
     trees, points = _trees(context), _points(context)
     if context.mode != "OBJECT":
         return "Leave Edit Mode first"
@@ -124,7 +125,7 @@ def _points(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def _build(context: bpy.types.Context, collection: bpy.types.Collection) -> Forest:
-    """With pruned variants where the tree was baked to be pruned."""
+    """Build the forest of a tree, with pruned variants if the tree was baked for pruning."""
     tree = baked_tree(collection)
     leaves, pruning = tree.levels[0].object, LeafPruning(NEVER)
     if "leaf_rank" in leaves.data.attributes:

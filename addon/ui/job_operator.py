@@ -1,4 +1,4 @@
-"""Operators that have the core work on what is selected, while the view stays alive."""
+"""Base of the operators that run the core on the selected objects without blocking the interface."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from .properties import with_labels
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
 _NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
-"""What gets through meanwhile: nothing that could edit or undo what is being worked on."""
+"""Events that pass through during the work. Events that could edit or undo the scene do not."""
 
 running: list[Job[Any]] = []
 
 
 def cancel_running() -> None:
-    """Cancels the core's work and waits until its thread has ended: the add-on is about to go."""
+    """Cancel the running job, and wait until its thread has ended."""
     for job in running:
         job.cancel()
         try:
             job.result()
         except leafcloud.LeafcloudError:
-            continue  # Whether cancelled or failed: nobody is left to tell.
+            continue  # Cancelled or failed: nothing reads the result.
     running.clear()
 
 
 def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
-    """Whether there is something to work on and nothing at work; tells what is missing."""
+    """Return whether the operator can start now. Set the poll message if it cannot."""
     if not context.selected_objects:
-        operator.poll_message_set("Nothing is selected: select the tree's leaves and, if it has any, its wood")
+        operator.poll_message_set("Nothing is selected: select the tree's leaves and its trunk, if it has one")
         return False
     if context.mode != "OBJECT":
         operator.poll_message_set("Leave Edit Mode first")
@@ -48,7 +48,7 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
 
 
 def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
-    """Tells why nothing was done; the scene is as it was."""
+    """Report the error and cancel the operator. The scene is unchanged."""
     said = str(error)
     if isinstance(error, OSError) and error.strerror:
         said = f"cannot write {error.filename}: {error.strerror}; make room there, or choose another `out`"
@@ -57,7 +57,7 @@ def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
 
 
 def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
-    """Tells the panels what is being done; an empty stage is nothing."""
+    """Show the stage and its progress in the panels. An empty stage hides them."""
     status = context.window_manager.leafcloud
     status.stage, status.fraction = stage, fraction
     for area in context.screen.areas if context.screen else ():
@@ -65,10 +65,10 @@ def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
 
 
 class JobOperator:
-    """What such an operator does around the core's work, before `bpy.types.Operator` among its bases.
+    """Mixin for operators that run a job of the core. Put it before `bpy.types.Operator` in the list of bases.
 
-    Its own `begin` reads the scene and starts a job, its `end` does something with the result. Either may raise one of
-    `REFUSALS`, and then has changed nothing.
+    The subclass defines `begin`, which reads the scene and starts a job, and `end`, which uses the result. Either may
+    raise one of `REFUSALS`, and must then leave the scene unchanged.
     """
 
     if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class JobOperator:
         return can_begin(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Works from start to end; nothing else happens meanwhile."""
+        """Run the job to its end, blocking the interface."""
         try:
             self._start(context)
             return self.end(context, wait(self._job, lambda stage, fraction: None))
@@ -91,7 +91,7 @@ class JobOperator:
             running.clear()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Works while the view stays alive; without an interface like `execute`."""
+        """Run the job modally, without blocking the interface. Without an interface, run `execute`."""
         if bpy.app.background:
             return self.execute(context)
         try:
@@ -125,7 +125,7 @@ class JobOperator:
             show(context, "", 0.0)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """What Blender calls when the window closes or another file is loaded: nothing is at work afterwards."""
+        """Cancel the job. Blender calls this when the window closes or another file is loaded."""
         self._job.cancel()
         context.window_manager.event_timer_remove(self._timer)
         running.clear()

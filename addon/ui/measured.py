@@ -1,4 +1,4 @@
-"""The cost curve that was measured last, and its chart: what the panel shows and predicts by."""
+"""The last measured cost curve with its chart, and predictions from it."""
 
 from __future__ import annotations
 
@@ -18,51 +18,51 @@ from ..plan.sight import seen_as_set
 from ..settings import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)
-"""In pixels: about twice as many as a sidebar has, for fine screens."""
+"""Width and height in pixels: about twice those of a sidebar, for high-resolution screens."""
 _SHOWN = 8
-"""Points that are listed, about."""
+"""Approximate number of points in the list."""
 _TEXT = 2.4
-"""So much larger are its letters than on a page: as large, about, as the panel's own."""
+"""Size of the chart's letters relative to a printed page: about the size of the panel's own text."""
 
 
 Shape = tuple[int, int, float, float]
-"""Triangles, leaves, radius and area of a tree's leaves: by these it is known again."""
+"""Triangle count, leaf count, radius and area of a tree's leaves. They identify the tree."""
 
 
 def shape_of(foliage: leafcloud.Foliage) -> Shape:
-    """What a tree is known again by."""
+    """Return the numbers that identify a tree."""
     return foliage.triangle_count, foliage.leaf_count, foliage.radius, foliage.area
 
 
 @dataclass
 class Measured:
-    """A curve of one tree, in a preview collection of its own."""
+    """The curve of one tree, with its chart in a preview collection of its own."""
 
     curve: leafcloud.Curve
     offers: list[leafcloud.Offer]
     presets: dict[leafcloud.Preset, leafcloud.Offer]
     shown: list[leafcloud.Offer]
-    """Some of the offers, even in error, the presets among them: as many as a panel has room for."""
+    """The offers in the panel's list: all presets, and others spread evenly over the logarithm of the error."""
     title: str
-    """What the tree was called."""
+    """Name of the tree."""
     tree: Shape
     facts: Facts
-    """Of the scene that the tree was measured in."""
+    """Scene facts at the time of the measurement."""
     previews: bpy.utils.previews.ImagePreviewCollection
     icon: int
-    """Of the chart; 0 where Blender has no previews to show."""
+    """Icon of the chart; 0 if Blender cannot show previews."""
 
 
 _last: list[Measured] = []
 
 
 def last() -> Measured | None:
-    """What was measured last."""
+    """Return the last measured curve, or None."""
     return _last[-1] if _last else None
 
 
 def keep(curve: leafcloud.Curve, title: str, prepared: Prepared) -> None:
-    """Keeps the curve of a tree and its chart in place of the one before."""
+    """Store the curve of a tree and its chart in place of the previous one."""
     width, height = CHART_SIZE
     picture = curve.picture("offers", title=title, width=width, height=height, text=_TEXT)
     shown = _some(curve)
@@ -70,7 +70,7 @@ def keep(curve: leafcloud.Curve, title: str, prepared: Prepared) -> None:
     previews = bpy.utils.previews.new()
     preview = previews.new("chart")
     preview.image_size = (width, height)
-    # Blender's rows go up.
+    # Blender stores rows from bottom to top.
     preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel() / 255.0)
     tree, facts = shape_of(prepared.foliage), prepared.facts
     _last.append(Measured(curve, curve.offers, curve.presets, shown, title, tree, facts, previews, preview.icon_id))
@@ -87,13 +87,13 @@ def _some(curve: leafcloud.Curve) -> list[leafcloud.Offer]:
 
 
 def forget() -> None:
-    """Frees what is kept."""
+    """Free the stored curve and its chart."""
     while _last:
         bpy.utils.previews.remove(_last.pop().previews)
 
 
 def can_predict(settings: BakeSettings) -> bool:
-    """Whether a curve says anything of such a bake: of clouds of all leaves, whose bound is as it is set."""
+    """Return whether a curve applies to such a bake: unpruned leaves, the stochastic method, a fixed error bound."""
     wished = any(getattr(settings, wish) is not None for wish in WISHES)
     bounds = (settings.max_billboards, settings.max_texels, settings.image_epsilon)
     free = settings.method == "stochastic" and bounds == (None, None, None)
@@ -101,13 +101,13 @@ def can_predict(settings: BakeSettings) -> bool:
 
 
 def expected(measured: Measured, settings: BakeSettings) -> leafcloud.Prediction:
-    """Of a bake with these settings of the tree in the scene that was measured, planned anew."""
+    """Predict a bake of the measured tree with these settings. Plan the effects anew from the stored facts."""
     facts = seen_as_set(settings, measured.facts)
     return measured.curve.predict(**chain_options(settings, facts, plan_effects(settings, facts)))
 
 
 def predicted(prepared: Prepared) -> Prepared:
-    """With what the curve says of it, where that of the same tree was measured."""
+    """Add the curve's prediction to a prepared bake, if the last curve was measured on the same tree."""
     measured = last()
     if measured is None or measured.tree != shape_of(prepared.foliage) or not can_predict(prepared.settings):
         return prepared
@@ -119,17 +119,17 @@ _told: list[str] = []
 
 
 def told() -> str:
-    """What the last bake took and came to, beside what was expected; empty before one."""
+    """Return time and error of the last bake beside the prediction; empty before the first bake."""
     return _told[-1] if _told else ""
 
 
 def tell_nothing() -> None:
-    """As before any bake."""
+    """Clear the result of the last bake."""
     _told.clear()
 
 
 def tell(prepared: Prepared, chain: leafcloud.Chain) -> None:
-    """Keeps that of a bake that is done."""
+    """Store time and error of a finished bake."""
     expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
     beside = "" if expected is None else f" (expected {expected['seconds']:.1f} s, {expected['image_error']:.3f})"
     _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]

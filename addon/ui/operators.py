@@ -26,7 +26,7 @@ from .selection import selected_trees
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
-    """Tell which effects a bake of the selected objects would carry, why, and what each would cost"""
+    """Show which effects a bake of the selected objects would have, with reason and cost of each. Bakes nothing"""
 
     bl_idname = "leafcloud.plan"
     bl_label = "Plan Effects"
@@ -48,7 +48,7 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
 
 
 class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
-    """Bake the selected objects into levels of detail, in a collection of their own. Selected levels are baked again"""
+    """Bake the selected objects into levels of detail in a new collection. Selected levels are baked again"""
 
     bl_idname = "leafcloud.bake"
     bl_label = "Bake Levels"
@@ -56,7 +56,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
 
     viewer: StringProperty(
         name="Viewer",
-        description="Value for the setting Viewer, set before the bake. Empty keeps the setting",
+        description="Value of the setting Viewer, set before the bake. Empty: keep the setting",
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
@@ -72,9 +72,9 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         return start_grove(self._prepared)
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> set[str]:
-        """Puts the levels into the scene in the sources' place, and writes them if a folder is given.
+        """Replace the sources in the scene by the levels, and write files if a folder is given.
 
-        The levels of an earlier bake of the same sources give way to them.
+        The new levels replace those of an earlier bake of the same sources.
         """
         scene, sources = context.scene, [obj for each in self._prepared.values() for obj in each.tree.sources]
         earlier = levels_of(scene, sources)
@@ -103,13 +103,13 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
 
 
 def output_folder(directory: str) -> Path | None:
-    """The folder that a bake writes to; None for an empty path. Raises `SceneError` where it cannot write."""
+    """Return the output folder of a bake; None for an empty path. Raise `SceneError` if it is not writable."""
     if not directory:
         return None
     if directory.startswith("//") and not bpy.data.filepath:
         raise SceneError(
-            f"`out` is {directory!r}, which lies beside the .blend file, and this file is not saved: save it, or "
-            "choose a whole path"
+            f"`out` is {directory!r}, relative to the .blend file, but this file is not saved: save it, or choose an "
+            "absolute path"
         )
     folder = Path(bpy.path.abspath(directory))
     try:
@@ -119,7 +119,7 @@ def output_folder(directory: str) -> Path | None:
         raise SceneError(f"`out` is {str(folder)!r}, but {error.filename} is not a folder: choose another") from error
     except OSError as error:
         raise SceneError(
-            f"`out` is {str(folder)!r}, where nothing can be written ({error.strerror or error}): choose another folder"
+            f"`out` is {str(folder)!r}, which cannot be written ({error.strerror or error}): choose another folder"
         ) from error
 
 
@@ -133,5 +133,5 @@ def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> 
 
 
 def _grove_name(trees: Sequence[str]) -> str:
-    """What the files of the trees are named after: the tree, or of several the .blend file."""
+    """Return the base name of the files: the tree's name, or the .blend file's for several trees."""
     return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "grove"

@@ -1,4 +1,4 @@
-"""The panel in the 3D view's sidebar."""
+"""The main panel and the effects panel in the 3D view's sidebar."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .properties import AUTO, OFF, ON, effect_property
 from .viewport import is_previewed
 
 _MARGINS, _LETTER = 80.0, 6.6
-"""Of a panel and of its text, in pixels of a display at 100 %: the sidebar wraps no text by itself."""
+"""Width of a panel's margins and of a letter, in pixels at 100 % interface scale. The sidebar does not wrap text."""
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
@@ -58,7 +58,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
 
 
 class LEAFCLOUD_PT_effects(bpy.types.Panel):
-    """A row for each effect: what was planned last, a choice that overrides it, what it costs; below it why."""
+    """A row for each effect: its planned state and a choice that overrides the plan. Below it: cost and reason."""
 
     bl_idname = "LEAFCLOUD_PT_effects"
     bl_label = "Effects"
@@ -86,11 +86,11 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
 
 
 _REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}
-"""What a button is called that bakes with this viewer."""
+"""Label of the button that bakes with this value of the setting Viewer."""
 
 
 def _add_note(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """A box that tells what the camera has decided, with a button that decides otherwise."""
+    """Add a box with the note on the camera, and a button that bakes with the other value of Viewer."""
     status = context.window_manager.leafcloud
     box = layout.box()
     column = box.column(align=True)
@@ -100,7 +100,7 @@ def _add_note(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _letters(context: bpy.types.Context) -> int:
-    """How many fit on a line of the region."""
+    """Return the number of letters that fit on a line of the region."""
     width = context.region.width / context.preferences.system.ui_scale
     return max(int((width - _MARGINS) / _LETTER), 16)
 

@@ -1,7 +1,7 @@
-"""The settings as Blender's properties, made of what `BakeSettings` says of them.
+"""Blender properties made from the definitions in `BakeSettings`.
 
-The property groups have no methods: Blender 4.2 never lets go of a group's class, and by a method's globals that would
-keep bpy itself alive at exit, which crashes.
+The property groups have no methods. Blender 4.2 never frees the class of a group. The globals of a method would keep
+bpy alive at exit, and Blender would crash.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ AUTO, ON, OFF = "AUTO", "ON", "OFF"
 
 _LARGEST_INT = 2**31 - 1
 _DIGITS = 6
-"""After the point: properties are single precision, and 0.04 has to mean what it means on the command line."""
+"""Decimals kept of a float property. Properties are single precision, but 0.04 must equal the command line's 0.04."""
 
-# Blender evaluates the annotations below: in them a comprehension sees no names of this module.
+# Blender evaluates the annotations below. A comprehension inside them cannot see the names of this module.
 _EFFECT_ITEMS = [
-    (AUTO, "Auto", "Where the scene calls for it"),
-    (ON, "On", "In any case"),
-    (OFF, "Off", "In no case"),
+    (AUTO, "Auto", "Add the effect if the scene needs it"),
+    (ON, "On", "Always add the effect"),
+    (OFF, "Off", "Never add the effect"),
 ]
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """How a setting looks in the interface: its label, how far its slider goes, how many digits it has.
+    """Display of a setting in the interface: its label, the end of its slider and its number of decimals.
 
-    choices: labels of choices that are not just the choice with a capital.
+    choices: labels of choices that differ from the choice in title case.
     """
 
     label: str
@@ -47,7 +47,7 @@ class _Shown:
     choices: Mapping[str, str] = field(default_factory=dict)
 
     def choice(self, value: str) -> str:
-        """The label of one of the setting's choices."""
+        """Return the label of one of the setting's choices."""
         return self.choices.get(value, value.title())
 
 
@@ -59,14 +59,14 @@ _SHOWN = {
     "texture_height": _Shown("Texture Height"),
     "samples": _Shown("Samples"),
     "pixels": _Shown("Switch Error", slider=32.0),
-    "close_cracks": _Shown("Close Cracks"),
+    "close_cracks": _Shown("Close Gaps"),
     "chain": _Shown("Chain"),
     "prune_pixels": _Shown("Prune Below", slider=64.0),
-    "prune_half": _Shown("Half Left"),
+    "prune_half": _Shown("Prune Half"),
     "seconds": _Shown("Seconds", slider=600.0, digits=1),
     "image_error": _Shown("Image Error", digits=3),
     "effort": _Shown("Effort"),
-    "max_billboards": _Shown("Most Billboards", slider=1000),
+    "max_billboards": _Shown("Max Billboards", slider=1000),
     "max_corners": _Shown("Corners"),
     "candidates": _Shown("Candidates", slider=2000),
     "bend_normals": _Shown("Bend Normals"),
@@ -76,25 +76,25 @@ _SHOWN = {
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }
-"""The settings that the interface has; the others are the command line's."""
+"""Settings in the interface. The command line has all settings."""
 
 
 _OTHERS = {"leaves": "Leaves", "out": "Folder", "effects": "Effects"}
-"""What messages name beside the settings: the labels of two properties and of a panel."""
+"""Labels of two properties and a panel that messages name beside the settings."""
 
 
 def effect_property(name: str) -> str:
-    """The property that forces the effect `name` on or off, or leaves it to the plan."""
+    """Return the name of the property that forces the effect `name` on or off, or leaves it to the plan."""
     return f"effect_{name}"
 
 
 def effect_label(name: str) -> str:
-    """How the interface calls the effect `name`."""
+    """Return the label of the effect `name`."""
     return name.replace("_", " ").title()
 
 
 def with_labels(message: str) -> str:
-    """The message with the label of every setting that it names."""
+    """Replace every setting named in the message by its label."""
     return with_names(message, _label_words)
 
 
@@ -104,21 +104,21 @@ def _label_words(name: str, value: str | None) -> str | None:
         return shown.label if value is None else f"{shown.label}: {shown.choice(value)}"
     if name == "effects" and value is not None and (forced := asked_effects(value).forced):
         return ", ".join(f"{effect_label(effect)}: {'On' if on else 'Off'}" for effect, on in forced.items())
-    # What only the command line has can be in a message of the core; then its name says what it is.
+    # A message of the core may name a setting that only the command line has. It has no label, so use its name.
     hidden = name.replace("_", " ") if name in {each.name for each in described()} else None
     return _OTHERS.get(name, hidden)
 
 
 class LeafcloudSettings(bpy.types.PropertyGroup):
-    """What the next bake of this scene is asked to do."""
+    """Settings of the next bake of this scene."""
 
     leaves: StringProperty(
         name=_OTHERS["leaves"],
-        description="Objects or materials that are leaves, with commas between; empty: found by name or by shape",
+        description="Objects or materials that are leaves, separated by commas. Empty: found by name or shape",
     )
     directory: StringProperty(
         name=_OTHERS["out"],
-        description="Where to write the levels as glTF, with preview and report; empty: nothing is written",
+        description="Folder for the levels as glTF files, a preview and a report. Empty: write no files",
         subtype="DIR_PATH",
         options=blend_relative_path(),
     )
@@ -135,8 +135,8 @@ def _property(each: Described, shown: _Shown) -> Any:
     limits = setting.limits
     assert limits is not None, each.name
     low, high = limits.low, limits.high
-    if each.default is None:  # 0 stands for it
-        low, said["description"] = 0, f"{said['description']}; 0: {setting.unset}"
+    if each.default is None:  # 0 means unset.
+        low, said["description"] = 0, f"{said['description']}. 0: {setting.unset}"
     elif limits.above:
         low += 10.0**-shown.digits
     if each.type is int:
@@ -150,13 +150,13 @@ def _property(each: Described, shown: _Shown) -> Any:
         said["max"] = high
     if shown.slider is not None:
         said["soft_max"] = shown.slider
-    # A step is told in hundredths; ten of the last digit are one.
+    # Blender gives steps in hundredths. One step is ten units of the last decimal.
     step = 10 ** (3 - shown.digits)
     return FloatProperty(default=each.default or 0.0, min=low, precision=shown.digits, step=step, **said)
 
 
 def _sentence(words: str) -> str:
-    """With its first capital."""
+    """Return `words` with a capital first letter."""
     return words[:1].upper() + words[1:]
 
 
@@ -166,14 +166,14 @@ for _each in described():
 for _name in EFFECTS:
     LeafcloudSettings.__annotations__[effect_property(_name)] = EnumProperty(
         name=effect_label(_name),
-        description="Whether the levels carry this effect",
+        description="Add this effect to the levels, leave it out, or let the plan decide",
         items=_EFFECT_ITEMS,
         default=AUTO,
     )
 
 
 class LeafcloudPlanRow(bpy.types.PropertyGroup):
-    """An effect as it was planned last; its `name` is the effect's."""
+    """An effect in the last plan. `name` is the name of the effect."""
 
     state: EnumProperty(items=_EFFECT_ITEMS)
     reason: StringProperty()
@@ -181,9 +181,10 @@ class LeafcloudPlanRow(bpy.types.PropertyGroup):
 
 
 class LeafcloudStatus(bpy.types.PropertyGroup):
-    """What the bake that runs now is doing; `stage` is empty while none runs. `plan` is the last one, or empty.
+    """State of the running bake, and the last plan.
 
-    note: what there is to tell of the camera, or empty; viewer: the other value of that setting.
+    stage: stage of the running bake; empty while none runs. plan: the last plan, or empty.
+    note: note about the scene's camera, or empty. viewer: the value of the setting Viewer that the note offers.
     """
 
     stage: StringProperty(options={"SKIP_SAVE"})
@@ -194,13 +195,13 @@ class LeafcloudStatus(bpy.types.PropertyGroup):
 
 
 def show_nothing(status: LeafcloudStatus) -> None:
-    """As before any plan and any bake."""
+    """Reset the status to its state before any plan and any bake."""
     show_plan(status, (), ())
     status.stage, status.fraction = "", 0.0
 
 
 def show_plan(status: LeafcloudStatus, effects: Sequence[Effect], notes: Sequence[CameraNote]) -> None:
-    """Puts the effects into the table, and what there is to tell of the camera into its place."""
+    """Show the planned effects and the first note about the camera."""
     first = next(iter(notes), CameraNote("", ""))
     status.note, status.viewer = _sentence(with_labels(first.text)), first.viewer
     status.plan.clear()
@@ -212,7 +213,7 @@ def show_plan(status: LeafcloudStatus, effects: Sequence[Effect], notes: Sequenc
 
 
 def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
-    """The settings as a bake takes them."""
+    """Return the settings of a bake from the properties."""
     states = {name: getattr(properties, effect_property(name)) for name in EFFECTS}
     forced = [f"{'+' if state == ON else '-'}{name}" for name, state in states.items() if state != AUTO]
     values = {each.name: _value(each, getattr(properties, each.name)) for each in described() if each.name in _SHOWN}
@@ -220,12 +221,12 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
 
 
 def _value(each: Described, value: Any) -> Any:
-    """A property's value as the setting has it."""
+    """Return the setting's value for a property's value."""
     if each.type is float:
         value = round(value, _DIGITS)
     return value or None if each.default is None else value
 
 
 def leaf_names(properties: LeafcloudSettings) -> list[str] | None:
-    """The names given as leaves; None to let them be found."""
+    """Return the names given as leaves, or None to find the leaves."""
     return [name.strip() for name in properties.leaves.split(",") if name.strip()] or None

@@ -1,4 +1,4 @@
-"""A scene of many trees, from the sidebar: its settings, the operator that makes it, its panel."""
+"""The scene of many trees in the sidebar: its settings, the operator that builds it, its panel."""
 
 from __future__ import annotations
 
@@ -20,37 +20,38 @@ _DEFAULTS = SceneSettings()
 
 
 class LeafcloudSceneSettings(bpy.types.PropertyGroup):
-    """How the next scene of trees shares its leaves."""
+    """Settings of the next scene of many trees."""
 
     trees: PointerProperty(
         name="Trees",
-        description="Collection of the baked trees and of their copies; empty: all that are visible",
+        description="Collection of the baked trees and their copies. Empty: all visible baked trees",
         type=bpy.types.Collection,
     )
     budget: IntProperty(
         name="Triangles",
-        description="At most so many are drawn in a frame; 0: no limit",
+        description="Maximum number of triangles drawn per frame. Prunes leaves to stay within it, but never trunks. "
+        "0: no limit",
         default=1_000_000,
         min=0,
         soft_max=100_000_000,
     )
     full_models: FloatProperty(
         name="Full Models",
-        description="Of so many trees the loss is linear in the distance; more trees lose more",
+        description="Tree count at which pruning is linear in distance. Larger scenes prune more",
         default=_DEFAULTS.full_models,
         min=0.1,
         soft_max=1000.0,
     )
     far: FloatProperty(
         name="Far",
-        description="Distance up to which trees count",
+        description="Distance up to which trees count for the shared pruning",
         default=_DEFAULTS.far,
         min=0.001,
         subtype="DISTANCE",
     )
     strength: FloatProperty(
         name="Strength",
-        description="Share of its leaves that the farthest tree loses at most, beside what its own distance asks for",
+        description="Maximum fraction of its leaves that the farthest tree loses, beyond pruning by its own distance",
         default=_DEFAULTS.strength,
         min=0.0,
         max=1.0,
@@ -59,7 +60,7 @@ class LeafcloudSceneSettings(bpy.types.PropertyGroup):
 
 
 class LEAFCLOUD_OT_scene(bpy.types.Operator):
-    """Draw all baked trees together, the farther the fewer leaves, and never more triangles than the budget"""
+    """Draw all baked trees with one object. Farther trees get fewer leaves, to keep the triangles within the budget"""
 
     bl_idname = "leafcloud.scene"
     bl_label = "Build Scene"
@@ -71,7 +72,7 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
             cls.poll_message_set("Leave Edit Mode first")
             return False
         if not any(level_number(level) == 0 for obj in _visible(context) for level, _ in levels_shown(obj)):
-            cls.poll_message_set("No baked tree is visible there: bake one first, or unhide it")
+            cls.poll_message_set("No baked tree is visible: bake one first, or unhide it")
             return False
         return True
 
@@ -90,26 +91,29 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
             source.hide_render = True
             if source.visible_get():
                 source.hide_set(True)
-        self.report({"INFO"}, f"{shared.count} trees are drawn by {obj.name}, and their own objects are hidden")
+        self.report({"INFO"}, f"{obj.name} draws {shared.count} trees; their own objects are hidden")
         return {"FINISHED"}
 
     def _settings(self, context: bpy.types.Context, shared: SharedTrees) -> SceneSettings:
-        """Those of the panel, and of the first kind of tree what is one for all."""
+        """Return the panel's settings with the pruning settings of the first kind of tree, which apply to all trees.
+
+        Warn if the kinds of trees differ, or if the bake did not measure the growth of pruned leaves.
+        """
         wanted = context.scene.leafcloud_scene
         pixels, view = context.scene.leafcloud.prune_pixels, view_of(context.scene)
         first, *others = (leaf_pruning(leaves, pixels, view) for leaves in shared.leaves)
         name = shared.leaves[0].name
         if any(other != first for other in others):
-            self.report({"WARNING"}, f"the trees are of different kinds: all are pruned as {name} is")
+            self.report({"WARNING"}, f"the trees have different pruning settings: all are pruned like {name}")
         if not first.measured:
-            chain = with_labels("bake it with `chain=pruning` or `chain=both` to have them grow as is seen")
-            self.report({"WARNING"}, f"pruned leaves of {name} grow by their area alone: {chain}")
+            chain = with_labels("bake it with `chain=pruning` or `chain=both` to measure their growth")
+            self.report({"WARNING"}, f"pruned leaves of {name} grow by their area alone and look too dense: {chain}")
         return SceneSettings(
             prune_start=first.start,
             prune_half=first.half,
             growth=first.growth,
             contrast=first.contrast,
-            # The node group counts objects, and wood is one.
+            # The node group counts objects, and a trunk is an object of its own.
             full_models=wanted.full_models * len(shared.trees.objects) / shared.count,
             far=wanted.far,
             strength=wanted.strength,
@@ -136,7 +140,7 @@ class LEAFCLOUD_PT_scene(bpy.types.Panel):
 
 
 def _visible(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
-    """What may be a tree of the scene."""
+    """Yield the visible objects that may be trees of the scene."""
     trees = context.scene.leafcloud_scene.trees
     objects = context.view_layer.objects if trees is None else trees.all_objects
     return (obj for obj in objects if obj.visible_get())

@@ -1,4 +1,4 @@
-"""What is selected, as trees to work on. Baked levels stand for the objects that they were made of."""
+"""The selected objects as trees. A selected level is replaced by the source objects of its bake."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .properties import leaf_names
 
 @contextmanager
 def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
-    """The trees that the settings make of what is selected, by their names.
+    """Yield the trees in the selection by name, divided by the setting `trees`.
 
-    During the block the scene shows them in place of the levels that an earlier bake made of them.
-    Raises one of `job_operator.REFUSALS`.
+    During the block the scene shows the source objects in place of the levels of an earlier bake.
+    Raise one of `job_operator.REFUSALS`.
     """
     settings, sources = context.scene.leafcloud, _selected_sources(context)
     members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
@@ -35,7 +35,7 @@ def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
 
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The selected objects, with the sources of those that are levels in their place."""
+    """Return the selected objects, each baked level replaced by its sources. Raise `SceneError` for a missing one."""
     here = {obj.name_full: obj for obj in context.view_layer.objects}
     sources: dict[bpy.types.Object, None] = {}
     for obj in context.selected_objects:
@@ -44,8 +44,8 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
         lost = [name for name in names if name not in here]
         if lost:
             raise SceneError(
-                f"object {obj.name!r} is a level of a baked tree, and {', '.join(map(repr, lost[:8]))}, of which it "
-                "was made, is not in the view layer: bring that back, or select another tree"
+                f"object {obj.name!r} is a level of a baked tree, and the view layer lacks its source objects "
+                f"{', '.join(map(repr, lost[:8]))}: restore them, or select another tree"
             )
         sources |= {here[name]: None for name in names}
     return list(sources)
@@ -55,7 +55,7 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
 def _shown_instead(
     layer: bpy.types.ViewLayer, shown: Sequence[bpy.types.Object], hidden: Iterable[bpy.types.Object]
 ) -> Iterator[None]:
-    """Shows some objects of the layer in the view and in renders, and hides others; at the end all is as before."""
+    """Show some objects of the layer in the view and in renders, and hide others. Restore all of them at the end."""
     here = set(layer.objects)
     wanted = {**dict.fromkeys(shown, False), **{obj: True for obj in hidden if obj in here}}
     before = {obj: (obj.hide_get(view_layer=layer), obj.hide_render) for obj in wanted}
@@ -69,5 +69,5 @@ def _shown_instead(
         for obj, (in_view, in_renders) in before.items():
             obj.hide_set(in_view, view_layer=layer)
             obj.hide_render = in_renders
-        for obj in selected:  # What is hidden is no longer selected.
+        for obj in selected:  # Hiding an object deselects it.
             obj.select_set(True, view_layer=layer)

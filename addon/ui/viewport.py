@@ -1,4 +1,4 @@
-"""The switch that shows baked levels as they are seen from the 3D view instead of from the scene's camera."""
+"""The preview of baked levels in 3D views, each level chosen by the view instead of the scene's camera."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Drawer = Callable[[list[bpy.types.Object]], Callable[[], None]]
 
 @dataclass(frozen=True)
 class _Running:
-    """A preview: its draw handler, and the levels that Blender itself does not draw meanwhile, in a view layer.
+    """A running preview: its draw handler, and the levels of a view layer that are hidden from Blender's own drawing.
 
-    The view layer is known by name: undo replaces it. `drawer` makes a draw function for levels.
+    The view layer is stored by name, because undo replaces the layer. `drawer` makes a draw function for levels.
     """
 
     handle: object
@@ -29,13 +29,13 @@ class _Running:
 
 
 _running: list[_Running] = []
-"""The preview, if there is one."""
+"""The running preview, or empty."""
 
 
 def start_preview(layer: bpy.types.ViewLayer, drawer: Drawer) -> None:
-    """Hide the visible levels of a view layer, and draw them in every 3D view by what `drawer` makes for them.
+    """Hide the visible levels of a view layer, and draw them in every 3D view with the function that `drawer` returns.
 
-    Nothing starts without a visible level.
+    Do nothing without a visible level.
     """
     stop_preview()
     scene = layer.id_data
@@ -49,7 +49,7 @@ def start_preview(layer: bpy.types.ViewLayer, drawer: Drawer) -> None:
 
 
 def stop_preview() -> None:
-    """Draw nothing more, and show what was hidden; nothing happens when nothing is drawn."""
+    """Stop the preview, and show the hidden levels. Do nothing without a preview."""
     while _running:
         bpy.types.SpaceView3D.draw_handler_remove(_running.pop().handle, "WINDOW")
         reveal_all()
@@ -64,14 +64,14 @@ def _before_loading(*_: object) -> None:
 
 
 def _before_saving(*_: object) -> None:
-    """Files have all levels visible."""
+    """Show all levels, so that saved files have them visible."""
     reveal_all()
 
 
 def _hide_again(*_: object) -> None:
-    """Hide the levels that the preview draws, and no others: undo and files bring back the eyes of another time.
+    """Hide exactly the levels that the preview draws. Undo and files restore an earlier state of visibility.
 
-    Blender saves automatically from the latest undo step, without `save_pre`: such a file may have levels hidden.
+    Blender auto-saves from the latest undo step, without `save_pre`: such a file may have hidden levels.
     """
     reveal_all()
     for preview in list(_running):
@@ -82,7 +82,7 @@ def _hide_again(*_: object) -> None:
             continue
         try:
             hide(layer, preview.levels)
-        except (ReferenceError, RuntimeError):  # Undo replaces objects that differ; others were deleted or moved away.
+        except (ReferenceError, RuntimeError):  # Undo replaced the objects, or they were deleted or moved.
             start_preview(layer, preview.drawer)
 
 
@@ -98,7 +98,7 @@ _HANDLERS = {
 
 
 def add_handlers() -> None:
-    """Let previews follow files and undo."""
+    """Register the handlers that update previews on loading, saving and undo."""
     for name, function in _HANDLERS.items():
         getattr(bpy.app.handlers, name).append(persistent(function))
 
@@ -115,18 +115,18 @@ def _drawn_by_shader(levels: list[bpy.types.Object]) -> Callable[[], None]:
 
 
 class LEAFCLOUD_OT_preview(bpy.types.Operator):
-    """Draw the baked levels over the 3D views, each as it is seen from there: orbit, and leaves move to billboards"""
+    """Draw the baked levels in 3D views by the distance of each view. Zoom out to see leaves move onto billboards"""
 
     bl_idname = "leafcloud.preview"
-    bl_label = "Preview from the View"
+    bl_label = "Preview in 3D Views"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if bpy.app.background:
-            cls.poll_message_set("There is no view to draw in")
+            cls.poll_message_set("Needs a 3D view: start Blender with its interface")
             return False
         if not is_previewed() and not levels_in(context.scene):
-            cls.poll_message_set("No level follows the camera here: bake some, with transitions or pruning")
+            cls.poll_message_set("No level follows the camera: bake levels with the effect transitions or pruning")
             return False
         return True
 

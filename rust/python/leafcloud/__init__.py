@@ -1,4 +1,4 @@
-"""Leafcloud: levels of detail for foliage that do not pop. The stubs beside this file are the documentation."""
+"""Leafcloud: levels of detail for foliage that do not pop. `__init__.pyi` beside this file documents the module."""
 
 from ._native import (
     BlendOrder,

@@ -1,20 +1,20 @@
 """Leafcloud: levels of detail for foliage that do not pop.
 
-Conventions, the same in every function:
+Conventions of all functions:
 
 * positions and distances are in the caller's units and coordinates, angles in radians;
-* shares (deviations, ``epsilon``) are fractions of the radius ``R`` of the foliage's bounding sphere
-  (centre of the axis-aligned box, farthest vertex);
+* deviations and ``epsilon`` are fractions of the radius ``R`` of the foliage's bounding sphere (around the center of
+  the axis-aligned box, through the farthest vertex);
 * texture coordinates have their origin in the lower left corner, v up (Blender's convention);
   images are ``(height, width, 4)`` uint8 arrays, row 0 on top, sRGB with straight alpha;
-* ``t`` is the number of triangles of the foliage that was fitted, ``k`` of planes, ``b`` of billboards.
+* ``t`` is the number of triangles of the fitted foliage, ``k`` of planes, ``b`` of billboards.
 
-Everything is deterministic: the same input, settings and seed give the same bytes on any number of
-threads and on any machine. Every refusal of a value is a :class:`LeafcloudError` whose message names it, its limit
-and the remedy; an argument of a type that cannot be meant is a ``TypeError``, as everywhere in Python.
+Results are deterministic: the same input, settings and seed give the same bytes on any number of threads and on any
+machine, unless a function documents an exception. An invalid value raises :class:`LeafcloudError`; the message names
+the value, its limit and the remedy. Some arguments of a wrong type raise ``TypeError`` instead.
 
-Ctrl-C raises ``KeyboardInterrupt`` within a second in every call; work that cannot stop ends unseen in the background.
-Calls work in a child process after ``fork``, with threads of the child's own.
+Ctrl-C raises ``KeyboardInterrupt`` within a second in every call. Work that cannot stop ends in the background. Calls
+also work in a child process after ``fork``: the child starts its own threads.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,14 +27,15 @@ __version__: str
 
 AlphaMode = Literal["OPAQUE", "MASK", "BLEND"]
 Method = Literal["stochastic", "density", "kmeans"]
-"""``stochastic``: search for the planes that hold most (Lacewell et al. 2006 and what grew from it). ``density``: the
-densest planes first (Décoret et al. 2003). ``kmeans``: clusters about planes; ``max_billboards`` is its input, ε its
+"""``stochastic``: search for the planes that hold the most leaves (extends Lacewell et al. 2006). ``density``: densest
+planes first (Décoret et al. 2003). ``kmeans``: clusters around planes; ``max_billboards`` is the input, ε the
 result."""
 Effort = Literal["literal", "default", "final", "best"]
-"""How long the method ``stochastic`` searches: as published (for comparison); greedily over all directions and offsets;
-then for fewer planes (seconds); the same ten times as long."""
+"""Search time of the method ``stochastic``. ``literal``: the published algorithm, for comparison. ``default``: greedy
+search over all directions and offsets. ``final``: then a search for fewer planes (seconds). ``best``: the same with ten
+times the search time."""
 Progress = Callable[[str, float], bool | None]
-"""Called with the stage and the fraction done in [0, 1]; returning ``False`` cancels."""
+"""Function called with the stage and the fraction done in [0, 1]. Returning ``False`` cancels the work."""
 
 Preset = Literal["draft", "balanced", "final"]
 Cost = Literal["seconds", "billboards", "bytes"]
@@ -42,21 +43,21 @@ Cost = Literal["seconds", "billboards", "bytes"]
 _T = TypeVar("_T", covariant=True)
 
 class LeafcloudError(Exception):
-    """The base of everything that Leafcloud refuses."""
+    """Base class of all errors of Leafcloud."""
 
 class CancelledError(LeafcloudError):
-    """The work was cancelled by its caller."""
+    """The caller cancelled the work."""
 
 class Material:
-    """What a triangle's surface looks like.
+    """Material of triangles.
 
-    ``base_color`` is a linear RGBA factor; ``image`` an sRGB RGBA image ``(h, w, 4)`` uint8 that repeats outside
-    [0, 1]. ``alpha_cutoff`` counts for ``MASK`` only. A material that is not ``double_sided`` shows the
-    side from which its triangles wind counter-clockwise.
+    ``base_color``: linear RGBA factor. ``image``: sRGB RGBA image ``(h, w, 4)`` uint8 that repeats outside [0, 1].
+    ``alpha_cutoff``: used for ``MASK`` only. A material without ``double_sided`` shows only the side where its
+    triangles wind counter-clockwise.
 
-    ``normal`` is a tangent-space normal map as in glTF (red to the right, green up the texture), ``gloss`` an image of
-    occlusion, roughness and metallic that multiplies the factors, both with linear codes; ``translucency`` the linear
-    colour of the light that shines through, times ``translucency_image`` (sRGB). All are laid like ``image``. Factors
+    ``normal``: tangent-space normal map as in glTF (red to the right, green up the texture), linear. ``gloss``: image
+    of occlusion, roughness and metallic that multiplies the factors, linear. ``translucency``: linear color of the
+    transmitted light, times ``translucency_image`` (sRGB). All images use the texture coordinates of ``image``. Factors
     lie in [0, 1].
     """
     def __init__(
@@ -79,17 +80,22 @@ class Material:
     def name(self) -> str: ...
 
 class Foliage:
-    """Triangles, their leaves and how they look, in a local frame.
+    """Triangles with their leaves and materials, in a local frame.
 
-    ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner (t,
-    3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4), linear RGBA that multiply the base
-    colour; ``back_colors`` likewise (…, 3), linear RGB in their place where a triangle is seen to wind clockwise, as
-    light differs on the two sides of a leaf; ``material_ids`` (t,) indices into ``materials``; ``leaf_ids`` (t,) any
-    integers, equal within a leaf. Without ``leaf_ids`` a leaf is a connected component: triangles that share a vertex,
-    or an edge whose two ends coincide exactly. ``protected`` (t,) bool: leaves with such a triangle are never pruned.
+    ``positions``: (v, 3) float32 or float64.
+    ``triangles``: (t, 3) integers.
+    ``uvs``: per vertex (v, 2) or per corner (t, 3, 2).
+    ``normals``: likewise (…, 3), of any length.
+    ``colors``: likewise (…, 4), linear RGBA factors of the base color.
+    ``back_colors``: likewise (…, 3), linear RGB that replaces ``colors`` on the back of a triangle, where it appears
+    clockwise; the light on the two sides of a leaf may differ.
+    ``material_ids``: (t,) indices into ``materials``.
+    ``leaf_ids``: (t,) any integers, equal within a leaf. Default: a leaf is a connected component. Triangles are
+    connected by a shared vertex, or by an edge if both ends coincide exactly.
+    ``protected``: (t,) bool; a leaf with a protected triangle is never pruned.
 
-    Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays
-    of the wrong shape, and when all triangles have zero area.
+    Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays of the
+    wrong shape, and if all triangles have zero area.
     """
     def __init__(
         self,
@@ -115,32 +121,32 @@ class Foliage:
     def leaf_count(self) -> int: ...
     @property
     def area(self) -> float:
-        """Of all triangles, caller's units squared."""
+        """Total area of the triangles, caller's units squared."""
     @property
     def leaf_ids(self) -> NDArray[np.uint32]:
-        """(t,) the leaf of each triangle, 0 … leaf_count − 1 in order of first appearance."""
+        """(t,) leaf of each triangle, 0 … leaf_count − 1 in order of first appearance."""
 
 class Cloud:
-    """What a fit decides: planes, and the parent of every triangle."""
+    """Result of a fit: planes, and the parent plane of every triangle."""
     @property
     def planes(self) -> NDArray[np.float64]:
-        """(k, 4) unit normal n and distance d: a point p lies at n·p − d, in the caller's coordinates."""
+        """(k, 4) unit normal n and distance d. A point p is n·p − d away from the plane, in the caller's
+        coordinates."""
     @property
     def parents(self) -> NDArray[np.uint32]:
-        """(t,) the plane of each triangle."""
+        """(t,) index of each triangle's plane."""
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """(t,) the greatest distance of the triangle's vertices to its plane, caller's units; never above ``epsilon``
-        × R."""
+        """(t,) maximum distance of the triangle's vertices from its plane, caller's units; at most ``epsilon`` × R."""
     @property
     def epsilon(self) -> float:
-        """The bound, as a share of R."""
+        """Error bound, fraction of R."""
     @property
     def max_deviation(self) -> float:
-        """Share of R."""
+        """Maximum of ``deviations``, fraction of R."""
     @property
     def mean_deviation(self) -> float:
-        """Area-weighted mean of ``deviations``, share of R."""
+        """Area-weighted mean of ``deviations``, fraction of R."""
 
 class BakeSeconds(TypedDict):
     fit: float
@@ -150,169 +156,174 @@ class BakeSeconds(TypedDict):
 
 class LookSeconds(TypedDict):
     order: float
-    """Finding how much of each leaf is seen."""
+    """Measuring how much of each leaf is visible."""
     sky: float
-    """Finding how much of the sky is seen."""
+    """Measuring how much of the sky each place sees."""
     growth: float
-    """Finding how pruned leaves grow."""
+    """Measuring how much kept leaves must grow."""
     contrast: float
-    """Finding how much contrast they keep."""
+    """Measuring how much contrast kept leaves keep."""
 
 class Level:
-    """A cloud with its outlines, its atlas page and the transition of the level before onto it.
+    """A cloud with its outlines, its atlas page and the transition from the level before.
 
-    The level before is the leaves for level 1, the billboards of the level before for the others, as a fan of c − 2
-    triangles a billboard: corners (0, 1, 2), (0, 2, 3) and so on. Every outline has the same number of corners c.
+    The level before level 1 is the leaves. The level before any other is the previous level's billboards, each a fan of
+    c − 2 triangles: corners (0, 1, 2), (0, 2, 3) and so on. All outlines have the same number of corners c.
     """
     @property
     def cloud(self) -> Cloud | None:
-        """``None`` for the cross, which has no parents."""
+        """The cloud; ``None`` for the cross impostor, which has no parents."""
     @property
     def method(self) -> str:
-        """The fitter's name, or "cross"."""
+        """Method of the fit, or "cross"."""
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(b, c, 3) the outline, convex, counter-clockwise seen from the side that shows the texture; of a rectangle
-        lower left, lower right, upper right, upper left."""
+        """(b, c, 3) outline: convex, counter-clockwise on the side that shows the texture. A rectangle begins at the
+        lower left, then lower right, upper right, upper left."""
     @property
     def uvs(self) -> NDArray[np.float32]:
-        """(b, c, 2)"""
+        """(b, c, 2) texture coordinates of the outlines."""
     @property
     def plane_ids(self) -> NDArray[np.uint32]:
-        """(b,) the plane of each billboard."""
+        """(b,) index of each billboard's plane."""
     @property
     def two_sided(self) -> bool:
-        """Whether the two sides show different textures: then billboards come as pairs of single-sided quads, else
-        each is double-sided."""
+        """True if front and back have different textures. Each billboard is then a pair of single-sided quads;
+        otherwise it is double-sided."""
     @property
     def ranks(self) -> NDArray[np.float32]:
-        """(b,) the billboards' own places in the pruning order, in [0, 1)."""
+        """(b,) rank of each billboard in the pruning order, in [0, 1)."""
     @property
     def base_color(self) -> NDArray[np.uint8]:
-        """(h, w, 4) the atlas page: sRGB, straight alpha, colours dilated under transparent texels."""
+        """(h, w, 4) atlas page: sRGB, straight alpha, colors dilated under transparent texels."""
     @property
     def normal(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) normals on the side that faces the viewer, in each billboard's axes: a tangent-space normal map as
-        in glTF, linear codes; ``None`` when it was not asked for."""
+        """(h, w, 4) normals on the side toward the viewer, in each billboard's axes: a tangent-space normal map as in
+        glTF, linear. ``None`` if not requested."""
     @property
     def gloss(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) occlusion, roughness, metallic, linear codes; ``None`` when it was not asked for."""
+        """(h, w, 4) occlusion, roughness and metallic, linear. ``None`` if not requested."""
     @property
     def translucency(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) the colour of the light that shines through, sRGB; ``None`` when it was not asked for."""
+        """(h, w, 4) color of the transmitted light, sRGB. ``None`` if not requested."""
     @property
     def visibility(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) where the sky is seen, b = 2 · code / 255 − 1 in each billboard's axes (red to the right, green up,
-        blue toward the viewer): light from the direction l reaches the share ``lc_sun_share(occlusion, b, l)`` of a
-        place (shaders/leafcloud.glsl), where the occlusion is the red of ``gloss``. ``None`` when it was not asked
-        for."""
+        """(h, w, 4) bent-normal occlusion: the direction of the visible sky, b = 2 · code / 255 − 1, in each
+        billboard's axes (red to the right, green up, blue toward the viewer). Light from the direction l reaches the
+        fraction ``lc_sun_share(occlusion, b, l)`` of a place (shaders/leafcloud.glsl); occlusion is the red of
+        ``gloss``. ``None`` if not requested."""
     @property
     def leaf_uv(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) where in its texture the leaf lies that most of a texel sees, so that a cloud can take another
+        """(h, w, 4) texture coordinates of the leaf that covers most of the texel, to give a cloud another leaf
         texture: u = (16 · red + blue // 16 + ½) / 4096, v = (16 · green + blue % 16 + ½) / 4096 of the codes, origin in
-        the lower left corner. Labels: look up the nearest, without mips. ``None`` when it was not asked for."""
+        the lower left corner. Label texture: sample with nearest filtering, without mips. ``None`` if not requested."""
     @property
     def leaf_id(self) -> NDArray[np.uint8] | None:
-        """(h, w, 4) which leaf that is: its number modulo 65536 is red + 256 · green, its material's is blue (255 where
-        wood is seen). ``None`` when it was not asked for."""
+        """(h, w, 4) the leaf of ``leaf_uv``: its index modulo 65536 is red + 256 · green, its material's index is blue
+        (255 for the trunk). ``None`` if not requested."""
     def for_engines(self) -> tuple[NDArray[np.uint8], float]:
-        """``base_color`` and ``alpha_cutoff`` for engines, which make the mip levels of a PNG by plain means: alpha is
-        remapped to a lower cutoff, so that the same area passes at level 0 and, in the mean, at levels 1 to 3."""
-    def ktx2(self, channel: str) -> bytes:
-        """The image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all its mip levels: Basis Universal
-        UASTC with Zstandard, as ``KHR_texture_basisu`` wants it. Base colour is that of ``for_engines``: as many texels
-        of each billboard pass its cutoff at every level as on the page itself, as compressed, within 1 % or one texel,
-        down to 8 × 8 texels of the page and 4 × 4 of the billboard. The same bytes for the same page on one machine.
+        """Return ``base_color`` and ``alpha_cutoff`` for engines, which make box-filtered mips of a PNG.
 
-        Raises ``LeafcloudError`` for a channel that the level does not have or that has no mips (``leaf_uv``,
-        ``leaf_id``), and for a page whose side is no multiple of 4.
+        Alpha is remapped to a lower cutoff. The area above the cutoff stays the same at mip 0 and, on average, at mips
+        1 to 3."""
+    def ktx2(self, channel: str) -> bytes:
+        """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
+
+        The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The base color is that
+        of ``for_engines``. Every compressed mip keeps the fraction of each billboard's texels above the cutoff that
+        the page has, within 1 % or one texel, down to 8 × 8 texels of the page and 4 × 4 of the billboard. The bytes
+        are the same for the same page on one machine only.
+
+        Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
+        for a page with a side that is not a multiple of 4.
         """
     @property
     def alpha_cutoff(self) -> float:
-        """Texels of at least this alpha are drawn; 0 where alpha is coverage, and nothing is cut out."""
+        """Minimum alpha of drawn texels; 0 for alpha-blended levels, where nothing is cut out."""
     @property
     def texels(self) -> int:
-        """Texels of the page that lie in billboards."""
+        """Number of texels of the page inside billboards."""
     @property
     def texel_size(self) -> float:
-        """The side of a texel on the billboards, caller's units; the same all over the level."""
+        """Side of a texel on the billboards, caller's units; the same on the whole level."""
     @property
     def occupancy(self) -> float:
-        """The share of the page that billboards take, with their gutters."""
+        """Fraction of the page covered by billboards with their gutters."""
     @property
     def page_share(self) -> float:
-        """The level's share of all that lies on its page; 1 where it shares it with no other tree (`share_pages`)."""
+        """The level's fraction of the used area of its page; 1 unless it shares the page with other trees
+        (:func:`share_pages`)."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) where each corner of the level before lies at a = 1: on its plane, but for 1/4096 of its height
-        over
-        it, which keeps the depth order of leaves that overlap. Empty (0, 3, 3) for the cross."""
+        """(t, 3, 3) position of each corner of the level before at a = 1: on its plane, plus 1/4096 of its height over
+        the plane to keep the depth order of overlapping leaves. Empty (0, 3, 3) for the cross impostor."""
     @property
     def pivots(self) -> NDArray[np.float64]:
-        """(t, 3) the pivot of each triangle's leaf."""
+        """(t, 3) pivot of each triangle's leaf."""
     @property
     def pivot_targets(self) -> NDArray[np.float64]:
-        """(t, 3) where that pivot lies at a = 1."""
+        """(t, 3) position of that pivot at a = 1."""
     @property
     def in_plane_motion(self) -> float:
-        """The greatest distance that a vertex moves within its plane, share of R."""
+        """Maximum distance that a vertex moves within its plane, fraction of R."""
     @property
     def mean_deviation(self) -> float:
-        """Area-weighted mean deviation from the level before (the cross: of the vertices, from the nearer plane),
-        share of R."""
+        """Area-weighted mean deviation from the level before, fraction of R. For the cross impostor: mean distance of
+        the vertices from the nearest plane."""
     @property
     def max_deviation_leaves(self) -> float:
-        """Upper bound of the distance between a leaf's point and its place on this level along the normals passed,
-        share of R."""
+        """Upper bound of the distance between a point of a leaf and its position on this level, summed along the
+        normals of all levels so far, fraction of R."""
     @property
     def coverage(self) -> float:
-        """Rendered coverage over that of the leaves, mean of the judge's views."""
+        """Rendered coverage divided by that of the leaves, mean over the views of the metrics."""
     @property
     def image_error(self) -> float:
-        """The judge's image error against the leaves."""
+        """Image error of the metrics, compared with the leaves."""
     @property
     def seconds(self) -> BakeSeconds: ...
     @property
     def channel_seconds(self) -> dict[str, float]:
-        """What each image of the page took of the seconds ``bake``, by its name: "base_color", "normal" …"""
+        """Seconds of each image of the page, by name ("base_color", "normal" …); part of the seconds ``bake``."""
     def foliage(self) -> Foliage:
-        """The billboards as foliage again."""
+        """Return the billboards as foliage."""
 
 class Chain:
-    """All levels behind the leaves, finest first."""
+    """All levels after the leaves, finest first."""
     @property
     def levels(self) -> list[Level]: ...
     @property
     def ranks(self) -> NDArray[np.float32]:
-        """(leaf_count,) each leaf's place in the pruning order, in [0, 1); −1 for a protected one."""
+        """(leaf_count,) rank of each leaf in the pruning order, in [0, 1); −1 for a protected leaf."""
     @property
     def pivots(self) -> NDArray[np.float64]:
-        """(t, 3) the pivot of each triangle's leaf, caller's units: the centroid of its area."""
+        """(t, 3) pivot of each triangle's leaf, the centroid of the leaf's area, caller's units."""
     @property
     def growth(self) -> tuple[float, float]:
-        """(c₁, c₂): a crown with the share λ of its leaves is as dense as before when these grow by s · γ, where
-        γ = exp(c₁ L + c₂ L²), L = ln λ. Measured by looking where ``keep`` was given, else (0, 0)."""
+        """(c₁, c₂) of γ = exp(c₁ L + c₂ L²), L = ln λ. A crown with the fraction λ of its leaves keeps its density if
+        these grow by s · γ. Measured in renders if ``keep`` was given, else (0, 0)."""
     @property
     def contrast(self) -> tuple[float, float]:
-        """(k₁, k₂): its pixels vary as before when colours keep the share κ = min(1, exp(k₁ L + k₂ L²)) of their
-        distance from the mean. Measured likewise."""
+        """(k₁, k₂) of κ = min(1, exp(k₁ L + k₂ L²)). The pruned crown's pixels keep their contrast if colors keep the
+        fraction κ of their distance from the mean. Measured likewise."""
     @property
     def look_seconds(self) -> LookSeconds:
-        """What it took to look at the leaves before the levels; 0 for what was not asked for."""
+        """Seconds of the measurements on the leaves before the levels; 0 for those not requested."""
     @property
     def seconds(self) -> float:
-        """What building it took, all stages of all levels."""
+        """Seconds of the build, all stages of all levels."""
     @property
     def chosen(self) -> Offer | None:
-        """What was chosen to keep a wish, and what had been predicted of that; ``None`` without a wish."""
+        """Settings chosen for a wish (``seconds``, ``image_error`` or ``preset``) and their prediction; ``None``
+        without a wish."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
-        """With a ``keep`` below 1: (t′,) the triangles that the first level is made of, and (t′,) how much larger than
-        at first each is there, linearly. The first level's parents, targets and pivots have a row for each of them.
+        """With a ``keep`` below 1: (t′,) indices of the kept triangles that the first level is made of, and (t′,) their
+        linear growth factors. The first level's parents, targets and pivots have one row per kept triangle.
         """
 
 class CurveSettings(TypedDict):
-    """The settings that a curve varies; what they mean stands in :func:`build_chain`."""
+    """Settings that a curve varies, documented in :func:`build_chain`."""
 
     method: Method
     effort: Effort
@@ -326,7 +337,7 @@ class CurveSettings(TypedDict):
     tight_pages: bool
 
 class CurveSeconds(TypedDict):
-    """Of all levels together. ``prepare``: orders of pruning, the looks at the leaves. ``look``: judging by looks."""
+    """Seconds of all levels together. ``prepare``: pruning order and measurements on the leaves. ``look``: metrics."""
 
     prepare: float
     fit: float
@@ -336,14 +347,18 @@ class CurveSeconds(TypedDict):
     total: float
 
 class CurveRow(TypedDict):
-    """What one choice of settings costs and gives.
+    """Costs and results of one choice of settings.
 
-    ``measured_on``: triangles of the leaves, of a sample of them in a quick curve. ``peak_bytes``: by how
-    many bytes the process had grown at most, as the system says (VmHWM over VmRSS; None but on Linux); memory that was
-    freed before and is taken again does not count. ``billboards``, ``triangles``: of level 1. ``texels``: in billboards
-    of all levels. ``bytes``: of all levels on a graphics card, four a texel with mip levels, and 32 a corner.
-    ``texel``: the side of one on level 1; it and the deviations of level 1 are shares of R. ``image_error``: the
-    judge's, of level 1, in [0, 1]. ``front``: no other row is as quick and as near or nearer.
+    ``measured_on``: number of triangles of the leaves, or of the sample in a quick curve.
+    ``peak_bytes``: maximum growth of the process in bytes, as reported by the system (VmHWM over VmRSS); None except on
+    Linux. Memory freed before and used again does not count.
+    ``billboards``, ``triangles``: numbers of level 1.
+    ``texels``: number of texels inside billboards, all levels.
+    ``bytes``: graphics memory of all levels: four bytes per texel with mips, and 32 per corner.
+    ``texel``: side of a texel on level 1, fraction of R.
+    ``max_deviation``, ``mean_deviation``: of level 1, fractions of R.
+    ``image_error``: image error of level 1 by the metrics, in [0, 1].
+    ``front``: True if the row is on the Pareto front of time and image error.
     """
 
     settings: CurveSettings
@@ -373,26 +388,29 @@ class Offer(TypedDict):
     predicted: Prediction
 
 class Curve:
-    """What accuracy costs in time, measured on one foliage. All but seconds and peak_bytes, and what follows from them,
-    is the same every time."""
+    """Measured cost curve of one foliage: accuracy over time.
+
+    Everything except ``seconds``, ``peak_bytes`` and values derived from them is deterministic."""
     @property
     def rows(self) -> list[CurveRow]:
-        """In the order in which they were measured; the first is what the others are changed from."""
+        """Measured settings, in order of measurement. The first row is the base that the others vary."""
     @property
     def refused(self) -> list[CurveRefusal]:
-        """What could not be built, and why."""
+        """Settings that could not be built, with the reason."""
     @property
     def quick(self) -> bool: ...
     @property
     def offers(self) -> list[Offer]:
-        """The front of what is predicted for all the leaves, quickest first, each of less error than the one before.
-        Pages are no larger than was asked for."""
+        """Best predicted settings for all leaves, fastest first; each has a smaller error than the one before. Pages
+        are at most as large as requested."""
     @property
     def presets(self) -> dict[Preset, Offer]:
-        """Places among the offers."""
+        """Offer of each preset."""
     def predict(self, **options: object) -> Prediction:
-        """Seconds and error of a chain with these options of :func:`build_chain`: settings act by factors, read off
-        between the rows on logarithmic axes. Raises ``LeafcloudError`` for options out of range."""
+        """Predict seconds and image error of a chain with these options of :func:`build_chain`.
+
+        Each setting multiplies the result by a factor, interpolated between the rows on logarithmic axes. Raises
+        ``LeafcloudError`` for options out of range."""
     def svg(
         self,
         over: Cost | Literal["offers"] = "seconds",
@@ -402,9 +420,10 @@ class Curve:
         height: int = 640,
         text: float = 1.0,
     ) -> str:
-        """A chart of error over a cost, each method a line, the front ringed; ``"offers"`` shows the offers by
-        predicted seconds, and the presets by name. Sides in [240, 8192] pixels; ``text``: the size of letters and
-        lines, in [0.5, 4], of what suits a page."""
+        """Draw a chart of error over a cost as SVG, with one line per method and rings around the front.
+
+        ``"offers"`` shows the offers by predicted seconds, and the presets by name. Sides in [240, 8192] pixels;
+        ``text`` scales letters and lines, in [0.5, 4]; 1 suits a printed page."""
     def picture(
         self,
         over: Cost | Literal["offers"] = "seconds",
@@ -414,29 +433,30 @@ class Curve:
         height: int = 640,
         text: float = 1.0,
     ) -> NDArray[np.uint8]:
-        """The same as (height, width, 4) pixels."""
+        """Draw the chart of :meth:`svg` as (height, width, 4) pixels."""
 
 class Job(Generic[_T]):
-    """Work on a Rust thread. Never touches Python objects while it runs."""
+    """Work on a Rust thread. It never touches Python objects while it runs."""
     @property
     def stage(self) -> str: ...
     @property
     def fraction(self) -> float:
-        """In [0, 1], never falling."""
+        """Fraction done, in [0, 1]; never decreases."""
     @property
     def done(self) -> bool: ...
     @property
     def best(self) -> _T | None:
-        """The best complete result so far; ``None`` until there is one. Fits of the efforts ``final`` and ``best``, and
-        those within a budget, have one early and then better ones; it stays when they are cancelled. Foliage of more
-        than some 40,000 leaves or parts has one at the end."""
+        """Best complete result so far, or ``None``.
+
+        Fits with effort ``final`` or ``best`` and fits with a budget have a result early, then better ones. It remains
+        after a cancellation. Foliage with more than about 40,000 leaves or parts has a result only at the end."""
     def cancel(self) -> None: ...
     def result(self, timeout: float | None = None) -> _T:
-        """Waits for the end. Raises the work's error, ``CancelledError`` or, after ``timeout`` seconds,
-        ``TimeoutError``."""
+        """Wait for the end and return the result. Raise the work's error, ``CancelledError`` or, after ``timeout``
+        seconds, ``TimeoutError``."""
 
 class FitOptions(TypedDict, total=False):
-    """What :func:`fit` may be asked for; beside each option what it is otherwise."""
+    """Options of :func:`fit`, with their defaults as comments."""
 
     method: Method  # "stochastic"
     effort: Effort  # "default"
@@ -462,7 +482,7 @@ class FitOptions(TypedDict, total=False):
     viewing_distance: float | None  # None
 
 class LevelOptions(FitOptions, total=False):
-    """What levels may be asked for beside that, see :func:`build_chain`."""
+    """Further options of levels, documented in :func:`build_chain`, with their defaults as comments."""
 
     levels: int  # 2
     cross: bool  # True
@@ -483,7 +503,7 @@ class LevelOptions(FitOptions, total=False):
     order_by_visibility: bool  # True
 
 class ChainOptions(LevelOptions, total=False):
-    """What a chain may be asked for beside that, see :func:`build_chain`."""
+    """Further options of a chain, documented in :func:`build_chain`, with their defaults as comments."""
 
     keep: float | None  # None
     leaf_pixels: float  # 16.0
@@ -499,38 +519,46 @@ def fit(
     progress: Progress | None = None,
     **options: Unpack[FitOptions],
 ) -> Cloud:
-    """Finds planes such that every vertex lies within ``epsilon`` · R of its triangle's plane, checked in f64.
+    """Fit planes with every vertex within ``epsilon`` · R of its triangle's plane, checked in f64.
 
-    ``epsilon`` in (0, 1], a share of R. ``candidates`` ≥ 1: planes tried per billboard; directions are a fraction of it
-    where all offsets of a direction are tried at once. ``whole_leaves`` keeps the triangles of a leaf on one plane
-    whenever any plane could hold them all, at the cost of more billboards; otherwise they stay together wherever one of
-    the cloud's planes holds them all. ``facing`` ≥ 0 is the weight of 1 − |cos| against the squared relative deviation
-    when a leaf chooses among the planes that hold it (0: the nearest plane); ``gather`` ≥ 0 that of the squared
-    distance (in R) from the middle of what a plane has: billboards become smaller, less of what is drawn is empty.
+    ``epsilon``: error bound in (0, 1], fraction of R.
+    ``candidates``: planes tried per billboard, ≥ 1. Searches that try all offsets of a direction at once use a fraction
+    of it as directions.
+    ``whole_leaves``: keep a leaf on one plane whenever any plane could hold all its triangles, at the cost of more
+    billboards. Otherwise a leaf stays whole wherever one of the cloud's planes holds it.
+    ``facing``: weight ≥ 0 of 1 − |cos| against the squared relative deviation when a leaf chooses among the planes that
+    hold it; 0 takes the nearest plane.
+    ``gather``: weight ≥ 0 of the squared distance (in R) from the center of a plane's leaves in the same choice. Larger
+    gives smaller billboards with less empty area.
 
-    Budgets: ``max_billboards`` asks for the smallest ε found that needs no more, ``epsilon`` is then not used;
-    with ``slack`` in [0, 1] leaves may move as large a share of that ε farther where refits bring them nearer in the
-    mean for it, and the nearest of several seeds' clouds is taken (not with ``max_texels`` or ``image_epsilon``);
-    ``max_texels`` asks for the smallest ε found that needs no more texels of the side ε/8, not below ``epsilon``; time:
-    :func:`start_fit`, whose job holds a complete answer early and may be cancelled. ``Cloud.epsilon`` says what came
-    out.
+    Budgets:
+    ``max_billboards``: use the smallest ε found that needs no more billboards; ``epsilon`` is ignored.
+    ``slack``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where it
+    reduces the mean deviation, and the best of several seeds' clouds is taken. Not with ``max_texels`` or
+    ``image_epsilon``.
+    ``max_texels``: use the smallest ε found that needs no more texels of side ε/8, but at least ``epsilon``.
+    For a time budget use :func:`start_fit`: its job has a complete result early and can be cancelled. ``Cloud.epsilon``
+    is the resulting bound.
 
-    Shape: ``max_size`` (share of R, in [ε, 2]) is the greatest distance of a billboard's leaves from the place where
-    the billboard was found (a larger leaf has its own size). None: any distance; in
-    :func:`build_chain` 0.2, or twice the mean radius of the leaves (behind level 1: of the billboards before) where
-    that is more, but any distance with ``max_billboards`` and for the published methods (``density``, ``kmeans``,
-    effort ``literal``);
-    ``compact`` (share of R) parts billboards at gaps as wide; ``max_corners`` in [3, 16] is the number of an outline's
-    corners, 4 for rectangles; ``trim`` makes outlines enclose what is opaque, and leaves weigh what is opaque of them.
+    Shape:
+    ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R
+    in [ε, 2]; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is 0.2, or
+    twice the mean radius of the leaves (after level 1: of the previous billboards) if that is more, but any distance
+    with ``max_billboards`` and for the published methods (``density``, ``kmeans``, effort ``literal``).
+    ``compact``: minimum gap, fraction of R, at which a billboard is split.
+    ``max_corners``: corners of an outline, in [3, 16]; 4 gives rectangles.
+    ``trim``: outlines enclose only opaque texels, and leaves are weighted by their opaque area.
 
-    Preferences, as factors of a plane's score: ``facing_views`` in [0, 1] is what a plane loses that none of the
-    directions ``views`` sees face-on, ``vertical`` in [0, 1] what it loses that lies flat under ``up``.
+    Preferences, as factors of a plane's score:
+    ``facing_views``: penalty in [0, 1] for planes that face none of the directions ``views``.
+    ``vertical``: penalty in [0, 1] for horizontal planes, perpendicular to ``up``.
 
-    ``image_epsilon`` (radians) with ``viewing_distance`` (share of R, above 1): a viewer who stays that far from the
-    centre sees no vertex move by a greater angle; leaves near him then move less than ε (levels behind the first: 2.5
-    times the angle of the one before).
+    ``image_epsilon`` (radians) with ``viewing_distance`` (fraction of R, above 1): a viewer at least that far from the
+    center sees no vertex move by a larger angle, so nearby leaves move less than ε. Each level after the first has 2.5
+    times the angle of the one before.
 
-    ``penalty`` in [0, 100] is for ``density``: what a leaf takes from planes that just miss it (the paper: 10).
+    ``penalty``: for ``density``, in [0, 100]: the weight that a leaf subtracts from planes that just miss it, relative
+    to the weight that it adds to planes that hold it (10 in the paper).
     """
 
 def start_fit(
@@ -544,29 +572,35 @@ def build_chain(
     progress: Progress | None = None,
     **options: Unpack[ChainOptions],
 ) -> Chain:
-    """Fits, packs and bakes every level.
+    """Fit, pack and bake every level.
 
-    Options of the fit as in :func:`fit`. Level i has 2.5 times the ε of the level before (shares of the leaves' R; a
-    budget is the first level's) and a page of ``texture_size`` / 2^(i−1) columns and, without a ``texture_height``, as
-    many rows. ``wood`` is seen by the
-    cross only.
-    ``pixels`` > 0: how large a level's deviation is seen where the level takes over; the page of the cross impostor has
-    texels of half a pixel there, or smaller ones, and is no larger than ``texture_size`` allows.
-    ``order_by_visibility``: leaves that are seen less are pruned sooner, which takes looks at all of them; without it
-    place and chance alone make ``Chain.ranks``.
-    ``back_sides``: separate textures for the two sides; ``None`` lets each level decide by looking whether they differ.
-    ``keep``: λ, the share of the leaves that is left where the first level takes over, in (0, 1]: all levels are made
-    of those, grown about their pivots as they are there (``Chain.kept``); ``None``: leaves are not pruned.
-    ``leaf_pixels``: how many pixels a leaf is long where pruning begins, > 0; ``prune_half``: h of :func:`keep`. With
-    a ``keep`` it is measured at such sizes how leaves have to grow and to lose contrast (``Chain.growth`` and
-    ``contrast``; without ``contrast`` the latter is not).
-    ``close_cracks``: a billboard also shows the parts of other billboards' leaves that lie within ε of its plane.
-    ``blended``: billboards are see-through where leaves are, ``Level.alpha_cutoff`` is 0; draw them from back to front
+    For the options of the fit see :func:`fit`. Each level has 2.5 times the ε of the level before (fractions of the
+    leaves' R; a budget applies to the first level). The page of level i has ``texture_size`` / 2^(i−1) columns and as
+    many rows, unless ``texture_height`` is given.
+
+    ``wood``: the trunk; only the cross impostor shows it.
+    ``pixels``: size > 0 at which a level's deviation appears where the level takes over. There the cross impostor's
+    page has texels of half a pixel or less, within the limit of ``texture_size``.
+    ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
+    chance decide ``Chain.ranks``.
+    ``back_sides``: separate textures for the two sides. ``None``: each level decides by comparing renders of both.
+    ``keep``: λ in (0, 1], the fraction of leaves kept where the first level takes over. All levels are made of these
+    leaves, grown about their pivots by the factor at that distance (``Chain.kept``). ``None``: no pruning.
+    ``leaf_pixels``: length of a leaf in pixels where pruning begins, > 0. ``prune_half``: h of :func:`keep`. With
+    ``keep``, growth and contrast of kept leaves are measured at these sizes (``Chain.growth``, ``Chain.contrast``).
+    ``contrast``: also measure the contrast.
+    ``close_cracks``: close gaps between billboards: each also shows the parts of other billboards' leaves within ε of
+    its plane.
+    ``blended``: alpha-blended billboards; ``Level.alpha_cutoff`` is 0. Draw them from back to front
     (:func:`blend_order`).
-    Pages have channels beside base colour when they are asked for: ``normals`` (the share in [0, 1] by which they are
-    bent toward the hull of the crown), ``gloss``, ``translucency``, ``occlusion`` (the share of the sky that is seen
-    from a place, in the red of ``gloss``), ``visibility`` (where it is seen, with ``occlusion``: the crown shades
-    itself), ``leaf_map`` (``Level.leaf_uv`` and ``leaf_id``).
+
+    Optional channels of the pages beside base color:
+    ``normals``: bent toward the hull of the crown by this fraction in [0, 1].
+    ``gloss``: roughness and metallic.
+    ``translucency``: color of the transmitted light.
+    ``occlusion``: fraction of the sky visible from a place, in the red of ``gloss``.
+    ``visibility``: bent-normal occlusion, for self-shadowing of the crown; use it with ``occlusion``.
+    ``leaf_map``: ``Level.leaf_uv`` and ``Level.leaf_id``.
     """
 
 def cost_curve(
@@ -577,13 +611,15 @@ def cost_curve(
     progress: Progress | None = None,
     **options: Unpack[LevelOptions],
 ) -> Curve:
-    """Builds chains with many settings and measures each: ε, candidates, levels, page, samples, effort, method, one
-    changed at a time from what is given here, and some that are coarse or fine in all (minutes).
+    """Measure chains with many settings (minutes).
 
-    ``quick``: few settings on a tenth of the leaves, 3,500 to 9,000 triangles, grown to cover as much, from two
-    directions where a bake looks from eight (seconds); its figures serve to predict and to compare.
+    The sweep varies ε, candidates, levels, page, samples, effort and method one at a time from the given options, and
+    adds chains that are coarse or fine in all of them.
 
-    Raises ``LeafcloudError`` for settings out of range or without a cloud, when nothing could be built, and
+    ``quick``: few settings on a tenth of the leaves (3,500 to 9,000 triangles), grown to cover the same area, with two
+    view directions instead of a bake's eight (seconds). Use its numbers only to predict and to compare.
+
+    Raises ``LeafcloudError`` for settings out of range or without a cloud, and if nothing could be built;
     ``CancelledError``.
     """
 
@@ -595,13 +631,14 @@ def start_cost_curve(
     **options: Unpack[LevelOptions],
 ) -> Job[Curve]: ...
 def share_pages(chains: Sequence[Chain]) -> list[Chain]:
-    """The same chains, with their first levels on one page, their second ones on another, and so on: a forest needs one
-    texture a level. Regions are carried over texel by texel onto the smallest page (whose sides are multiples of 4);
-    each level keeps its own ``alpha_cutoff``, and so looks as it does alone. Chains may have different numbers of
-    levels; a short one's cross then shares a page with the others' clouds.
+    """Put the levels of several chains with the same number on one page: a forest needs one texture per level.
 
-    Raises ``LeafcloudError`` for levels of different channels or of which only some are blended, and for more than fits
-    on 16384 × 16384 texels.
+    Regions are copied texel by texel to the smallest page with sides that are multiples of 4. Each level keeps its own
+    ``alpha_cutoff`` and appearance. Chains may have different numbers of levels; the cross impostor of a short chain
+    then shares a page with clouds of the others.
+
+    Raises ``LeafcloudError`` for levels with different channels, for a mix of alpha-blended and cut-out levels, and for
+    pages above 16384 × 16384 texels.
     """
 
 def start_chain(
@@ -612,17 +649,19 @@ def start_chain(
 ) -> Job[Chain]: ...
 
 class Simplified:
-    """What :func:`simplify` leaves of a mesh of ``t`` triangles: ``n`` ≤ ``t`` triangles."""
+    """Mesh simplified by :func:`simplify` from ``t`` to ``n`` ≤ ``t`` triangles."""
     @property
     def corners(self) -> NDArray[np.uint32]:
-        """(n, 3) the corners of the input that are those of each triangle: corner c is corner c % 3 of triangle c // 3.
-        ``triangles.ravel()[corners]`` are their vertices, ``uvs.reshape(-1, 2)[corners]`` their texture coordinates
-        where these came per corner, ``material_ids[corners[:, 0] // 3]`` the materials. Connected parts stay together.
+        """(n, 3) input corners of each triangle. Corner c is corner c % 3 of triangle c // 3.
+
+        ``triangles.ravel()[corners]`` are the vertices, ``uvs.reshape(-1, 2)[corners]`` the texture coordinates if
+        given per corner, ``material_ids[corners[:, 0] // 3]`` the materials. Triangles of a connected part are
+        consecutive.
         """
     @property
     def error(self) -> float:
-        """The greatest distance that was measured between input and result, either way, or of a part that was left out
-        its radius, whichever is more; caller's units, at most the ``error`` that was asked for."""
+        """Maximum distance measured between input and result, both ways, and maximum radius of a removed part; the
+        larger of the two, caller's units, at most the requested ``error``."""
 
 def simplify(
     positions: ArrayLike,
@@ -634,46 +673,47 @@ def simplify(
     colors: ArrayLike | None = None,
     material_ids: ArrayLike | None = None,
 ) -> Simplified:
-    """Trunks and branches, or any mesh, with as few triangles as were found within ``error``, a length above 0 in the
-    units of ``positions``.
+    """Simplify trunks and branches, or any mesh, to the fewest triangles found within ``error``.
+
+    ``error``: maximum distance, a length above 0 in the units of ``positions``.
 
     ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner (t,
     3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4); ``material_ids`` (t,) any integers.
 
-    Corners of the result are corners of the input, nothing is computed anew. Texture seams and the borders between
-    materials and colours stay apart. What came out is measured against what went in, both ways, at samples half of
-    ``error`` apart (at most 17 to an edge). Connected parts (by vertices, or edges whose ends coincide) that fit into
-    a sphere of the radius ``error`` are left out: there may be no triangles left, (0, 3).
+    Corners of the result are corners of the input, without new values. Texture seams and borders between materials and
+    colors are preserved. The result is compared with the input, both ways, at samples half of ``error`` apart (at most
+    17 per edge). Connected parts (by vertices, or by edges with coinciding ends) that fit into a sphere of radius
+    ``error`` are removed, so the result may be empty, (0, 3).
 
-    The same bytes on any number of threads; another kind of processor may round otherwise (``meshopt``, which orders
-    the collapses, is C++). Raises ``LeafcloudError`` as :class:`Foliage` does, and for an ``error`` that is not above 0
-    and finite.
+    The bytes are the same on any number of threads. Another kind of processor may round differently, because
+    ``meshopt``, which orders the collapses, is C++. Raises ``LeafcloudError`` as :class:`Foliage` does, and for an
+    ``error`` that is not above 0 and finite.
     """
 
 class BlendOrder:
-    """Pieces of triangles, and the tree by which they are drawn from back to front; see :func:`blend_order`.
+    """Pieces of triangles, and a tree that gives their order from back to front; see :func:`blend_order`.
 
-    ``c`` corners of ``p`` triangles, ``k`` nodes. Node 0 is the root, if there is any.
+    ``c`` corners, ``p`` triangles, ``k`` nodes. Node 0 is the root; an empty tree has no nodes.
     """
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """(c,) the triangle of the input that each corner lies in."""
+        """(c,) index of the input triangle that contains each corner."""
     @property
     def weights(self) -> NDArray[np.float64]:
-        """(c, 3) and where: its barycentric coordinates, not negative, 1 together."""
+        """(c, 3) barycentric coordinates of each corner in that triangle: at least 0, with sum 1."""
     @property
     def triangles(self) -> NDArray[np.uint32]:
-        """(p, 3) corners, wound as those of the input; in the order for an eye far away in the direction ``toward``."""
+        """(p, 3) corners, with the input's winding, in the order for an eye far away in the direction ``toward``."""
     @property
     def planes(self) -> NDArray[np.float64]:
-        """(k, 4) n and d of each node's plane n · x = d, n of length 1."""
+        """(k, 4) unit normal n and distance d of each node's plane n · x = d."""
     @property
     def children(self) -> NDArray[np.int64]:
-        """(k, 2) the nodes of what lies where n · x > d, and where n · x < d; −1 where nothing does. An eye draws the
-        one on its far side first, then the node's own triangles, then the one on its side."""
+        """(k, 2) child nodes on the sides n · x > d and n · x < d; −1 for an empty side. Draw the child on the far side
+        of the eye first, then the node's own triangles, then the child on the eye's side."""
     @property
     def ranges(self) -> NDArray[np.uint32]:
-        """(k, 2) the first of ``triangles`` that lies in the node, and the one behind the last."""
+        """(k, 2) range of each node's own ``triangles``: index of the first, and one past the last."""
 
 def blend_order(
     positions: ArrayLike,
@@ -682,11 +722,15 @@ def blend_order(
     toward: Sequence[float] = (0.0, 0.0, 1.0),
     most: int | None = None,
 ) -> BlendOrder:
-    """A binary space partition of triangles that are blended and may cross one another.
+    """Build a binary space partition of blended triangles that may cross one another.
 
-    ``positions`` (v, 3) floats; ``triangles`` (t, 3) integers. What crosses a node's plane is cut in two; behind
-    ``most`` pieces nothing is cut any more, and the order is only about right (``None``: there may be some n² of them).
-    Triangles without area are left out. The same result on any machine.
+    ``positions``: (v, 3) floats.
+    ``triangles``: (t, 3) integers.
+    ``toward``: direction of the eye for the order of ``BlendOrder.triangles``.
+    ``most``: maximum number of pieces. Triangles that cross a node's plane are cut in two until this number is reached;
+    then the order is approximate. ``None``: no limit, up to about n² pieces.
+
+    Triangles without area are left out. The result is the same on any machine.
 
     Raises ``LeafcloudError`` for a position or direction that is not finite, and for an index out of range.
     """
@@ -702,39 +746,42 @@ def render(
     samples: int = 4,
     filtered: bool = True,
 ) -> NDArray[np.uint8]:
-    """An orthographic, flat-lit picture (size, size, 4): base colours seen against ``direction`` (from the centre to
-    the eye).
+    """Render an orthographic, unlit picture (size, size, 4) of the base colors.
 
-    ``samples`` in [1, 16] lie along each side of a pixel. Textures are filtered over the distance between them, which
-    is smooth with few; without (``filtered=False``) they are looked up in points and with the colours between texels
-    that renderers show, which is as true as the samples are many."""
+    ``direction``: from the center to the eye.
+    ``samples``: along each side of a pixel, in [1, 16].
+    ``filtered``: filter textures over the distance between samples, which is smooth with few samples. False: sample
+    textures at points, with the renderers' interpolation between texels, which is accurate with many samples."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
-    """Writes an (h, w, 4) sRGB image; the same bytes for the same pixels."""
+    """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""
 
 def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:
-    """The foliage of a .glb or .gltf file, without Blender: meshes and materials whose node, mesh or material name
-    contains one of ``names`` (default: leaf, leaves, foliage, needle, frond). Z up.
+    """Read the foliage of a .glb or .gltf file without Blender. Z is up.
 
-    Read are the first UV set, colours, normals, and of materials base colour, alpha, gloss and normal map. Textures
-    repeat, whatever the file's samplers say, and are not moved. What a file says beyond that (other UV sets, emission,
-    extensions) is left to Blender's importer and ``bake.py``."""
+    ``names``: words to look for in the names of nodes, meshes and materials (default: leaf, leaves, foliage, needle,
+    frond). Other meshes and materials are skipped.
+
+    Reads the first UV set, colors, normals, and the materials' base color, alpha, roughness and metallic, and normal
+    map. Textures always repeat, without texture transforms. For other contents (further UV sets, emission, extensions)
+    use Blender's importer and ``bake.py``."""
 
 def keep(distance: float, start: float, half: float = 0.5) -> float:
-    """λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at ``distance``; ``start`` d₀ > 0, ``half`` h in
-    (0, ½]."""
+    """Return λ(d) = min((d₀/d)^(ln ½ / ln h), 1), the fraction of leaves drawn at ``distance`` d.
+
+    ``start``: d₀ > 0. ``half``: h in (0, ½]."""
 
 def leaf_scale(rank: float, keep: float) -> float:
-    """The ramp r in [0, 1]: linear to 0 at rank = λ over the last min(0.05, 1 − λ) of the drawn leaves, 1 before."""
+    """Return the scale r in [0, 1] of a leaf at λ = ``keep``: 1, then linear to 0 at rank = λ over the last
+    min(0.05, 1 − λ) of the ranks."""
 
 def area_scale(ranks: ArrayLike, areas: ArrayLike, keep: float) -> float:
-    """s = √(ΣA / Σ A·r²): the linear factor that keeps the covered area when the leaves with ``ranks`` and ``areas``
-    are pruned to λ."""
+    """Return s = √(ΣA / Σ A·r²): the linear growth that preserves the total area of leaves pruned to λ = ``keep``."""
 
 def transition(distance: float, start: float, end: float) -> float:
-    """a: 0 up to ``start``, 1 from ``end``, linear between."""
+    """Return a: 0 up to ``start``, 1 from ``end``, linear between."""
 
 def switch_distance(deviation: float, pixels: float, resolution: float, field_of_view: float) -> float:
-    """The distance from which ``deviation`` (caller's units) is seen smaller than ``pixels``; vertical resolution in
-    pixels and
-    field of view in radians of a perspective camera."""
+    """Return the distance beyond which ``deviation`` (caller's units) appears smaller than ``pixels``.
+
+    ``resolution``: vertical, in pixels. ``field_of_view``: vertical, in radians, of a perspective camera."""

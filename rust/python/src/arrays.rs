@@ -1,4 +1,4 @@
-//! Arrays of `numpy` to the core's vectors and back.
+//! Conversion between NumPy arrays and the core's vectors.
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;
@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::errors::{Failure, read, refuse};
 
-/// A (rows, 3) array of floats.
+/// Reads a (rows, 3) array of floats.
 pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
     let array = value
         .extract::<PyArrayLike2<f64, AllowTypeChange>>()
@@ -22,7 +22,7 @@ pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
     Ok(view.outer_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
 }
 
-/// A (rows, 3) array of indices.
+/// Reads a (rows, 3) array of indices.
 pub fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     let array = integers(value, "triangles")?;
     let view = array.as_array();
@@ -39,7 +39,7 @@ pub fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     Ok(flat.as_chunks::<3>().0.to_vec())
 }
 
-/// A (rows,) array of integers.
+/// Reads a (rows,) array of integers.
 pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
     let array = integers(value, name)?;
     let view = array.as_array();
@@ -49,7 +49,7 @@ pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
     Ok(view.iter().copied().collect())
 }
 
-/// Rows of True or False.
+/// Reads a (rows,) array of bool.
 pub fn truths(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<bool>> {
     let array: PyReadonlyArray1<'_, bool> =
         value.extract().map_err(|_| refuse(format!("{name} must be a one-dimensional array of bool")))?;
@@ -58,7 +58,7 @@ pub fn truths(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<bool>> {
 
 fn integers<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyArrayLikeDyn<'py, i64, AllowTypeChange>> {
     let wrong = || refuse(format!("{name} must be an array of integers"));
-    // NumPy would cut floats down to integers without a word.
+    // NumPy would truncate floats to integers without an error.
     let array = value.py().import("numpy")?.call_method1("asarray", (value,)).map_err(|_| wrong())?;
     let array = array.cast::<PyUntypedArray>().map_err(|_| wrong())?;
     if !array.is_empty() && !matches!(array.dtype().kind(), b'i' | b'u') {
@@ -67,7 +67,7 @@ fn integers<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyArrayLikeD
     array.extract().map_err(|_| wrong())
 }
 
-/// Floats per vertex (v, N) or per corner (t, 3, N), as rows of N per corner.
+/// Reads floats per vertex (v, N) or per corner (t, 3, N). Returns them per corner.
 pub fn corner_values<const N: usize>(
     value: &Bound<'_, PyAny>,
     name: &str,
@@ -97,7 +97,7 @@ pub fn corner_values<const N: usize>(
     }
 }
 
-/// An (h, w, 4) array of bytes.
+/// Reads an image from an (h, w, 4) array of bytes.
 pub fn image(value: &Bound<'_, PyAny>) -> PyResult<Image> {
     let array =
         value.cast::<PyArray3<u8>>().map_err(|_| refuse("an image must be a uint8 array of shape (h, w, 4)"))?;
@@ -111,25 +111,25 @@ pub fn image(value: &Bound<'_, PyAny>) -> PyResult<Image> {
     Image::new(width, height, flat.as_chunks::<4>().0.to_vec()).map_err(|e| refuse(e.to_string()))
 }
 
-/// An image as an (h, w, 4) array.
+/// Returns an image as an (h, w, 4) array.
 pub fn image_array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let flat: Bound<'py, PyArray1<u8>> = image.pixels().as_flattened().to_vec().into_pyarray(py);
     flat.reshape([image.height(), image.width(), 4])
 }
 
-/// The same of a channel that a page may lack.
+/// Returns an image as an (h, w, 4) array, or None if the page lacks this channel.
 pub fn image_or_none<'py>(py: Python<'py>, image: Option<&Image>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
     image.map(|image| image_array(py, image)).transpose()
 }
 
-/// Rows of three floats.
+/// Returns points as a (rows, 3) array.
 pub fn vector_rows(py: Python<'_>, points: impl Iterator<Item = DVec3>) -> PyResult<Bound<'_, numpy::PyArray2<f64>>> {
     let flat: Vec<f64> = points.flat_map(|p| p.to_array()).collect();
     let rows = flat.len() / 3;
     flat.into_pyarray(py).reshape([rows, 3])
 }
 
-/// Rows of `M` points each.
+/// Returns groups of `M` points as a (rows, M, 3) array.
 pub fn point_groups<const M: usize>(
     py: Python<'_>,
     groups: impl Iterator<Item = [DVec3; M]>,
@@ -139,13 +139,13 @@ pub fn point_groups<const M: usize>(
     flat.into_pyarray(py).reshape([rows, M, 3])
 }
 
-/// Sub-samples along each side of a texel or pixel.
+/// Reads the number of samples along each side of a texel or pixel.
 pub fn samples(value: &Bound<'_, PyAny>) -> PyResult<Samples> {
     let count = read(value, "samples", "a whole number between 1 and 16")?;
     Ok(Samples::new(count).map_err(Failure::from)?)
 }
 
-/// Three floats.
+/// Reads a vector of three floats.
 pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let values: Vec<f64> = read(value, name, "three floats")?;
     match values[..] {
@@ -161,17 +161,17 @@ fn expect_columns(view: &ArrayView2<'_, f64>, columns: usize, name: &str) -> PyR
     Err(refuse(format!("{name} has the shape {:?}; it must be (rows, {columns})", view.shape())))
 }
 
-/// Arrays of N floats as vectors.
+/// Converts arrays of two floats to vectors.
 pub fn to_vec2(corners: Vec<[[f32; 2]; 3]>) -> Vec<[Vec2; 3]> {
     corners.into_iter().map(|c| c.map(Vec2::from_array)).collect()
 }
 
-/// Arrays of three floats as vectors.
+/// Converts arrays of three floats to vectors.
 pub fn to_vec3(corners: Vec<[[f32; 3]; 3]>) -> Vec<[Vec3; 3]> {
     corners.into_iter().map(|c| c.map(Vec3::from_array)).collect()
 }
 
-/// Arrays of four floats as vectors.
+/// Converts arrays of four floats to vectors.
 pub fn to_vec4(corners: Vec<[[f32; 4]; 3]>) -> Vec<[Vec4; 3]> {
     corners.into_iter().map(|c| c.map(Vec4::from_array)).collect()
 }

@@ -1,4 +1,4 @@
-//! The order of blended triangles.
+//! `BlendOrder`: the drawing order of alpha-blended triangles.
 
 use std::ops::Range;
 

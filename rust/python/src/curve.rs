@@ -1,4 +1,4 @@
-//! `Curve`: what accuracy costs in time.
+//! `Curve`: the cost curve, accuracy over time.
 
 use std::sync::Arc;
 
@@ -98,7 +98,7 @@ impl PyCurve {
     }
 }
 
-/// The settings that a sweep varies, by name.
+/// Returns the settings that a sweep varies, by name.
 fn settings<'py>(py: Python<'py>, choice: &Choice) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("method", choice.method.name())?;
@@ -144,7 +144,7 @@ fn prediction<'py>(py: Python<'py>, predicted: &Prediction) -> PyResult<Bound<'p
     Ok(dict)
 }
 
-/// Settings, and what is predicted of them.
+/// Returns an offer: settings and their prediction.
 pub fn offer_dict<'py>(py: Python<'py>, offer: &Offer) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("settings", settings(py, &offer.choice)?)?;

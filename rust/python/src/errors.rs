@@ -1,4 +1,4 @@
-//! The core's errors as Python's.
+//! Conversion of the core's errors to Python exceptions.
 
 use leafcloud::Error;
 use pyo3::create_exception;
@@ -13,7 +13,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CancelledError", module.py().get_type::<CancelledError>())
 }
 
-/// A failure that can be kept and told more than once.
+/// A failure that can be stored and raised more than once.
 #[derive(Clone, Debug)]
 pub enum Failure {
     Cancelled,
@@ -38,12 +38,15 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// A [`LeafcloudError`] with this message.
+/// Returns a [`LeafcloudError`] with this message.
 pub fn refuse(message: impl Into<String>) -> PyErr {
     LeafcloudError::new_err(message.into())
 }
 
-/// The value as a `T`, or a refusal that says what is wanted.
+/// Reads the value as a `T`.
+///
+/// # Errors
+/// The value is not a `T`; the message shows the value and describes the `wanted` one.
 pub fn read<'py, T>(value: &Bound<'py, PyAny>, name: &str, wanted: &str) -> PyResult<T>
 where
     T: for<'a> FromPyObject<'a, 'py>,
@@ -51,10 +54,9 @@ where
     value.extract().map_err(|_| refuse(format!("{name} is {}; it must be {wanted}", shown(value))))
 }
 
-/// The value as Python writes it, cut where that is long.
+/// Returns the value's Python representation, cut after 60 characters.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
-    let written =
-        value.repr().map_or_else(|_| "not to be shown".to_owned(), |repr| repr.to_string_lossy().into_owned());
+    let written = value.repr().map_or_else(|_| "unprintable".to_owned(), |repr| repr.to_string_lossy().into_owned());
     match written.char_indices().nth(60) {
         Some((end, _)) => format!("{}…", &written[..end]),
         None => written,

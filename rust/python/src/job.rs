@@ -1,4 +1,4 @@
-//! Fits and chains: blocking with the GIL released, or as a job on a thread of its own.
+//! Fits, chains and cost curves: blocking with the GIL released, or as a `Job` on a separate thread.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
@@ -18,7 +18,7 @@ use crate::levels::{CloudInFrame, PyChain, PyCloud};
 use crate::options::Options;
 use crate::work::{self, PATIENCE, guard};
 
-/// What work gives.
+/// The result of work.
 #[derive(Clone)]
 enum Output {
     Cloud(CloudInFrame),
@@ -36,7 +36,7 @@ impl Output {
     }
 }
 
-/// What is to be done, with everything that it needs.
+/// Work with all its input.
 enum Work {
     Fit(Arc<Foliage>, leafcloud::fit::FitSettings),
     Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Option<Wish>),
@@ -73,7 +73,7 @@ impl Work {
         Ok(Self::Curve(Arc::clone(&foliage.0), wood_of(wood)?, settings, sweep))
     }
 
-    /// `better` is told complete results on the way, each better than the one before.
+    /// Runs the work. Calls `better` with complete intermediate results, each better than the one before.
     fn run(&self, progress: Progress, better: Option<&(dyn Fn(Output) + Sync)>) -> leafcloud::Result<Output> {
         match self {
             Self::Fit(foliage, settings) => {
@@ -107,7 +107,7 @@ impl Work {
         }
     }
 
-    /// Runs on a thread of its own while this one, which alone hears Ctrl-C, calls `progress` and waits for its answers.
+    /// Runs the work on a separate thread. This thread, the only one that receives Ctrl-C, calls `progress` meanwhile.
     fn run_here(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
         if let Some(progress) = progress.as_ref().map(|p| p.bind(py)).filter(|p| !p.is_callable()) {
             return Err(refuse(format!(
@@ -236,14 +236,14 @@ pub fn start_cost_curve(
     PyJob::start(Work::curve(foliage, wood, options)?)
 }
 
-/// What the worker and its watchers share.
+/// State shared by the worker and the threads that watch it.
 #[derive(Default)]
 struct Shared {
     stage: Mutex<String>,
-    /// The bits of an f64 in [0, 1]; such numbers order like their bits, so that a maximum never falls.
+    /// The bits of an f64 in [0, 1]. Such numbers order like their bits, so the atomic maximum never decreases.
     fraction: AtomicU64,
     cancelled: AtomicBool,
-    /// A complete result before the end.
+    /// The best complete result so far.
     best: Mutex<Option<Output>>,
     result: Mutex<Option<Result<Output, Failure>>>,
     ended: Condvar,
@@ -261,7 +261,7 @@ impl Shared {
 pub struct PyJob(Arc<Shared>);
 
 impl Drop for PyJob {
-    /// Nobody is left to take the result.
+    /// Cancels the work: without the job nothing can take the result.
     fn drop(&mut self) {
         self.cancel();
     }
@@ -337,7 +337,7 @@ impl PyJob {
     }
 }
 
-/// A lock that a panic elsewhere does not spoil: what it guards is replaced whole.
+/// Locks a mutex, also after a panic of another thread. The guarded values are always replaced whole, so they stay valid.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

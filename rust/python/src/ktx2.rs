@@ -1,13 +1,14 @@
-//! A level's textures as KTX2.
+//! A level's textures as KTX2 files.
 
 use leafcloud::lod::Level;
 use leafcloud::{Error, Progress};
 use leafcloud_ktx2::{Codes, CutOut, encode};
 
-/// The file of a channel, with its mip levels.
+/// Returns the KTX2 file of a channel with its mips.
 ///
 /// # Errors
-/// The level has no such channel, or it has no mips; a page that glTF does not take; a failure of the encoder; [`Error::Cancelled`].
+/// The level lacks this channel, or the channel has no mips; glTF does not allow the page's size; the encoder fails;
+/// [`Error::Cancelled`].
 pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u8>, Error> {
     let levels = level.mips(channel).ok_or_else(|| {
         let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));

@@ -1,4 +1,4 @@
-//! `Cloud`, `Level` and `Chain`: what comes out, in the caller's coordinates.
+//! `Cloud`, `Level` and `Chain`: results in the caller's coordinates.
 
 use std::sync::Arc;
 
@@ -17,14 +17,14 @@ use crate::foliage::PyFoliage;
 use crate::ktx2;
 use crate::work::{guard, interruptible};
 
-/// A cloud with what is needed to speak of it to the caller.
+/// A cloud with its frame, for values in the caller's coordinates.
 #[derive(Clone)]
 pub struct CloudInFrame {
     pub cloud: Arc<Cloud>,
     pub frame: Frame,
-    /// R, of which ε and deviations are shares.
+    /// R: ε and deviations are fractions of it.
     pub radius: f64,
-    /// Area-weighted, caller's units.
+    /// Area-weighted mean deviation, caller's units.
     pub mean_deviation: f64,
 }
 
@@ -69,7 +69,7 @@ impl PyCloud {
     }
 }
 
-/// Numbers of triangles, and how much they have grown.
+/// Indices of kept triangles and their growth factors.
 type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
 
 #[pyclass(name = "Chain", module = "leafcloud", frozen)]
@@ -77,7 +77,7 @@ pub struct PyChain {
     pub chain: Arc<Chain>,
     /// R of the leaves.
     pub radius: f64,
-    /// What was chosen to keep a wish.
+    /// The settings chosen for a wish.
     pub offer: Option<Offer>,
 }
 
@@ -137,7 +137,7 @@ impl PyChain {
     }
 }
 
-/// The same chains with their levels of one number on one page; chains may have different numbers of levels.
+/// Puts the levels of several chains with the same number on one page. Chains may have different numbers of levels.
 #[pyfunction]
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
     let whose: Vec<_> = chains.iter().map(|chain| (chain.get().radius, chain.get().offer)).collect();

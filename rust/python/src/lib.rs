@@ -1,6 +1,7 @@
-//! The wheel `leafcloud`: arrays in, arrays out, nothing decided here. The Python stubs beside it are its documentation.
+//! The Python module `leafcloud`: converts arrays and settings for the core and makes no decisions. Its stub file
+//! `leafcloud/__init__.pyi` documents it.
 
-// PyO3 hands arguments over by value.
+// PyO3 passes arguments by value.
 #![allow(clippy::needless_pass_by_value)]
 
 mod arrays;

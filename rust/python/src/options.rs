@@ -1,4 +1,4 @@
-//! Keyword options to the core's settings, each read once; what is left over is unknown and refused.
+//! Conversion of keyword options to the core's settings. Each option is removed when read; the remaining ones are unknown and refused.
 
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
@@ -14,7 +14,7 @@ use crate::errors::{Failure, read, refuse};
 
 const COUNT: &str = "a whole number between 0 and 2^64 - 1";
 
-/// Options that are taken out one by one.
+/// Keyword options. Reading an option removes it.
 pub struct Options<'py>(Option<Bound<'py, PyDict>>);
 
 impl<'py> Options<'py> {
@@ -139,7 +139,7 @@ impl<'py> Options<'py> {
             texture_size: self.texture_size(default.texture_size)?,
             samples: self.take("samples", arrays::samples, default.samples)?,
             channels: Channels {
-                normal: self.some("normals", "the share that normals are bent by, in [0, 1], or None")?,
+                normal: self.some("normals", "the fraction in [0, 1] by which normals bend, or None")?,
                 gloss: self.flag("gloss", default.channels.gloss)?,
                 translucency: self.flag("translucency", default.channels.translucency)?,
                 occlusion: self.flag("occlusion", default.channels.occlusion)?,
@@ -160,12 +160,12 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Which sweep of a cost curve.
+    /// Reads the sweep of a cost curve.
     pub fn sweep(&self) -> PyResult<Sweep> {
         Ok(if self.flag("quick", false)? { Sweep::Quick } else { Sweep::Full })
     }
 
-    /// What a chain is to keep, one wish at most.
+    /// Reads the wish for a chain: at most one of seconds, image error and preset.
     pub fn wish(&self) -> PyResult<Option<Wish>> {
         let seconds: Option<f64> = self.some("seconds", "a number or None")?;
         let error: Option<f64> = self.some("image_error", "a number or None")?;
@@ -175,11 +175,11 @@ impl<'py> Options<'py> {
         let mut given = wishes.into_iter().flatten();
         match (given.next(), given.next()) {
             (wish, None) => Ok(wish),
-            _ => Err(refuse("seconds, image_error and preset are one wish each; give one of them")),
+            _ => Err(refuse("seconds, image_error and preset exclude each other; give one of them")),
         }
     }
 
-    /// Refuses what nobody took.
+    /// Refuses the remaining options as unknown.
     pub fn finish(self) -> PyResult<()> {
         let left: Vec<String> = self.0.iter().flat_map(PyDictMethods::keys).map(|key| key.to_string()).collect();
         if left.is_empty() { Ok(()) } else { Err(refuse(format!("unknown option {}", left.join(", ")))) }

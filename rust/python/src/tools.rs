@@ -1,4 +1,4 @@
-//! Pictures, files and the laws, as functions.
+//! Functions for renders, files and the laws of pruning and transition.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -118,8 +118,8 @@ pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_vi
         return Ok(distance);
     }
     Err(refuse(format!(
-        "a deviation of {deviation:?} over {pixels:?} pixels of {resolution:?} in {field_of_view:?} radians takes over beyond any distance; \
-         take a lower resolution or a wider field of view"
+        "a deviation of {deviation:?} over {pixels:?} pixels of {resolution:?} in {field_of_view:?} radians has no finite switch distance; \
+         use a lower resolution or a wider field of view"
     )))
 }
 

@@ -1,4 +1,4 @@
-//! Trunks and branches with fewer triangles.
+//! `simplify`: trunks and branches with fewer triangles.
 
 use leafcloud::groups::number_by_appearance;
 use leafcloud::{Attributes, Foliage, Material};

@@ -1,4 +1,4 @@
-//! Work of the core away from Python: the GIL is released, Ctrl-C is answered, a fork is survived, and no panic passes.
+//! Execution of the core's work for Python: it releases the GIL, answers Ctrl-C, survives a fork and catches panics.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::errors::{Failure, refuse};
 
-/// The longest wait before a look for Ctrl-C.
+/// The longest wait between checks for Ctrl-C.
 pub const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Runs `work` and returns its result. A panic becomes an error, so that a panic never ends the host process.
@@ -26,10 +26,10 @@ pub fn guard<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> Res
     }
 }
 
-/// Runs `work` on a thread of its own while this thread waits and answers Ctrl-C.
+/// Runs `work` on a separate thread while this thread waits and answers Ctrl-C.
 ///
-/// After Ctrl-C the call raises at once. `work` stops where it tells its [`Progress`]; work without such a place ends unseen in
-/// the background.
+/// After Ctrl-C the call raises at once. `work` stops at its next report to [`Progress`]; work without reports ends in the
+/// background.
 ///
 /// # Errors
 /// The error of `work`, `KeyboardInterrupt`, or no thread for `work`.
@@ -60,13 +60,13 @@ pub fn interruptible<T: Send + 'static>(
 /// Starts a thread named after the library.
 ///
 /// # Errors
-/// The system has no thread left.
+/// The system cannot start another thread.
 pub fn start(body: impl FnOnce() + Send + 'static) -> PyResult<()> {
     let started = thread::Builder::new().name("leafcloud".to_owned()).spawn(body);
     started.map(drop).map_err(|error| refuse(format!("no thread could be started: {error}")))
 }
 
-/// Remembers this process as the owner of rayon's threads. Called once, at the import.
+/// Stores this process as the owner of rayon's threads. Called once, at the import.
 pub fn own_threads() {
     OWNER.get_or_init(std::process::id);
 }
@@ -74,8 +74,8 @@ pub fn own_threads() {
 /// The process that imported the module.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Runs `work` with rayon's threads. A fork copies none of them to the child, where every call would wait for ever: there each call
-/// starts threads of its own.
+/// Runs `work` with rayon's threads. A fork copies none of them to the child, where every call would wait forever. So each call in a
+/// child process starts its own threads.
 fn with_threads<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> leafcloud::Result<T> {
     if OWNER.get() == Some(&std::process::id()) {
         return work();
