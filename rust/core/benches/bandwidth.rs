@@ -1,9 +1,9 @@
-//! What the machine's memory can do, for the benches that compare with it.
+//! Measurement of memory bandwidth, as a reference for the benches.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Bytes a second that a copy of 128 MiB reads and writes on one core; the best of three.
+/// Returns the bytes per second that a copy of 128 MiB reads and writes on one core, the best of three.
 pub fn bandwidth() -> f64 {
     const WORDS: usize = 1 << 24;
     let source = vec![1u64; WORDS];

@@ -1,14 +1,14 @@
-//! In which order blended triangles are drawn, from wherever they are looked at: a binary space partition.
+//! Draw order of blended triangles for any viewpoint: a binary space partition.
 //!
-//! What is blended has to be drawn from back to front, and billboards cross one another, so no order of whole ones is right. Each node
-//! of the tree has the plane of one triangle; what crosses it is cut in two, and what lies in it stays there. Then from any eye the far side of
-//! a node is drawn before its own triangles, and these before the near side (Fuchs, Kedem and Naylor, "On visible surface generation by a
-//! priori tree structures", SIGGRAPH 1980). The order is exact for the places that the triangles have here; where billboards move, as
-//! they do while they morph to another level, it is that of where they came from.
+//! Blended triangles have to be drawn from back to front. Billboards intersect each other, so no order of whole billboards is right. Each
+//! node of the tree has the plane of one triangle. Pieces that cross the plane are cut in two; pieces within the plane stay at the node.
+//! From any eye, the far side of a node is drawn before the node's own triangles, and these before the near side (Fuchs, Kedem and Naylor,
+//! "On visible surface generation by a priori tree structures", SIGGRAPH 1980). The order is exact for the given positions. Billboards that
+//! morph to another level keep the order of their original positions.
 //!
-//! The plane of a node is the best of some that are evenly spread among its triangles: few cuts, and both sides alike. Building takes
-//! O(p log p) for p pieces where cuts are few; there may be O(n²) of them for n triangles, so behind a number of pieces that is given nothing is cut
-//! any more, but goes where its middle lies, and is drawn in about the right order only.
+//! The plane of a node is the best of a few candidates, evenly spread among the node's triangles: few cuts, and both sides about equal.
+//! Building takes O(p log p) for p pieces if cuts are few. n triangles may need O(n²) cuts, so the caller limits the number of pieces.
+//! Beyond that limit, a piece that crosses a plane goes to the side of its middle uncut, and the order is only approximate.
 
 use std::collections::VecDeque;
 
@@ -17,73 +17,76 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// How many planes are tried for a node.
+/// Number of candidate planes for a node.
 const TRIED: usize = 12;
 
-/// What a cut weighs beside a triangle that one side has more than the other.
+/// Cost of one cut, in triangles of imbalance between the two sides.
 const CUT_WEIGHT: usize = 6;
 
-/// How near to a plane, as a share of the extent of all, a corner counts as lying in it: some roundings of single precision.
+/// Tolerance for a corner within a plane, as a share of the extent of all triangles: a few roundings of single precision.
 const THICKNESS: f64 = 2e-6;
 
-/// A corner of a piece: it lies in the triangle that it was cut from, at these barycentric coordinates.
+/// A corner of a piece, as barycentric coordinates in its source triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// The triangle, as it was given.
+    /// Index of the source triangle in the input.
     pub source: u32,
-    /// Of the triangle's three corners; not negative, and 1 together.
+    /// Weights of the triangle's three corners: at least 0, with a sum of 1.
     pub weights: [f64; 3],
 }
 
-/// A plane with what lies in it and on its two sides.
+/// A plane, the triangles within it, and the nodes on its two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// n · x = d, with n of length 1.
+    /// n of the plane n · x = d; unit length.
     pub normal: DVec3,
     /// d.
     pub offset: f64,
-    /// The node of what lies where n · x > d, and of what lies where n · x < d.
+    /// The nodes in front of the plane (n · x > d) and behind it (n · x < d).
     pub children: [Option<u32>; 2],
-    /// The triangles that lie in it.
+    /// Range of the triangles that lie in the plane.
     pub triangles: std::ops::Range<u32>,
 }
 
-/// Pieces of triangles, and the tree by which they are ordered; node 0 is its root.
+/// Pieces of triangles and the tree that orders them; node 0 is the root.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlendOrder {
-    /// The corners of the pieces; no two pieces share one.
+    /// The corners of the pieces; pieces share no corners.
     pub corners: Vec<Corner>,
-    /// Three corners each, wound as the triangles that they were cut from; in the order for an eye far away where it was asked for.
+    /// Three corners each, wound like the source triangles, in draw order for a far eye in the direction given to [`Self::new`].
     pub triangles: Vec<[u32; 3]>,
-    /// All planes.
+    /// The nodes of the tree.
     pub nodes: Vec<Node>,
 }
 
 impl BlendOrder {
-    /// The tree of `triangles`, which are in order in the list for an eye far away in the direction `toward`. Behind `most` pieces, nothing is cut
-    /// any more. Triangles without area show nothing and are left out.
+    /// Builds the tree of `triangles` and lists their pieces in draw order for a far eye in the direction `toward`. With `most` pieces or
+    /// more, nothing is cut any further. Triangles without area are left out.
     ///
     /// # Errors
-    /// A corner or the direction that is not finite; [`Error::Cancelled`].
+    /// A corner or the direction is not finite; [`Error::Cancelled`].
     pub fn new(triangles: &[[DVec3; 3]], toward: DVec3, most: usize, progress: Progress) -> Result<Self> {
         if let Some(at) = triangles.iter().position(|corners| !corners.iter().all(|p| p.is_finite())) {
             return Err(Error::invalid(format!("triangle {at} has a corner that is not finite")));
         }
         if !toward.is_finite() {
-            return Err(Error::invalid(format!("the eye is toward {:?}; it must be finite", toward.to_array())));
+            return Err(Error::invalid(format!(
+                "the direction toward the eye is {:?}; it must be finite",
+                toward.to_array()
+            )));
         }
         let thickness = THICKNESS * extent(triangles);
         let pieces: Vec<Piece> = (0u32..).zip(triangles).filter_map(|(i, t)| Piece::whole(i, t, thickness)).collect();
         Ok(Partition::new(pieces, thickness, most, progress)?.ordered(toward))
     }
 
-    /// The nodes from the farthest to the nearest, as an eye sees them that lies where `side` of a node's normal and offset is positive.
+    /// Returns the nodes from the farthest to the nearest. `side` returns whether the eye lies in front of a node's plane.
     pub fn walk(&self, side: impl Fn(&Node) -> bool) -> Vec<u32> {
         walk(&self.nodes, |node| side(node))
     }
 }
 
-/// The half of the diagonal of the box around all corners.
+/// Returns half of the diagonal of the bounding box.
 fn extent(triangles: &[[DVec3; 3]]) -> f64 {
     let corners = || triangles.iter().flatten().copied();
     let low = corners().fold(DVec3::INFINITY, DVec3::min);
@@ -92,7 +95,7 @@ fn extent(triangles: &[[DVec3; 3]]) -> f64 {
 }
 
 fn walk(nodes: &[Node], in_front: impl Fn(&Node) -> bool) -> Vec<u32> {
-    // A node is met twice: first its far side is put before it, then it is drawn.
+    // The stack holds a node twice: first to push its far side above it, then to draw it.
     let mut drawn = Vec::with_capacity(nodes.len());
     let mut stack: Vec<(u32, bool)> = if nodes.is_empty() { Vec::new() } else { vec![(0, false)] };
     while let Some((number, ready)) = stack.pop() {
@@ -110,7 +113,7 @@ fn walk(nodes: &[Node], in_front: impl Fn(&Node) -> bool) -> Vec<u32> {
     drawn
 }
 
-/// A convex polygon that was cut from a triangle.
+/// A convex polygon cut from a triangle.
 #[derive(Clone, Debug)]
 struct Piece {
     source: u32,
@@ -119,7 +122,7 @@ struct Piece {
     corners: Vec<(DVec3, [f64; 3])>,
 }
 
-/// Where a piece lies to a plane.
+/// Position of a piece relative to a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     Front,
@@ -129,7 +132,7 @@ enum Side {
 }
 
 impl Piece {
-    /// The triangle; `None` when it is nowhere thicker than `thickness`.
+    /// Makes a piece of the whole triangle; `None` if it is nowhere thicker than `thickness`.
     fn whole(source: u32, corners: &[DVec3; 3], thickness: f64) -> Option<Self> {
         let [a, b, c] = *corners;
         let across = (b - a).cross(c - a);
@@ -166,12 +169,12 @@ impl Piece {
         }
     }
 
-    /// On which side the middle of its corners lies.
+    /// Returns whether the mean of the corners lies in front of the plane or in it.
     fn middle_in_front(&self, normal: DVec3, offset: f64) -> bool {
         self.heights(normal, offset).iter().sum::<f64>() >= 0.0
     }
 
-    /// What lies in front of the plane and behind it.
+    /// Cuts the piece into the part in front of the plane and the part behind it.
     fn cut(&self, normal: DVec3, offset: f64, thickness: f64) -> [Self; 2] {
         let heights = self.heights(normal, offset);
         let mut sides = [Vec::new(), Vec::new()];
@@ -200,7 +203,7 @@ fn between(a: (DVec3, [f64; 3]), b: (DVec3, [f64; 3]), share: f64) -> (DVec3, [f
 
 struct Partition {
     nodes: Vec<Node>,
-    /// What lies in each.
+    /// The pieces that lie in the plane of each node.
     within: Vec<Vec<Piece>>,
 }
 
@@ -208,10 +211,10 @@ impl Partition {
     fn new(pieces: Vec<Piece>, thickness: f64, most: usize, progress: Progress) -> Result<Self> {
         let mut partition = Self { nodes: Vec::new(), within: Vec::new() };
         let mut count = pieces.len();
-        // What still has to be divided, and whose child it becomes. Planes through much of it come first: all get some of the cuts.
+        // Pieces still to divide, with their parent node and side. Breadth first: all regions get some of the cuts.
         let mut waiting = VecDeque::from([(pieces, None)]);
         while let Some((pieces, parent)) = waiting.pop_front() {
-            // How many cuts are to come is unknown.
+            // The number of cuts is unknown in advance.
             progress.tell("order", 0.0)?;
             let Some(best) = best_plane(&pieces, thickness) else { continue };
             let Piece { normal, offset, .. } = pieces[best];
@@ -219,7 +222,7 @@ impl Partition {
             let mut sides = [Vec::new(), Vec::new()];
             for (index, piece) in pieces.into_iter().enumerate() {
                 match piece.side(normal, offset, thickness) {
-                    // Its own plane holds it, however it is rounded.
+                    // The plane's own piece belongs to it in spite of rounding.
                     _ if index == best => partition.within[number].push(piece),
                     Side::Within => partition.within[number].push(piece),
                     Side::Front => sides[0].push(piece),
@@ -248,7 +251,7 @@ impl Partition {
         number
     }
 
-    /// The pieces as triangles, in the order for an eye far away in this direction.
+    /// Triangulates the pieces, in draw order for a far eye in the direction `toward`.
     fn ordered(self, toward: DVec3) -> BlendOrder {
         let Self { mut nodes, within } = self;
         let (mut corners, mut triangles) = (Vec::new(), Vec::new());
@@ -266,7 +269,7 @@ impl Partition {
     }
 }
 
-/// The piece whose plane cuts few others, and leaves about as many on one side as on the other. `None` when there are none.
+/// Returns the piece with the plane of lowest cost (cuts and imbalance); `None` without pieces.
 fn best_plane(pieces: &[Piece], thickness: f64) -> Option<usize> {
     let tried = (0..pieces.len()).step_by(pieces.len().div_ceil(TRIED).max(1));
     let cost = |plane: &Piece| {

@@ -1,24 +1,24 @@
-//! What a fit decides: planes, the parent of every triangle, and how far each really moves.
+//! Result of a fit: planes, the parent plane of each triangle, and the deviation of each triangle.
 
 use crate::foliage::Foliage;
 use crate::geometry::Plane;
 use crate::sums::Total;
 
-/// A set of planes that stands for a foliage mesh.
+/// A set of planes that replaces a foliage mesh.
 #[derive(Clone, Debug)]
 pub struct Cloud {
-    /// In the foliage's local frame.
+    /// The planes, in the foliage's local frame.
     pub planes: Vec<Plane>,
-    /// The plane of each triangle.
+    /// Index of the plane of each triangle.
     pub parents: Vec<u32>,
-    /// The greatest distance of each triangle's vertices to its plane, caller's units, in f64.
+    /// The greatest distance of each triangle's corners from its plane, in the caller's units, measured in f64.
     pub deviations: Vec<f64>,
-    /// The bound that holds for all of `deviations`, caller's units.
+    /// Upper bound of `deviations`, in the caller's units.
     pub bound: f64,
 }
 
 impl Cloud {
-    /// Measures the deviations of an assignment.
+    /// Makes a cloud and measures its deviations.
     #[must_use]
     pub fn new(foliage: &Foliage, planes: Vec<Plane>, parents: Vec<u32>, bound: f64) -> Self {
         let radius = foliage.frame().radius;
@@ -30,13 +30,13 @@ impl Cloud {
         Self { planes, parents, deviations, bound }
     }
 
-    /// The greatest deviation, caller's units.
+    /// Returns the greatest deviation, in the caller's units.
     #[must_use]
     pub fn max_deviation(&self) -> f64 {
         self.deviations.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The area-weighted mean of the deviations, caller's units.
+    /// Returns the area-weighted mean deviation, in the caller's units.
     #[must_use]
     pub fn mean_deviation(&self, foliage: &Foliage) -> f64 {
         let (mut moved, mut whole) = (Total::default(), Total::default());

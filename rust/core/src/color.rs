@@ -1,4 +1,4 @@
-//! sRGB and linear light (IEC 61966-2-1), by tables made once with `libm`, so that they are the same on every machine.
+//! sRGB and linear light (IEC 61966-2-1), by tables built with `libm`: the same on every machine.
 
 use std::sync::LazyLock;
 
@@ -21,18 +21,18 @@ fn encode_exactly(x: f64) -> f64 {
     if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * libm::pow(x, 1.0 / 2.4) - 0.055 }
 }
 
-/// The table from an sRGB code to linear light in [0, 1].
+/// Returns the table from sRGB codes to linear light in [0, 1].
 pub fn decode_table() -> &'static [f32; 256] {
     &DECODED
 }
 
-/// Linear light to the nearest sRGB code, exact to half a code and a quarter; clamped to [0, 1], NaN gives 0.
+/// Converts linear light to the nearest sRGB code, within ¾ of a code. Clamps to [0, 1]; NaN gives 0.
 pub fn encode(linear: f32) -> u8 {
     let index = linear.clamp(0.0, 1.0) * (ENCODE - 1) as f32 + 0.5;
     ENCODED[index as usize]
 }
 
-/// A share in [0, 1] to a code.
+/// Converts a share in [0, 1] to an 8-bit code.
 pub fn quantise(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }

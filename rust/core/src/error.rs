@@ -1,23 +1,23 @@
-//! Everything that the crate refuses. A message names the thing, its value, its limit and the remedy, in one line.
-//! A remedy names settings as Python's arguments, in backticks: interfaces put their own names there.
+//! Errors of the crate. A message names the thing, its value, its limit and the remedy, in one line.
+//! A remedy names settings as Python's arguments, in backticks; each interface replaces them by its own names.
 
 use thiserror::Error;
 
-/// What went wrong.
+/// An error of the crate.
 #[derive(Debug, Error)]
 pub enum Error {
-    /// An input array or setting is outside what is allowed.
+    /// An input array or setting is outside its allowed range.
     #[error("{0}")]
     Invalid(String),
-    /// The caller asked to stop.
+    /// The caller requested cancellation.
     #[error("cancelled")]
     Cancelled,
     /// A file could not be read or written.
     #[error("{path}: {reason}")]
     File {
-        /// The file, as the caller named it.
+        /// The path, as the caller gave it.
         path: String,
-        /// What the system or the format says.
+        /// The reason, from the operating system or the reader of the format.
         reason: String,
     },
 }
@@ -26,13 +26,13 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// An [`Error::Invalid`] with this message.
+    /// Makes an [`Error::Invalid`] with a message.
     pub fn invalid(message: impl Into<String>) -> Self {
         Self::Invalid(message.into())
     }
 }
 
-/// A number as people write it: digits while there are few of them, a power of ten otherwise.
+/// Formats a number: plain digits for common magnitudes, scientific notation for the rest.
 #[must_use]
 pub fn number(value: f64) -> String {
     if value == 0.0 || (1e-9..1e15).contains(&value.abs()) || !value.is_finite() {

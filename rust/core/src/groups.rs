@@ -1,6 +1,6 @@
-//! Rows of different lengths in one array, and items sorted into such rows by a key.
+//! Rows of different lengths in one array, and items grouped by key into such rows.
 
-/// Rows of any lengths: one array of values and one of where each row begins.
+/// Rows of any length: one array of values, and one with the start of each row.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
     starts: Vec<u32>,
@@ -17,35 +17,35 @@ impl<T> Default for Rows<T> {
 }
 
 impl<T> Rows<T> {
-    /// How many rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Whether there is no row.
+    /// Returns whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The values of one row.
+    /// Returns the values of one row.
     #[must_use]
     #[inline]
     pub fn get(&self, row: usize) -> &[T] {
         &self.values[self.starts[row] as usize..self.starts[row + 1] as usize]
     }
 
-    /// All rows in order.
+    /// Returns an iterator over all rows in order.
     #[must_use]
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> + '_ {
         (0..self.len()).map(|row| self.get(row))
     }
 
-    /// One more row at the end.
+    /// Appends a row.
     ///
     /// # Panics
-    /// When there are 2³² values: callers count in u32.
+    /// With 2³² values or more: offsets are u32.
     pub fn push(&mut self, row: impl IntoIterator<Item = T>) {
         self.values.extend(row);
         self.starts.push(u32::try_from(self.values.len()).expect("fewer than 2³² values"));
@@ -53,7 +53,7 @@ impl<T> Rows<T> {
 }
 
 impl<T: Copy> Rows<T> {
-    /// The rows with these numbers, in their order.
+    /// Returns the rows with the given numbers, in the given order.
     #[must_use]
     pub fn select(&self, rows: impl ExactSizeIterator<Item = usize> + Clone) -> Self {
         let mut starts = Vec::with_capacity(rows.len() + 1);
@@ -68,7 +68,7 @@ impl<T: Copy> Rows<T> {
 }
 
 impl Groups {
-    /// Counting sort of `keys`, each below `count`; O(n + k).
+    /// Groups items by `keys`, each below `count`, with a counting sort; O(n + k).
     #[must_use]
     pub fn by_key(keys: &[u32], count: usize) -> Self {
         let mut starts = vec![0; count + 1];
@@ -88,7 +88,7 @@ impl Groups {
     }
 }
 
-/// Gives keys of any values the numbers 0 … in the order in which they first appear; returns them and how many there are.
+/// Numbers keys from 0 in the order of their first appearance; returns the numbers and the count of distinct keys.
 pub fn number_by_appearance<K: std::hash::Hash + Eq>(keys: impl Iterator<Item = K>) -> (Vec<u32>, usize) {
     let mut numbers = std::collections::HashMap::new();
     let numbered = keys

@@ -1,6 +1,6 @@
 //! Leafcloud: levels of detail for foliage that do not pop.
 //!
-//! The crate is a pipeline of values; each stage knows only the stages before it:
+//! The crate is a pipeline of values; each stage depends only on the stages before it:
 //!
 //! ```text
 //! Foliage ──fit──▶ Cloud ──project──▶ Projection ──pack──▶ Sheet ──bake──▶ Textures
@@ -8,8 +8,8 @@
 //!    └──────────────── lod: the billboards as foliage again, coarser ◀────────┘
 //! ```
 //!
-//! Everything is deterministic: the same input, settings and seed give the same bytes on any number of
-//! threads and on any machine. Randomness is counter-based (one stream per candidate), reductions have a fixed
+//! Results are deterministic: the same input, settings and seed give the same bytes with any number of
+//! threads and on any machine. Random numbers are counter-based (one stream per candidate), reductions have a fixed
 //! order, and transcendental functions come from `libm`, not from the platform.
 
 pub mod blend_order;
@@ -36,10 +36,10 @@ pub use error::{Error, Result};
 pub use foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 pub use progress::Progress;
 
-/// What unit tests share with the others.
+/// Helpers that unit tests share with the integration tests.
 #[cfg(test)]
 #[path = "../tests/common"]
-#[allow(dead_code)] // none of them uses everything
+#[allow(dead_code)] // no test binary uses all of it
 mod common {
     pub mod exact;
     pub mod random;

@@ -1,4 +1,4 @@
-//! The outline of what each plane of a cloud shows.
+//! Billboard outlines: one around the visible triangles of each plane.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -7,14 +7,15 @@ use crate::foliage::{Opacity, place};
 use crate::geometry::{Outline, Plane, convex_outline};
 use crate::groups::Groups;
 
-/// What outlines look like.
+/// Settings of the outlines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutlineSettings {
-    /// Corners of each, at least 3; 4 gives rectangles.
+    /// Corners per outline, at least 3; 4 gives rectangles.
     pub corners: usize,
 }
 
-/// The outline of each plane: around what can be seen of its triangles, which lie at `targets`. Where nothing can be seen, around all.
+/// Returns the outline of each plane around the opaque parts of its triangles; `targets` returns a triangle's corners. A plane without
+/// opaque parts gets the outline of all its triangles.
 #[must_use]
 pub fn outlines(
     planes: &[Plane],
@@ -39,7 +40,7 @@ pub fn outlines(
     planes.par_iter().enumerate().map(outline).collect()
 }
 
-/// Coordinates along the plane's axes.
+/// Returns points as 2D coordinates along the plane's axes.
 pub fn in_plane(plane: &Plane, points: impl Iterator<Item = DVec3>) -> Vec<DVec2> {
     let (x, y) = plane.axes();
     points.map(|p| DVec2::new(x.dot(p), y.dot(p))).collect()

@@ -1,11 +1,11 @@
-//! Progress that flows out of long work, and the wish to stop that flows in.
+//! Progress reports and cancellation of long work.
 
 use crate::error::{Error, Result};
 
-/// Called with the stage's name and the share done, in [0, 1]; answers whether to go on.
+/// Callback with the stage's name and the share done, in [0, 1]; returns whether to continue.
 pub type Report<'a> = dyn Fn(&str, f64) -> bool + Sync + 'a;
 
-/// A part of the whole work, from `start` to `end` of the way.
+/// A part of the whole work, from `start` to `end` in [0, 1].
 #[derive(Clone, Copy)]
 pub struct Progress<'a> {
     report: Option<&'a Report<'a>>,
@@ -14,28 +14,28 @@ pub struct Progress<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// Nobody listens.
+    /// Makes a progress without a listener.
     #[must_use]
     pub const fn silent() -> Self {
         Self { report: None, start: 0.0, end: 1.0 }
     }
 
-    /// The whole work, told to `report`.
+    /// Makes a progress of the whole work that reports to `report`.
     pub fn new(report: &'a Report<'a>) -> Self {
         Self { report: Some(report), start: 0.0, end: 1.0 }
     }
 
-    /// The part of this part from `start` to `end`, both in [0, 1].
+    /// Returns the part from `start` to `end` of this part, both in [0, 1].
     #[must_use]
     pub fn part(self, start: f64, end: f64) -> Self {
         let length = self.end - self.start;
         Self { report: self.report, start: self.start + start * length, end: self.start + end * length }
     }
 
-    /// Tells that `share` of this part is done.
+    /// Reports that `share` of this part is done.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] when the listener wants the work to stop.
+    /// [`Error::Cancelled`] if the listener requests a stop.
     pub fn tell(self, stage: &str, share: f64) -> Result<()> {
         let fraction = self.start + share.clamp(0.0, 1.0) * (self.end - self.start);
         match self.report {

@@ -1,9 +1,9 @@
-//! Sums of very many numbers (Neumaier 1974): what each addition rounds away is kept beside the sum and added in the end.
+//! Compensated sums (Neumaier 1974): the rounding error of each addition is summed separately and added at the end.
 //!
-//! Error bound: |found − exact| ≤ u |exact| + 4 n² u² Σ|x|, u = 2⁻⁵³: for numbers of one sign the exact sum, rounded, up to n = 10⁷ (the second
-//! term is 10⁻¹⁷ of it). Plain addition loses up to n·u: seven digits of sixteen.
+//! Error bound: |found − exact| ≤ u |exact| + 4 n² u² Σ|x|, u = 2⁻⁵³. For numbers of one sign and n up to 10⁷, the second term is 10⁻¹⁷ of
+//! the sum, so the result is the exact sum, rounded. Plain addition loses up to n·u: seven digits of sixteen.
 
-/// A sum in the making.
+/// A running sum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Total {
     sum: f64,
@@ -11,14 +11,14 @@ pub struct Total {
 }
 
 impl Total {
-    /// One more number.
+    /// Adds a number.
     pub fn add(&mut self, x: f64) {
         let sum = self.sum + x;
         self.rounded_away += if self.sum.abs() >= x.abs() { (self.sum - sum) + x } else { (x - sum) + self.sum };
         self.sum = sum;
     }
 
-    /// The sum so far.
+    /// Returns the sum so far.
     #[must_use]
     pub fn get(self) -> f64 {
         self.sum + self.rounded_away
@@ -41,7 +41,7 @@ mod tests {
             tenths.add(0.1);
             plain += 0.1;
         }
-        // 0.1 as it is stored, times a million, is 100 000.000 000 000 005 6: nearest to it is 100 000.
+        // The f64 nearest to 0.1, times a million, is 100 000.000 000 000 005 6; the nearest f64 is 100 000.
         assert_eq!(tenths.get(), 100_000.0);
         assert_ne!(plain, 100_000.0);
     }

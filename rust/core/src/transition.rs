@@ -1,9 +1,9 @@
-//! The transition of a level onto the next: where every vertex lies at a = 1, and the law of a.
+//! Transition of a level to the next: the position of every corner at a = 1, and the law of a.
 //!
-//! A leaf tilted to its plane by cos = `|n·n_t|` keeps only that share of its area under orthogonal projection: 0.70 over a whole
-//! maple. So the leaf is *laid* into the plane instead, as if turned about its projected pivot: its projection is
-//! stretched along the direction of steepest tilt by up to a limit, so that it keeps its area. The distance along the normal,
-//! which ε bounds, does not change; the motion within the plane is reported beside it.
+//! Orthogonal projection keeps only the share cos = `|n·n_t|` of a tilted leaf's area: 0.70 over a whole maple. So the leaf is *laid* into
+//! the plane instead, as if turned about its projected pivot. Its projection is stretched along the direction of steepest tilt, up to a
+//! limit, to keep the leaf's area. The distance along the normal, bounded by ε, does not change. The motion within the plane is reported
+//! separately.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,29 +14,29 @@ use crate::foliage::{Foliage, area_vector};
 use crate::geometry::Plane;
 use crate::groups::{Groups, number_by_appearance};
 
-/// Where the next level takes over: just before a = 1, where leaves of one plane would lose their depth order.
+/// The transition a at which the next level takes over: just below 1, because leaves in exactly one plane have no depth order.
 pub const HAND_OVER: f64 = 0.998;
 
-/// The share of its height over the plane that a point keeps at a = 1. Leaves that overlap on exactly one plane have no depth order: they flicker
-/// in a depth buffer, and a ray that passes a transparent texel of one passes all of them (a pine loses 6 % of its coverage in Cycles). This
-/// little is enough for an order, and less than 1e-5 R at ε = 0.04.
+/// Share of its height over the plane that a point keeps at a = 1. Leaves that overlap in exactly one plane have no depth order. They
+/// flicker in a depth buffer, and a ray that passes a transparent texel of one leaf passes all of them (a pine loses 6 % of its coverage in
+/// Cycles). This small height is enough for an order, and less than 1e-5 R at ε = 0.04.
 pub const DEPTH_ORDER: f64 = 1.0 / 4096.0;
 
-/// Where a level lies at a = 1, in the foliage's local frame; one entry a triangle.
+/// Positions of a level at a = 1, in the foliage's local frame; one entry per triangle.
 #[derive(Clone, Debug)]
 pub struct Projection {
-    /// Where each corner lies.
+    /// Positions of each triangle's corners at a = 1.
     pub targets: Vec<[DVec3; 3]>,
-    /// The pivot of each triangle's leaf at a = 0: the centroid of the leaf's area.
+    /// The pivot of each triangle's leaf at a = 0: the area centroid of the leaf.
     pub pivots: Vec<DVec3>,
-    /// Where that pivot lies at a = 1.
+    /// Position of that pivot at a = 1.
     pub pivot_targets: Vec<DVec3>,
 }
 
 impl Projection {
-    /// Lays every leaf into its plane; `stretch` ≥ 1 limits the stretch (1: orthogonal projection).
+    /// Lays every leaf into its plane. `stretch` ≥ 1 limits the stretch; 1 is orthogonal projection.
     ///
-    /// The triangles of a leaf that share a plane move by one map; a leaf on several planes has one map for each.
+    /// The triangles of a leaf in one plane share one affine map; a leaf in several planes has one map per plane.
     #[must_use]
     pub fn new(foliage: &Foliage, cloud: &Cloud, stretch: f64) -> Self {
         let leaf_pivots = leaf_pivots(foliage);
@@ -59,10 +59,10 @@ impl Projection {
         }
     }
 
-    /// The foliage on its way, at the transition `a`.
+    /// Returns the foliage during the transition, at `a` in [0, 1].
     ///
     /// # Errors
-    /// No leaf has an area there.
+    /// No leaf has an area at `a`.
     pub fn at(&self, foliage: &Foliage, a: f64) -> Result<Foliage> {
         let corners = self.targets.iter().enumerate().map(|(triangle, targets)| {
             let from = foliage.corners(triangle);
@@ -71,7 +71,7 @@ impl Projection {
         foliage.with_corners(&corners.collect::<Vec<_>>())
     }
 
-    /// The greatest distance that a corner moves within its plane, local units.
+    /// Returns the greatest distance that a corner moves within its plane, in local units.
     #[must_use]
     pub fn in_plane_motion(&self, foliage: &Foliage, cloud: &Cloud) -> f64 {
         let motion = |t: usize| {
@@ -87,13 +87,13 @@ impl Projection {
     }
 }
 
-/// The pivot of each leaf, local: the centroid of its area.
+/// Returns the area centroid of each leaf, in local units.
 #[must_use]
 pub fn leaf_pivots(foliage: &Foliage) -> Vec<DVec3> {
     foliage.leaves().iter().map(|triangles| centroid(foliage, triangles)).collect()
 }
 
-/// The centroid of the triangles' area; the mean of their corners when there is no area.
+/// Returns the area centroid of the triangles, or the mean of their corners if they have no area.
 fn centroid(foliage: &Foliage, triangles: &[u32]) -> DVec3 {
     let mut weighted = (DVec3::ZERO, 0.0);
     let mut plain = DVec3::ZERO;
@@ -110,11 +110,11 @@ fn centroid(foliage: &Foliage, triangles: &[u32]) -> DVec3 {
 /// The affine map that lays one leaf into its plane.
 struct Lay {
     plane: Plane,
-    /// The projected pivot, which stays.
+    /// The projected pivot, a fixed point of the map.
     pivot: DVec3,
-    /// In the plane, where the leaf is steepest; zero when nothing is stretched.
+    /// Unit vector of the stretch within the plane, along the leaf's steepest tilt; zero without a stretch.
     steepest: DVec3,
-    /// How much is added along it: stretch − 1.
+    /// Stretch − 1.
     excess: f64,
 }
 
@@ -144,19 +144,19 @@ impl Lay {
     }
 }
 
-/// The law of a: 0 up to `start`, 1 from `end`, linear between; a step at `end` when `end ≤ start`. A distance that is NaN
-/// (no camera) gives 0, and limits that are not numbers, or both infinite, a step at `end`.
+/// Returns a: 0 up to `start`, 1 from `end`, linear between; a step at `end` if `end ≤ start`. A NaN distance
+/// (no camera) gives 0. Limits that are NaN, or both infinite, give a step at `end`.
 #[must_use]
 pub fn transition(distance: f64, start: f64, end: f64) -> f64 {
     if end <= start || distance.is_nan() {
         return f64::from(distance >= end);
     }
-    // Halves first: the difference of two numbers may be beyond f64.
+    // Halve first: the difference of two numbers may overflow f64.
     let share = (distance * 0.5 - start * 0.5) / (end * 0.5 - start * 0.5);
     if share.is_nan() { f64::from(distance >= end) } else { share.clamp(0.0, 1.0) }
 }
 
-/// The distance from which a length of `deviation` is seen smaller than `pixels` by a perspective camera of `resolution` pixels
+/// Returns the distance from which a length of `deviation` appears smaller than `pixels`, for a perspective camera of `resolution` pixels
 /// over the angle `field_of_view` (radians): d = δ · res / (2 · px · tan(fov/2)).
 #[must_use]
 pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_view: f64) -> f64 {
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::foliage::Attributes;
 
-    /// A unit square leaf tilted about the x axis so that its normal is at `cosine` to z, centred on the z axis at `height`.
+    /// A unit square leaf, tilted about the x axis to a normal at `cosine` to z, centered on the z axis at `height`.
     fn tilted(cosine: f64, height: f64) -> (Foliage, Cloud) {
         let sine = (1.0 - cosine * cosine).sqrt();
         let along = DVec3::new(0.0, cosine, sine) * 0.5;
@@ -190,7 +190,7 @@ mod tests {
     fn orthogonal_projection_keeps_the_cosine() {
         let (foliage, cloud) = tilted(0.8, 0.3);
         let projection = Projection::new(&foliage, &cloud, 1.0);
-        assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-6, "but for the depth order");
+        assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-6, "up to the depth order");
         assert!(projection.in_plane_motion(&foliage, &cloud) < 1e-12);
     }
 
@@ -207,7 +207,7 @@ mod tests {
                 }
                 assert!(height(&projection.pivot_targets[t]).abs() < 1e-15);
             }
-            // The square keeps its side along x and its centre.
+            // The square keeps its side along x and its center.
             let caller = |p: DVec3| foliage.frame().to_caller(p);
             let [a, b, _] = projection.targets[0].map(caller);
             assert!((a.distance(b) - 1.0).abs() < 1e-12);
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_unit_at_the_switch_distance_covers_the_pixels() {
-        // 90°: at distance d the picture is 2d high.
+        // At 90° the image is 2d high at distance d.
         let d = switch_distance(1.0, 8.0, 1000.0, std::f64::consts::FRAC_PI_2);
         assert!((1000.0 / (2.0 * d) - 8.0).abs() < 1e-12);
     }

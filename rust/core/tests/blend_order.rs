@@ -1,4 +1,4 @@
-//! The order of blended triangles, against what rays meet: from any eye, what lies nearer is drawn later.
+//! The order of blended triangles against ray casts: from any eye, nearer triangles are drawn later.
 
 use glam::DVec3;
 use leafcloud::Progress;
@@ -13,7 +13,7 @@ use random::Random;
 const EYES: usize = 12;
 const RAYS: usize = 120;
 
-/// Large triangles that cross one another, and some in one plane.
+/// Large triangles that cross one another, some of them in one plane.
 fn crossing(seed: u64, count: usize) -> Vec<[DVec3; 3]> {
     let mut random = Random(seed);
     let mut triangles: Vec<[DVec3; 3]> = (0..count).map(|_| std::array::from_fn(|_| random.in_ball())).collect();
@@ -36,7 +36,7 @@ fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     0.5 * (b - a).cross(c - a)
 }
 
-/// How far along the ray the triangle is met, by Cramer's rule; not where that is about its edge.
+/// Returns the distance along the ray to the triangle, by Cramer's rule; `None` for a miss or a hit near an edge.
 fn met([a, b, c]: [DVec3; 3], eye: DVec3, along: DVec3) -> Option<f64> {
     let (u, v) = (b - a, c - a);
     let area = along.dot(u.cross(v));
@@ -46,7 +46,7 @@ fn met([a, b, c]: [DVec3; 3], eye: DVec3, along: DVec3) -> Option<f64> {
     (s > 0.0 && t > 0.0 && s + t < 1.0 && away > 0.0).then_some(away)
 }
 
-/// The nodes in the order in which the eye has them drawn.
+/// Returns the nodes in drawing order for an eye.
 fn seen_from(order: &BlendOrder, eye: DVec3) -> Vec<u32> {
     order.walk(|node| node.normal.dot(eye) > node.offset)
 }
@@ -59,7 +59,7 @@ fn nearer_is_drawn_later() {
         let mut random = Random(seed + 10);
         let mut compared = 0;
         for _ in 0..EYES {
-            // Without and within.
+            // Eyes outside and inside.
             let eye = 1.7 * random.in_ball();
             let drawn: Vec<[DVec3; 3]> = seen_from(&order, eye)
                 .into_iter()
@@ -79,7 +79,7 @@ fn nearer_is_drawn_later() {
 }
 
 #[test]
-fn pieces_are_what_was_cut() {
+fn pieces_cover_the_cut_triangles() {
     let triangles = crossing(4, 60);
     let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     let mut sums = vec![DVec3::ZERO; triangles.len()];
@@ -110,7 +110,7 @@ fn the_list_is_in_order_for_an_eye_far_away() {
 }
 
 #[test]
-fn what_does_not_cross_stays_whole() {
+fn triangles_that_do_not_cross_stay_whole() {
     let square = |height: f64| {
         let [a, b, c, d] = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, height));
         [[a, b, c], [a, c, d]]
@@ -122,7 +122,7 @@ fn what_does_not_cross_stays_whole() {
 }
 
 #[test]
-fn as_many_pieces_as_are_allowed() {
+fn the_limit_on_pieces_is_kept() {
     let triangles = crossing(6, 100);
     let all = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     for most in [0, triangles.len(), 2 * triangles.len()] {
@@ -159,7 +159,7 @@ fn hostile_input() {
     // So far away that no corner lies in its own triangle's plane.
     let far: Vec<[DVec3; 3]> = crossing(8, 20).into_iter().map(|t| t.map(|p| p + 1e11)).collect();
     assert!(BlendOrder::new(&far, DVec3::Z, usize::MAX, Progress::silent()).unwrap().nodes.len() <= 1000);
-    // All at one place, over and over.
+    // All at one position, repeatedly.
     let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
     assert_eq!((same.triangles.len(), same.nodes.len()), (5000, 1));
 }

@@ -1,4 +1,4 @@
-//! Replays what the fuzzer found worth keeping, and what once broke something: rust/fuzz/corpus.
+//! Replays rust/fuzz/corpus: inputs that the fuzzer kept, and inputs that once broke something.
 
 mod common;
 
@@ -15,7 +15,7 @@ fn the_corpus_of_every_target_passes() {
             println!("{}", file.display());
             run(&std::fs::read(file).unwrap());
         }
-        // A panic ends the test; what is recorded has passed.
+        // A panic ends the test, so a recorded case has passed.
         case("Fuzzing", name, "the corpus: no panic, no hang, every promise kept").holds(0.0, 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! What every fit promises, whatever the method, and what its settings do. Oracles: definitions, closed forms, invariances.
+//! Promises of every fit method, and effects of the settings. Oracles: definitions, closed forms, invariances.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn layer(z: f64) -> Vec<[DVec3; 3]> {
     (0..10).map(|i| [place(i), place(i) + DVec3::X * 0.1, place(i) + DVec3::Y * 0.1]).collect()
 }
 
-/// Every vertex lies within the bound of its triangle's plane: f64, caller's coordinates.
+/// Checks that every vertex lies within the bound of its triangle's plane: f64, caller's coordinates.
 fn assert_held(foliage: &Foliage, cloud: &Cloud) {
     assert_eq!(cloud.parents.len(), foliage.triangle_count());
     let frame = foliage.frame();
@@ -66,7 +66,7 @@ fn all_methods_hold_the_shrub_on_any_number_of_threads() {
     }
 }
 
-/// The foliage with its corners elsewhere and its triangles in another order.
+/// Returns the foliage with moved corners and reordered triangles.
 fn moved(foliage: &Foliage, order: &[usize], to: impl Fn(DVec3) -> DVec3) -> Foliage {
     let corners = order.iter().flat_map(|&t| foliage.corners(t).map(|p| to(foliage.frame().to_caller(p))));
     let leaf_ids = order.iter().map(|&t| i64::from(foliage.leaf_ids()[t])).collect();
@@ -98,7 +98,7 @@ fn results_follow_the_foliage() {
             let other = moved(&shrub, &plain, turn);
             let turned = fitted(&other, &settings);
             assert_eq!(turned.parents, cloud.parents, "{what}");
-            // The same points lie as high over the same planes.
+            // The points have the same heights over the same planes.
             let scale = other.frame().radius / foliage.frame().radius;
             for (a, b) in cloud.deviations.iter().zip(&turned.deviations) {
                 assert!((a * scale - b).abs() < 1e-6 * other.frame().radius, "{what}");
@@ -138,7 +138,7 @@ fn effort_buys_billboards() {
 }
 
 #[test]
-fn leaves_are_not_seen_edge_on() {
+fn planes_do_not_hold_leaves_edge_on() {
     // Three layers of leaves that one plane holds edge-on.
     let foliage = soup(&[layer(0.0), layer(2.0), layer(4.0)].concat());
     for method in [Method::Stochastic, Method::Density] {
@@ -188,7 +188,7 @@ fn extremes_end_soon_and_hold() {
 }
 
 #[test]
-fn clusters_promise_only_what_holds() {
+fn clusters_report_a_bound_that_holds() {
     let foliage = shrub();
     let cloud = fitted(&foliage, &FitSettings { method: Method::KMeans, max_billboards: Some(20), ..quick() });
     assert!(cloud.planes.len() <= 20);
@@ -220,7 +220,7 @@ fn slack_brings_leaves_nearer_in_the_mean() {
     };
     let (tight, loose) = (of(0.0), of(0.25));
     assert!((loose.bound / tight.bound - 1.25).abs() < 1e-12);
-    // What refits make least, over the area, in the bound of the tight one.
+    // The quantity that refits minimize, over the area, relative to the bound of the tight cloud.
     let cost = |cloud: &Cloud| {
         let (mut sum, mut total) = (0.0, 0.0);
         for (t, &parent) in cloud.parents.iter().enumerate() {
@@ -242,7 +242,7 @@ fn slack_brings_leaves_nearer_in_the_mean() {
     let means: Vec<f64> = (0..4).map(mean).collect();
     let (least, most) =
         (means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(0.0, f64::max));
-    assert!(most < 1.06 * least, "of several seeds the best is taken, so that seeds matter little: {means:?}");
+    assert!(most < 1.06 * least, "the best of several seeds is taken, so that seeds matter little: {means:?}");
     let texels = FitSettings { max_texels: Some(100_000), slack: 0.25, ..FitSettings::default() };
     let without = FitSettings { slack: 0.0, ..texels.clone() };
     assert_eq!(fitted(&foliage, &texels).bound, fitted(&foliage, &without).bound, "a budget of texels has its own ε");
@@ -283,7 +283,7 @@ fn a_leaf_larger_than_the_size_limit_keeps_its_size() {
 }
 
 #[test]
-fn gaps_part_billboards() {
+fn gaps_split_billboards() {
     // Two layers in one plane, far apart: one billboard, or two.
     let far = |c: &[DVec3; 3]| c.map(|p| p + DVec3::X * 40.0);
     let foliage = soup(&[layer(0.0), layer(0.0).iter().map(far).collect()].concat());
@@ -313,7 +313,7 @@ fn preferences_turn_planes() {
 }
 
 #[test]
-fn nothing_is_seen_to_move_by_more_than_the_angle() {
+fn visible_motion_is_at_most_the_angle() {
     let foliage = shrub();
     let image = ImageBound { angle: 0.02, distance: 1.5 };
     let cloud = fitted(&foliage, &FitSettings { image: Some(image), ..quick() });
@@ -321,17 +321,17 @@ fn nothing_is_seen_to_move_by_more_than_the_angle() {
     for (t, &parent) in cloud.parents.iter().enumerate() {
         for p in foliage.corners(t) {
             let height = cloud.planes[parent as usize].height(p).abs();
-            // The nearest that the viewer comes to the point.
+            // The viewer's least distance to the point.
             assert!(height <= image.angle * (image.distance - p.length()) + 1e-9);
             farthest_in = farthest_in.max(height);
         }
     }
-    assert!(farthest_in > image.angle * 0.6, "the inside uses what it may");
+    assert!(farthest_in > image.angle * 0.6, "the inside uses most of the limit");
     assert!(farthest_in <= FitSettings::default().epsilon);
 }
 
 #[test]
-fn answers_on_the_way_are_complete_and_get_better() {
+fn intermediate_results_are_complete_and_improve() {
     let foliage = shrub();
     let answers = Mutex::new(Vec::new());
     let settings = FitSettings { effort: Effort::Final, ..FitSettings::default() };
@@ -348,7 +348,7 @@ fn answers_on_the_way_are_complete_and_get_better() {
 }
 
 #[test]
-fn within_a_budget_the_last_answer_on_the_way_is_the_result() {
+fn within_a_budget_the_last_intermediate_result_is_the_result() {
     let foliage = shrub();
     for slack in [0.0, 0.25] {
         let answers = Mutex::new(Vec::new());
@@ -361,13 +361,13 @@ fn within_a_budget_the_last_answer_on_the_way_is_the_result() {
             assert!(cloud.planes.len() <= 40);
         }
         let last = answers.last().unwrap();
-        assert_eq!(last.parents, result.parents, "refits are told, too");
+        assert_eq!(last.parents, result.parents, "refits are reported, too");
         assert!(last.mean_deviation(&foliage) < answers[0].mean_deviation(&foliage));
     }
 }
 
 #[test]
-fn a_job_stopped_early_has_an_answer() {
+fn a_job_stopped_early_has_a_result() {
     let foliage = shrub();
     let answers = Mutex::new(0);
     let settings = FitSettings { effort: Effort::Best, ..FitSettings::default() };
@@ -378,8 +378,8 @@ fn a_job_stopped_early_has_an_answer() {
 }
 
 #[test]
-fn large_foliage_is_fitted_by_a_core_set_and_held_all_the_same() {
-    // A ball of 50 000 small leaves: more than are searched at once.
+fn large_foliage_is_fitted_by_a_core_set_within_the_bound() {
+    // A ball of 50 000 small leaves, more than one search takes.
     let place = |i: u32| {
         let t = f64::from(i);
         DVec3::new((t * 12.9898).sin(), (t * 78.233).sin(), (t * 37.719).sin()) * ((t * 0.618).fract().cbrt() * 0.7)

@@ -1,5 +1,6 @@
-//! The page of a tiny foliage, channel by channel, beside pictures that a person has looked at. They are compared with FLIP, for a machine may
-//! round the last digit otherwise; what was found is left in target/golden. `LEAFCLOUD_GOLDEN=write` makes the pictures anew: look at them.
+//! Compares the atlas page of a tiny foliage, channel by channel, with pictures that a person has approved. The comparison uses FLIP,
+//! because machines may round the last digit differently. The new pictures are left in target/golden. `LEAFCLOUD_GOLDEN=write` replaces the
+//! approved pictures; look at the new ones then.
 
 use std::path::{Path, PathBuf};
 
@@ -12,10 +13,10 @@ use leafcloud::textures::Channels;
 use leafcloud::textures::image::write_png;
 use leafcloud::{Foliage, Progress};
 
-/// The greatest mean FLIP near what is covered.
+/// Greatest mean FLIP near covered texels.
 const MOST: f64 = 0.01;
 
-/// A leaf with a midrib: an ellipse, brighter along its middle, and the same as normals that bend away from it.
+/// Images of a leaf with a midrib: an ellipse, brighter along its middle, and its normals, which bend away from the middle.
 fn leaf_images(side: usize) -> (Image, Image) {
     let place = |i: usize| {
         let at = |x: usize| (x as f32 + 0.5) / side as f32 * 2.0 - 1.0;
@@ -36,7 +37,7 @@ fn leaf_images(side: usize) -> (Image, Image) {
     (image(&color), image(&normal))
 }
 
-/// Nine leaves that stand around an axis, of two materials.
+/// Nine leaves of two materials around an axis.
 fn tiny() -> Foliage {
     let (mut positions, mut triangles, mut attributes) = (Vec::new(), Vec::new(), Attributes::default());
     for leaf in 0..9u32 {

@@ -1,4 +1,4 @@
-//! Labels of texels, against what the leaves' own colours say: their texture shows its coordinates, their corners their number.
+//! Label textures against the colors of the leaves: the leaves' texture shows its coordinates, their corner colors the leaf's index.
 
 use glam::{DVec3, Vec2, Vec4};
 use leafcloud::fit::FitSettings;
@@ -9,7 +9,7 @@ use leafcloud::{Foliage, Progress};
 
 const LEAVES: usize = 40;
 
-/// Squares on a coil; red is u and green is v of each one's texture, blue its number.
+/// Squares on a coil; for each, red is u and green is v of its texture, and blue is its index.
 fn coil() -> Foliage {
     let (mut positions, mut triangles, mut attributes) = (Vec::new(), Vec::new(), Attributes::default());
     for leaf in 0..LEAVES {
@@ -34,8 +34,8 @@ fn linear(code: u8) -> f64 {
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The share of whole texels whose labels say what their colour says, within so many texels of the leaves' texture. A page's blue is brighter or
-/// darker than the leaves' by one factor, its tone: the median of what they say.
+/// Returns the share of opaque texels with labels that match their color, within `within` texels of the leaves' texture. Blue on the page
+/// differs from the leaves' blue by one factor, the tone: it is estimated as the median ratio.
 fn agreement(level: &Level, within: f64) -> f64 {
     let [uv, id] = [&level.page.leaf_uv, &level.page.leaf_id].map(|image| image.as_ref().unwrap().pixels());
     let whole = || level.page.base_color.pixels().iter().zip(uv.iter().zip(id)).filter(|(color, _)| color[3] == 255);
@@ -68,7 +68,7 @@ fn settings() -> ChainSettings {
 }
 
 #[test]
-fn labels_say_so_too_on_both_sides_and_where_cracks_are_closed() {
+fn labels_match_colors_on_both_sides_and_with_closed_gaps() {
     let leaves = coil();
     let shown = [
         ChainSettings { back_sides: Some(true), ..settings() },
@@ -84,11 +84,11 @@ fn labels_say_so_too_on_both_sides_and_where_cracks_are_closed() {
 }
 
 #[test]
-fn labels_say_what_colours_say_on_every_level() {
+fn labels_match_colors_on_every_level() {
     let settings = settings();
     let leaves = coil();
     let chain = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
-    // Where leaves cross, a texel is a mean of colours, and has one label; a texel of the cross is a fifth of a leaf.
+    // Where leaves cross, a texel averages their colors but has one label; a texel of the cross impostor is a fifth of a leaf.
     for (level, within) in chain.levels.iter().zip([6.0, 12.0, 40.0]) {
         let share = agreement(level, within);
         assert!(share > 0.85, "{}: {share}", level.method);

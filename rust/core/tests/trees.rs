@@ -1,4 +1,4 @@
-//! Whole stages on the shrub that ships with the repository, and on the measured trees where they are there.
+//! Tests on the shrub in the repository, and on the measured trees if they are present.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn the_search_needs_no_more_planes_than_the_literal_one() {
 }
 
 #[test]
-fn names_choose_what_is_read() {
+fn parts_are_read_by_name() {
     let path = common::in_repository("examples/shrub.glb");
     let wood = gltf::read(&path, &["branch"]).unwrap();
     assert!(wood.triangle_count() != shrub().triangle_count());

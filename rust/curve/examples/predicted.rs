@@ -1,4 +1,5 @@
-//! Predicted beside measured seconds and errors: `cargo run --release -p leafcloud-curve --example predicted TREE.glb …`. Prints a table in Markdown.
+//! Compares predicted with measured seconds and errors: `cargo run --release -p leafcloud-curve --example predicted TREE.glb …`. Prints a
+//! table in Markdown. With `LEAFCLOUD_STAGES` set, it also prints each stage.
 
 use std::path::Path;
 use std::time::Instant;

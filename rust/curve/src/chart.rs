@@ -1,4 +1,4 @@
-//! Charts of error over what it costs, on logarithmic axes: SVG, or pixels.
+//! Charts of error over cost on logarithmic axes, as SVG or pixels.
 
 use std::sync::Once;
 
@@ -14,22 +14,22 @@ use crate::front::front;
 use crate::sweep::Point;
 use crate::within::{Offer, Preset};
 
-/// What stands on the horizontal axis.
+/// Cost on the horizontal axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cost {
-    /// Of the whole chain.
+    /// Seconds to build the whole chain.
     Seconds,
-    /// Of level 1.
+    /// Billboards on level 1.
     Billboards,
-    /// On a graphics card.
+    /// Graphics memory of all levels.
     Bytes,
 }
 
 impl Cost {
-    /// All of them.
+    /// All costs.
     pub const ALL: [Self; 3] = [Self::Seconds, Self::Billboards, Self::Bytes];
 
-    /// As it is called in settings and files.
+    /// Returns the name in settings and files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -39,7 +39,7 @@ impl Cost {
         }
     }
 
-    /// The cost of this name.
+    /// Returns the cost with this name.
     ///
     /// # Errors
     /// An unknown name.
@@ -66,45 +66,45 @@ impl Cost {
     }
 }
 
-/// Points that belong together; (cost, error), all above 0.
+/// A series of points.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// As the legend calls it.
+    /// Name in the legend.
     pub name: String,
-    /// In any order.
+    /// (cost, error), all above 0, in any order.
     pub points: Vec<(f64, f64)>,
 }
 
-/// A chart's content.
+/// Content of a chart.
 #[derive(Clone, Debug)]
 pub struct Chart {
     title: String,
-    /// What the axes are called: across, up.
+    /// Labels of the horizontal and vertical axis.
     axes: [&'static str; 2],
     series: Vec<Series>,
-    /// Points that have names.
+    /// Points with a name beside them.
     named: Vec<((f64, f64), &'static str)>,
 }
 
-/// How large a chart is drawn.
+/// Size of a chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
-    /// In pixels, in [240, 8192].
+    /// Width in pixels, in [240, 8192].
     pub width: u32,
-    /// Likewise.
+    /// Height in pixels, in [240, 8192].
     pub height: u32,
-    /// Letters and lines, as a multiple of what suits a page, in [0.5, 4]: more where the chart is shown small.
+    /// Scale of text and lines, in [0.5, 4]: 1 suits a printed page; use more if the chart is shown small.
     pub text: f64,
 }
 
-/// Errors are shown as a share of what can be at most.
+/// Label of the error axis.
 const ERROR: &str = "image error (mean FLIP, 0 to 1)";
 
 const SIDES: std::ops::RangeInclusive<u32> = 240..=8192;
 const TEXTS: std::ops::RangeInclusive<f64> = 0.5..=4.0;
 
 impl Chart {
-    /// What was measured, a line for each method.
+    /// Returns a chart of measured points, with a line for each method. It leaves out points that were measured on fewer leaves.
     #[must_use]
     pub fn of_points(title: &str, points: &[Point], cost: Cost) -> Self {
         let mut series: Vec<Series> = Vec::new();
@@ -120,7 +120,7 @@ impl Chart {
         Self { title: title.to_owned(), axes: [cost.label(), ERROR], series, named: Vec::new() }
     }
 
-    /// What is predicted for all the leaves, the presets by name: for a panel, so what says itself is left out.
+    /// Returns a chart of the predictions for all leaves, with the presets by name. It is for a panel and has short labels and no legend.
     #[must_use]
     pub fn of_offers(title: &str, offers: &[Offer]) -> Self {
         let place = |offer: &Offer| (offer.predicted.seconds, offer.predicted.image_error.max(1e-3));
@@ -130,10 +130,10 @@ impl Chart {
         Self { title: title.to_owned(), axes: ["seconds to build", "image error (FLIP)"], series, named }
     }
 
-    /// As an SVG file.
+    /// Returns the chart as the text of an SVG file.
     ///
     /// # Errors
-    /// A size out of range; nothing to show.
+    /// A size out of range; no points.
     pub fn svg(&self, size: Size) -> Result<String> {
         self.check(size)?;
         let mut text = String::new();
@@ -141,10 +141,10 @@ impl Chart {
         Ok(text)
     }
 
-    /// As pixels.
+    /// Returns the chart as an image.
     ///
     /// # Errors
-    /// A size out of range; nothing to show.
+    /// A size out of range; no points.
     pub fn picture(&self, size: Size) -> Result<Image> {
         self.check(size)?;
         let Size { width, height, text } = size;
@@ -157,13 +157,16 @@ impl Chart {
 
     fn check(&self, size: Size) -> Result<()> {
         if let Some(side) = [size.width, size.height].into_iter().find(|side| !SIDES.contains(side)) {
-            return Err(Error::invalid(format!("a chart's side is {side} pixels; it must be from 240 to 8192")));
+            return Err(Error::invalid(format!("the side of the chart is {side} pixels; it must be from 240 to 8192")));
         }
         if !TEXTS.contains(&size.text) {
-            return Err(Error::invalid(format!("a chart's text is {}; it must be from 0.5 to 4", size.text)));
+            return Err(Error::invalid(format!(
+                "the text scale of the chart is {}; it must be from 0.5 to 4",
+                size.text
+            )));
         }
         if self.all().next().is_none() {
-            return Err(Error::invalid("a chart has no points; measure some first"));
+            return Err(Error::invalid("the chart has no points; measure some first"));
         }
         Ok(())
     }
@@ -172,7 +175,7 @@ impl Chart {
         self.series.iter().flat_map(|series| series.points.iter().copied())
     }
 
-    /// `scale` is that of letters and lines.
+    /// Draws the chart. `scale` is the scale of text and lines.
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, scale: f64) -> Result<()> {
         load_font();
         self.try_draw(area, scale).map_err(|error| Error::invalid(format!("the chart cannot be drawn: {error}")))
@@ -223,7 +226,7 @@ impl Chart {
             let on_front = front_of(&self.all().collect::<Vec<_>>());
             chart
                 .draw_series(on_front.into_iter().map(|p| Circle::new(logs(p), radius, ring)))?
-                .label("nothing is better in both")
+                .label("Pareto front")
                 .legend(move |(x, y)| Circle::new((x + 10, y), radius, ring));
             chart
                 .configure_series_labels()
@@ -246,11 +249,11 @@ impl Chart {
     }
 }
 
-/// Right of the points, as a share of how far they reach.
+/// Space to the right of the points, as a share of their extent.
 const ROOM_FOR_NAMES: f64 = 0.4;
 
-/// The upper left corner of a name of this size at a point of a line that falls: to the right and above, where nothing else is, and
-/// above what is `taken` (left, top, right, bottom).
+/// Returns the upper left corner of a name of this size at a point of a falling line: to the right and above, where the line is not, and
+/// above all rectangles in `taken` (left, top, right, bottom).
 fn beside((x, y): (i32, i32), [wide, high]: [i32; 2], gap: i32, taken: &[[i32; 4]]) -> (i32, i32) {
     let left = x + gap;
     let mut top = y - gap - high;
@@ -267,7 +270,7 @@ const FONT: &str = "DejaVu Sans, sans-serif";
 const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(222, 222, 222);
 
-/// Told apart by those who see no red or green, too (Okabe and Ito).
+/// Colors that color-blind people can tell apart (Okabe and Ito).
 const COLORS: [RGBColor; 4] =
     [RGBColor(0, 114, 178), RGBColor(230, 159, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
 
@@ -275,11 +278,11 @@ fn load_font() {
     static LOADED: Once = Once::new();
     LOADED.call_once(|| {
         let loaded = register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
-        assert!(loaded.is_ok(), "the font that is built in is one");
+        assert!(loaded.is_ok(), "the built-in font is valid");
     });
 }
 
-/// Those on the front, by cost.
+/// Returns the points on the Pareto front, by cost.
 fn front_of(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut on: Vec<(f64, f64)> = points.iter().zip(front(points)).filter(|(_, on)| *on).map(|(p, _)| *p).collect();
     on.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -290,7 +293,7 @@ fn logs((x, y): (f64, f64)) -> (f64, f64) {
     (x.log10(), y.log10())
 }
 
-/// A tick's value as people write it.
+/// Returns a tick's value as a short decimal number.
 fn written(log: f64) -> String {
     let value = 10f64.powf(log);
     let digits = (-value.log10().floor()).max(0.0) as usize;
@@ -299,7 +302,7 @@ fn written(log: f64) -> String {
     if exact { short } else { format!("{value:.0$}", digits + 1) }
 }
 
-/// A logarithmic axis: from where to where it goes, and its ticks, all as decimal logarithms.
+/// A logarithmic axis: its range and its ticks, all as decimal logarithms.
 struct Axis {
     low: f64,
     high: f64,
@@ -315,7 +318,7 @@ impl Ranged for Axis {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        // Those between the labelled ones are not drawn.
+        // Ticks between the labeled ones are not drawn.
         if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
     }
 
@@ -331,7 +334,7 @@ impl ValueFormatter<f64> for Axis {
 }
 
 impl Axis {
-    /// With some room around the values, and `more` of how far they reach behind the greatest.
+    /// Returns an axis with at most about `most` ticks and a margin around the values, wider by `more` of their extent after the greatest.
     fn around(values: impl Iterator<Item = f64>, more: f64, most: usize) -> Self {
         let (low, high) =
             values.map(f64::log10).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -341,7 +344,7 @@ impl Axis {
         axis
     }
 
-    /// The finest of the usual series with at most `most` ticks; 10 to the power of whole numbers at the coarsest.
+    /// Returns the finest of the usual series with at most `most` ticks; the coarsest is powers of ten.
     fn ticks(&self, most: usize) -> Vec<f64> {
         let series: [&[f64]; 4] =
             [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], &[1.0, 2.0, 3.0, 5.0, 7.0], &[1.0, 2.0, 5.0], &[1.0]];

@@ -6,36 +6,36 @@ use leafcloud::lod::{ChainSettings, is_published};
 use leafcloud::sheet::PageSize;
 use leafcloud::textures::Samples;
 
-/// Texels that a page has along a side, at least.
+/// Least side of an atlas page in texels.
 const SMALLEST: usize = 64;
 
-/// The settings that a sweep varies; what they mean and their ranges stand in [`ChainSettings`] and [`FitSettings`].
+/// The settings that a sweep varies. [`ChainSettings`] and [`FitSettings`] document them and their ranges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
-    /// How planes are found.
+    /// Method of the fit.
     pub method: Method,
-    /// How long.
+    /// Effort of the fit.
     pub effort: Effort,
-    /// Of level 1, a share of R.
+    /// ε of level 1, a share of R.
     pub epsilon: f64,
-    /// N.
+    /// N, the number of candidates.
     pub candidates: usize,
-    /// The input of the method kmeans.
+    /// Billboard count, the input of the method kmeans.
     pub max_billboards: Option<usize>,
-    /// Clouds behind the leaves.
+    /// Number of billboard clouds.
     pub levels: usize,
-    /// Whether the cross stands behind them.
+    /// Whether the cross impostor is the last level.
     pub cross: bool,
-    /// Columns of level 1's page, in texels.
+    /// Width of level 1's atlas page in texels.
     pub texture_size: usize,
-    /// Along each side of a texel.
+    /// Samples along each side of a texel.
     pub samples: usize,
-    /// Whether pages are packed as tightly as seconds allow.
+    /// Whether pages are packed tightly, which takes seconds.
     pub tight_pages: bool,
 }
 
 impl Choice {
-    /// What the settings have chosen.
+    /// Returns the choice in the given settings.
     #[must_use]
     pub fn of(settings: &ChainSettings) -> Self {
         let FitSettings { method, effort, epsilon, candidates, max_billboards, .. } = settings.fit;
@@ -53,10 +53,10 @@ impl Choice {
         }
     }
 
-    /// The settings with this choice; a page keeps its proportions.
+    /// Returns the settings with this choice; the atlas page keeps its proportions.
     ///
     /// # Errors
-    /// Samples outside their range; the other settings are checked where they are used.
+    /// Samples outside their range. The other settings are checked on use.
     pub fn applied(&self, settings: &ChainSettings) -> Result<ChainSettings> {
         Ok(ChainSettings {
             fit: FitSettings {
@@ -77,7 +77,7 @@ impl Choice {
         })
     }
 
-    /// Whether this choice is in no setting coarser than `other`: bound, page, samples and effort.
+    /// Returns whether this choice is at least as fine as `other` in each of ε, page, samples and effort.
     #[must_use]
     pub fn is_as_fine_as(&self, other: &Self) -> bool {
         self.epsilon <= other.epsilon
@@ -86,7 +86,7 @@ impl Choice {
             && self.effort >= other.effort
     }
 
-    /// Its page, in the proportions of that of `settings`.
+    /// Returns the size of its atlas page, in the proportions of the page of `settings`.
     pub(crate) fn page(&self, settings: &ChainSettings) -> PageSize {
         let PageSize { width, height } = settings.texture_size;
         let scaled = (height * self.texture_size / width.max(1)).max(SMALLEST.min(height));

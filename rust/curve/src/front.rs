@@ -1,6 +1,6 @@
-//! What nothing beats.
+//! Pareto front of points with two costs.
 
-/// Which of the points nothing beats: there is no other with as little or less of both, and less of one. O(n log n).
+/// Returns, for each point, whether it is on the Pareto front: no other point is at most equal in both costs and less in one. O(n log n).
 #[must_use]
 pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len()).collect();
@@ -8,7 +8,7 @@ pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let mut on = vec![false; points.len()];
     let mut last: Option<(f64, f64)> = None;
     for index in order {
-        // Ascending in the first: only what falls in the second is on the front, and what is equal in both.
+        // The first cost ascends: a point is on the front if its second cost is the lowest so far, or if it equals the last one in both.
         on[index] = last.is_none_or(|last| points[index].1 < last.1 || points[index] == last);
         if on[index] {
             last = Some(points[index]);
@@ -28,10 +28,10 @@ mod tests {
     }
 
     #[test]
-    fn as_by_comparing_all_pairs() {
+    fn the_front_is_that_of_comparing_all_pairs() {
         let mut random = Pcg32::new(7, 1);
         for count in [0, 1, 2, 3, 17, 100, 400] {
-            // Few values, so that many coincide in one or both.
+            // Few values, so that many points coincide in one cost or both.
             let mut value = || f64::from(random.next_u32() % 23);
             let points: Vec<(f64, f64)> = (0..count).map(|_| (value(), value())).collect();
             let expected: Vec<bool> = points.iter().map(|&p| !points.iter().any(|&q| beats(q, p))).collect();

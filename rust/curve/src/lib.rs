@@ -1,13 +1,14 @@
-//! What accuracy costs in time.
+//! Cost curves: accuracy of the levels against the time to build them.
 //!
 //! ```text
 //! Foliage ──sweep──▶ Curve ──▶ chart
 //!                      └─model──▶ offers ──within──▶ Chain
 //! ```
 //!
-//! A *sweep* builds chains with many settings and measures each: seconds by stage, memory, what came out, how far it is from the leaves. The
-//! *front* is what nothing beats in both seconds and error. A *model* predicts both for settings that were not measured;
-//! *offers* are the front of what it predicts, and *within* builds a chain that keeps a wish, by building and looking again.
+//! A *sweep* builds chains with many settings and measures each: seconds by stage, memory, size of the result, error against the leaves.
+//! The *front* is the Pareto front of seconds and error. A *model* predicts both for settings that were not measured. *Offers* are the
+//! Pareto front of its predictions. *Within* builds a chain that meets a limit on time or error, or a preset, by building and measuring
+//! repeatedly.
 
 pub mod chart;
 mod choice;

@@ -1,11 +1,11 @@
-//! Predicts seconds and error from what a sweep measured.
+//! Prediction of seconds and error from the measurements of a sweep.
 //!
-//! A sweep changes one setting at a time, so settings are taken to act by factors: on logarithmic axes each has a curve through its points, and the
-//! curves add up. Two things go together: the smaller ε, the more billboards share a page, and the larger are its texels. So error follows from ε
-//! and from the size of a texel, which follows from ε and the page. What a quick sweep leaves out is put back: fitting takes as
-//! long as it took for all the leaves, each look at them as much longer as one did, and there are more looks; packing tightly adds as much to every
-//! cloud. What textures cost is counted: so much for a texel, so much for a sample of it, and so much for each texel of a page that is looked
-//! at; pages halve from level to level.
+//! A sweep changes one setting at a time, so settings are assumed to act as factors: on logarithmic axes each setting has a curve through
+//! its points, and the curves add up. Two settings interact: a smaller ε puts more billboards on a page, so texels become larger. So error
+//! is predicted from ε and texel size, and texel size from ε and page. The model adds the costs that a quick sweep leaves out: the measured
+//! fit of all leaves, the measured extra time of a view of all leaves, and the larger number of views. Tight packing adds the same time
+//! to every cloud. Texture time is a cost for each texel and for each sample of a texel; metrics cost time for each texel of a page. Pages
+//! halve from level to level.
 
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::Looks;
@@ -14,19 +14,19 @@ use leafcloud::sheet::tight_work;
 use crate::choice::Choice;
 use crate::sweep::{Curve, Point, Stages, Sweep};
 
-/// What settings are expected to cost and to give.
+/// Predicted cost and error of settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
-    /// Of the whole chain.
+    /// Seconds to build the whole chain.
     pub seconds: f64,
-    /// The judge's error of the finest level.
+    /// Image error of the finest level, mean FLIP in [0, 1].
     pub image_error: f64,
 }
 
-/// What is read off a point, on a logarithmic axis.
+/// A figure of a point, for a logarithmic axis.
 type Figure<'f> = &'f dyn Fn(&Point) -> f64;
 
-/// The settings that have curves.
+/// The settings with curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Axis {
     Epsilon,
@@ -42,14 +42,14 @@ impl Axis {
     const ALL: [Self; 7] =
         [Self::Epsilon, Self::Page, Self::Candidates, Self::Samples, Self::Effort, Self::Levels, Self::Tight];
 
-    /// The setting as a number above 0.
+    /// Returns the setting as a number above 0.
     fn of(self, choice: &Choice) -> f64 {
         match self {
             Self::Epsilon => choice.epsilon,
             Self::Page => choice.texture_size as f64,
             Self::Candidates => choice.candidates as f64,
             Self::Samples => choice.samples as f64,
-            // The fewest steps of its search.
+            // The least number of steps of each search.
             Self::Effort => match choice.effort {
                 Effort::Literal => 1.0,
                 Effort::Default => 100.0,
@@ -62,33 +62,33 @@ impl Axis {
     }
 }
 
-/// The settings that packing depends on.
+/// The settings that affect packing.
 const PACKING: [Axis; 3] = [Axis::Epsilon, Axis::Levels, Axis::Tight];
 
-/// The settings that act on the error by themselves.
+/// The settings that act on the error independently.
 const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
 
-/// How often the leaves are looked at to choose their stretch, in the mean; and to compare the sides of billboards.
+/// Mean number of renderings of the leaves from each view to choose the stretch limit; renderings to compare the sides of billboards.
 const STRETCHES: f64 = 4.0;
 const SIDES: f64 = 2.0;
 
-/// What a texel of a large page takes over one of a quick sweep's, about, on the measured trees: textures are read where they are sharper, and
-/// little stays in a cache.
+/// Approximate time for a texel of a large page relative to a page of a quick sweep, on the measured trees: sharper texture levels are
+/// read, and less of them stays in a cache.
 const LARGE_PAGES: f64 = 1.5;
 
-/// Less than this is not told apart, seconds or a share.
+/// Smallest figure, in seconds or as a share; smaller ones count as this.
 const LEAST: f64 = 1e-5;
 
-/// How a line goes on beyond its ends.
+/// Extrapolation of a line beyond its ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Beyond {
-    /// As its last part does.
+    /// Continues the last segment.
     Straight,
-    /// Not at all toward smaller values; toward larger ones as its last part does.
+    /// Constant toward smaller values; continues the last segment toward larger ones.
     LevelBelow,
 }
 
-/// Through points with ascending x.
+/// Polyline through points with ascending x.
 #[derive(Clone, Debug)]
 struct Line(Vec<(f64, f64)>);
 
@@ -99,7 +99,7 @@ impl Line {
         Self(points)
     }
 
-    /// 0 without points.
+    /// Returns the value at `x`; 0 without points.
     fn at(&self, x: f64, beyond: Beyond) -> f64 {
         let points = &self.0;
         let Some(first) = points.first() else { return 0.0 };
@@ -113,29 +113,29 @@ impl Line {
     }
 }
 
-/// Predicts from a sweep.
+/// Prediction model of a sweep.
 #[derive(Clone, Debug)]
 pub struct Model<'a> {
     curve: &'a Curve,
     base: &'a Point,
-    /// How many times as many looks there are as the base had.
+    /// Cost of the views relative to that of the base's views.
     looks: f64,
-    /// By how much fitting all the leaves takes longer than the base.
+    /// Time to fit all leaves relative to the base's fit.
     fit_whole: f64,
-    /// Seconds to bake a texel: by itself, and for each sample.
+    /// Seconds to bake a texel: fixed, and for each sample.
     bake: (f64, f64),
-    /// How many times as long that takes on pages as large as a bake's.
+    /// Factor on `bake` for pages of full size.
     baked: f64,
-    /// Seconds of the looks for each texel of a page.
+    /// Seconds of the metrics for each texel of a page.
     look: f64,
-    /// What packing tightly adds to each cloud, seconds.
+    /// Seconds that tight packing adds to each cloud.
     tight: f64,
-    /// By the texel's size: the error, from the pages that were tried.
+    /// Error over texel size, from the pages in the sweep.
     by_texel: Line,
 }
 
 impl<'a> Model<'a> {
-    /// The first point of the curve is the base.
+    /// Returns the model of a curve; its first point is the base.
     #[must_use]
     pub fn new(curve: &'a Curve) -> Self {
         let base = &curve.points[0];
@@ -160,14 +160,14 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// What `choice` is expected to cost and to give.
+    /// Returns the predicted cost and error of `choice`.
     #[must_use]
     pub fn predict(&self, choice: &Choice) -> Prediction {
         let seconds = self.stages(choice).total().max(LEAST);
         Prediction { seconds, image_error: self.error(choice).exp().min(1.0) }
     }
 
-    /// Where the time is expected to go.
+    /// Returns the predicted seconds for each stage.
     #[must_use]
     pub fn stages(&self, choice: &Choice) -> Stages {
         let tighter = f64::from(choice.tight_pages) - f64::from(self.base.choice.tight_pages);
@@ -180,7 +180,7 @@ impl<'a> Model<'a> {
         let more = work(self.billboards(choice)) / work(self.base.billboards as f64);
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
-        // Only the first level and the cross see the leaves.
+        // Only the first level and the cross impostor render the leaves.
         let Looks { places, amounts, report, .. } = self.curve.settings.looks;
         let view = self.curve.rest.map_or(0.0, |rest| rest.view);
         let first = STRETCHES * amounts as f64 + places as f64;
@@ -196,13 +196,13 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// The seconds of a point's looks that go with views, not with texels.
+    /// Returns the part of a point's metrics seconds that depends on views, not on texels.
     fn views(&self, point: &Point) -> f64 {
         let look = point.seconds.look;
         (look - self.look * texels(&point.choice)).max(0.1 * look)
     }
 
-    /// The points that differ from the base in one setting at most.
+    /// Returns the points that differ from the base at most in the setting of `axis`.
     fn along(&self, axis: Axis) -> impl Iterator<Item = &'a Point> {
         let base = self.base;
         self.curve.points.iter().filter(move |p| {
@@ -212,12 +212,12 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// How far the figure's logarithm is from the base's where only the setting of `axis` is that of `choice`.
+    /// Returns the change of the figure's logarithm from the base if only the setting of `axis` changes to that of `choice`.
     fn effect(&self, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
         self.effect_beside(log(figure(self.base)), figure, axis, choice)
     }
 
-    /// The same where the base's is known better.
+    /// Returns the same change as [`Self::effect`] with a better estimate `base` of the base's logarithm.
     fn effect_beside(&self, base: f64, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
         let at_base = axis.of(&self.base.choice);
         let value = |p: &Point| if axis.of(&p.choice) == at_base { base } else { log(figure(p)) };
@@ -225,7 +225,8 @@ impl<'a> Model<'a> {
         line.at(axis.of(choice).ln(), Beyond::Straight) - base
     }
 
-    /// Of a method that is not the base's: what its point nearest in ε has beside what would be predicted there for the base's.
+    /// Returns the effect of a method other than the base's: the logarithm at its point nearest in ε, minus the base method's prediction
+    /// there.
     fn effect_of_kind(&self, figure: Figure, choice: &Choice) -> f64 {
         if kind(choice) == kind(&self.base.choice) {
             return 0.0;
@@ -236,15 +237,15 @@ impl<'a> Model<'a> {
         nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Axis::Epsilon, &p.choice))
     }
 
-    /// Of a figure that depends on these axes alone, which each point is a measurement of.
+    /// Returns the predicted logarithm of a figure that depends on these axes only; all points measure it.
     fn figure(&self, figure: Figure, axes: &[Axis], choice: &Choice) -> f64 {
         let base = self.typical(figure, axes);
         let effects: f64 = axes.iter().map(|axis| self.effect_beside(base, figure, *axis, choice)).sum();
         base + effects + self.effect_of_kind(figure, choice)
     }
 
-    /// The median of the figure's logarithm over the base and all points that differ from it along other axes only: a clock is off by some
-    /// tenths where a stage takes some hundredths of a second.
+    /// Returns the median of the figure's logarithm over the base and all points that differ from it along other axes only. Single timings
+    /// of stages that take a few hundredths of a second are off by tens of percent.
     fn typical(&self, figure: Figure, axes: &[Axis]) -> f64 {
         let base = self.base;
         let alike = |p: &&Point| {
@@ -256,14 +257,14 @@ impl<'a> Model<'a> {
         0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
     }
 
-    /// How many billboards level 1 has, pairs counted once.
+    /// Returns the predicted number of billboards of level 1, pairs counted once.
     pub(crate) fn billboards(&self, choice: &Choice) -> f64 {
         let base = self.base.billboards.max(1) as f64;
         let whole = self.curve.rest.map_or(base, |rest| (rest.billboards as f64).max(base));
         whole * self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp()
     }
 
-    /// Side of a texel of level 1, a share of R.
+    /// Returns the predicted side of a texel of level 1, a share of R.
     pub(crate) fn texel(&self, choice: &Choice) -> f64 {
         self.log_texel(choice).exp()
     }
@@ -276,7 +277,7 @@ impl<'a> Model<'a> {
 
     fn error(&self, choice: &Choice) -> f64 {
         let error: Figure = &|p| p.image_error;
-        // What ε alone does: the error beside what the texels of its point would do to the base's.
+        // The effect of ε alone: the error minus the effect of the point's texel size.
         let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::LevelBelow);
         let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
         let size = self.log_texel(choice);
@@ -287,7 +288,7 @@ impl<'a> Model<'a> {
             + self.effect_of_kind(error, choice)
     }
 
-    /// By how much a stage grows with each texel, from the smallest page that was tried to the largest.
+    /// Returns the seconds that each texel adds to a stage, from the smallest to the largest page in the sweep.
     fn for_a_texel(&self, stage: fn(&Point) -> f64) -> f64 {
         let size = |p: &&Point| p.choice.texture_size;
         let (small, large) = (self.along(Axis::Page).min_by_key(size), self.along(Axis::Page).max_by_key(size));
@@ -296,7 +297,7 @@ impl<'a> Model<'a> {
         if more > 0.0 { ((stage(large) - stage(small)) / more).max(0.0) } else { 0.0 }
     }
 
-    /// What a texel takes to bake, and what each of its samples adds.
+    /// Returns the seconds to bake a texel, and the seconds that each of its samples adds.
     fn bake(&self) -> (f64, f64) {
         let count = |p: &&Point| p.choice.samples;
         let (few, many) = (self.along(Axis::Samples).min_by_key(count), self.along(Axis::Samples).max_by_key(count));
@@ -309,7 +310,7 @@ impl<'a> Model<'a> {
             _ => 0.0,
         };
         let texel = self.for_a_texel(|p| p.seconds.bake);
-        // A single page says nothing about more of them than what it took itself.
+        // With a single page size, take the base's whole time.
         let texel = if texel > 0.0 { texel } else { self.base.seconds.bake / all };
         ((texel - sample * squared(self.base)).max(0.0), sample)
     }
@@ -322,22 +323,22 @@ impl<'a> Model<'a> {
     }
 }
 
-/// Of the pages of all levels, if they are square.
+/// Returns the texels of the pages of all levels, as if they were square.
 fn texels(choice: &Choice) -> f64 {
     let side = |level: usize| (choice.texture_size >> level).max(64);
     (0..choice.levels + usize::from(choice.cross)).map(|level| (side(level) * side(level)) as f64).sum()
 }
 
-/// How many times as many looks as a quick sweep's.
+/// Returns the cost of the views relative to that of a quick sweep.
 fn more_looks(looks: Looks) -> f64 {
-    // What a direction of each judge costs: how often he looks, about, times the samples of his pictures.
+    // Cost of a direction in each measurement: approximate number of renderings, times the samples of a picture.
     let all = |Looks { places, amounts, report, .. }: Looks| {
         6.0 * 36_864.0 * places as f64 + 9.0 * 36_864.0 * amounts as f64 + 262_144.0 * report as f64
     };
     all(looks) / all(Looks::QUICK)
 }
 
-/// What has no order: the method; the published search is one of its own.
+/// Returns the kind of a choice: the method, and whether it is the published search. Kinds have no order.
 fn kind(choice: &Choice) -> (Method, bool) {
     (choice.method, choice.method == Method::Stochastic && choice.effort == Effort::Literal)
 }

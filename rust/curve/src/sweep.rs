@@ -1,4 +1,4 @@
-//! Chains built with many settings, each measured.
+//! Sweeps: chains built with many settings, each measured.
 
 use std::time::Instant;
 
@@ -14,32 +14,32 @@ use crate::choice::Choice;
 use crate::front::front;
 use crate::memory::peak;
 
-/// How much is swept.
+/// Extent of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sweep {
-    /// Every setting, on the leaves as they are: minutes.
+    /// Every setting, on all leaves: takes minutes.
     Full,
-    /// Few settings on a sample of the leaves with two looks and small pages: seconds.
+    /// Few settings, on a sample of the leaves, with few views and small pages: takes seconds.
     Quick,
 }
 
-/// Where the time went, seconds; all levels together.
+/// Seconds for each stage, all levels together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stages {
-    /// Orders of pruning, the looks at the leaves, the sky.
+    /// Pruning order, reference renderings of the leaves, sky visibility.
     pub prepare: f64,
-    /// Planes and parents.
+    /// Planes, and the parent plane of each triangle.
     pub fit: f64,
     /// Outlines and atlases.
     pub pack: f64,
     /// Textures.
     pub bake: f64,
-    /// Judging by looks.
+    /// Metrics.
     pub look: f64,
 }
 
 impl Stages {
-    /// Of a chain.
+    /// Returns the stages of a chain.
     #[must_use]
     pub fn of(chain: &Chain) -> Self {
         let sum = |stage: fn(&Level) -> f64| chain.levels.iter().map(stage).sum();
@@ -52,87 +52,87 @@ impl Stages {
         }
     }
 
-    /// By name, in order.
+    /// Returns the stages with their names, in order.
     #[must_use]
     pub const fn named(&self) -> [(&'static str, f64); 5] {
         let Self { prepare, fit, pack, bake, look } = *self;
         [("prepare", prepare), ("fit", fit), ("pack", pack), ("bake", bake), ("look", look)]
     }
 
-    /// All of them.
+    /// Returns the sum of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.named().into_iter().map(|(_, seconds)| seconds).sum()
     }
 }
 
-/// What one choice costs and gives. Lengths are shares of R.
+/// Measured cost and result of a choice. Lengths are shares of R.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// The settings.
     pub choice: Choice,
-    /// Triangles of the leaves that it was measured on.
+    /// Number of leaf triangles in the measurement.
     pub measured_on: usize,
-    /// Where the time went.
+    /// Seconds for each stage.
     pub seconds: Stages,
-    /// By how many bytes the process had grown at most; `None` where the system does not say.
+    /// Greatest growth of the process in bytes; `None` on systems that do not report it.
     pub peak_bytes: Option<u64>,
     /// Billboards of level 1, pairs counted once.
     pub billboards: usize,
-    /// Triangles that draw them.
+    /// Triangles of these billboards.
     pub triangles: usize,
-    /// Texels that lie in billboards, all levels.
+    /// Texels in billboards, all levels.
     pub texels: usize,
-    /// What all levels take of a graphics card: pages of four bytes a texel with their mip levels, and 32 bytes a corner.
+    /// Graphics memory of all levels: four bytes for each texel of the pages and their mip levels, and 32 bytes for each corner.
     pub bytes: u64,
     /// Side of a texel of level 1.
     pub texel: f64,
     /// The greatest distance of a leaf from its billboard on level 1.
     pub max_deviation: f64,
-    /// The area-weighted mean of them.
+    /// The area-weighted mean distance.
     pub mean_deviation: f64,
-    /// The judge's error of the finest level.
+    /// Image error of the finest level, mean FLIP in [0, 1].
     pub image_error: f64,
-    /// Whether no other point is as quick and as near or nearer.
+    /// Whether the point is on the Pareto front of seconds and error.
     pub front: bool,
 }
 
-/// A choice that cannot be built, and why.
+/// A choice that cannot be built.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The settings.
     pub choice: Choice,
-    /// One line.
+    /// The reason, in one line.
     pub reason: String,
 }
 
-/// What a sweep measured.
+/// Measurements of a sweep.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// In the order in which they were measured; the first is what the others are changed from.
+    /// Points in the order of measurement. The first is the base; the others change its settings.
     pub points: Vec<Point>,
-    /// What could not be built.
+    /// Choices that could not be built.
     pub refused: Vec<Refused>,
-    /// The settings that it began from.
+    /// The settings that the sweep started from.
     pub settings: ChainSettings,
-    /// Triangles of all the leaves.
+    /// Triangles of all leaves.
     pub triangles: usize,
-    /// Which it was.
+    /// Extent of the sweep.
     pub sweep: Sweep,
-    /// What the leaves cost that were left out.
+    /// Extra cost of all leaves, if a sample was measured.
     pub rest: Option<Rest>,
-    /// What it takes beside the points to find the order in which leaves are pruned, seconds.
+    /// Seconds for the pruning order, not included in the points of a quick sweep.
     pub order: f64,
 }
 
-/// What all the leaves cost beside the sample of a quick sweep.
+/// Cost of all leaves, if a quick sweep measured a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rest {
-    /// A look at all the leaves more than one at the sample, seconds.
+    /// Extra seconds to render a view of all leaves rather than of the sample.
     pub view: f64,
-    /// Fitting all of them, seconds.
+    /// Seconds to fit all leaves.
     pub fit: f64,
-    /// With how many billboards.
+    /// Number of billboards of that fit.
     pub billboards: usize,
 }
 
@@ -154,11 +154,11 @@ impl Rest {
     }
 }
 
-/// What it takes to see how much of each leaf is seen, from what it takes for a few of the directions.
+/// Returns the predicted seconds for measuring the visible share of each leaf, from the time for a few of the directions.
 fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
     let all = settings.looks.order;
     let few = all.div_ceil(8);
-    visibility(foliage, settings.up, few.min(1))?; // The first look makes the pyramids of textures.
+    visibility(foliage, settings.up, few.min(1))?; // The first view builds the texture pyramids.
     let (_, seconds) = timed(|| visibility(foliage, settings.up, few))?;
     Ok(seconds * all as f64 / few.max(1) as f64)
 }
@@ -170,7 +170,7 @@ fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
 }
 
 impl Point {
-    /// What `chain` of `foliage`, built as `choice` says, has.
+    /// Returns the figures of `chain`, which was built from `foliage` with `choice`.
     #[must_use]
     fn of(chain: &Chain, choice: Choice, foliage: &Foliage, peak_bytes: Option<u64>) -> Self {
         let radius = foliage.frame().radius;
@@ -195,7 +195,7 @@ impl Point {
     }
 }
 
-/// Of a level's images with their mip levels, four thirds of level 0.
+/// Returns the bytes of a level's images with their mip levels: four thirds of level 0.
 fn page_bytes(level: &Level) -> u64 {
     level.page.images().map(|(_, image)| (4 * image.width() * image.height()) as u64 * 4 / 3).sum()
 }
@@ -203,7 +203,7 @@ fn page_bytes(level: &Level) -> u64 {
 /// Builds a chain and measures it.
 ///
 /// # Errors
-/// As [`build_chain`].
+/// The errors of [`build_chain`].
 pub fn measure(
     foliage: &Foliage,
     wood: Option<&Foliage>,
@@ -216,15 +216,16 @@ pub fn measure(
     Ok((chain, point))
 }
 
-/// How many of so many triangles a quick sweep looks at: a tenth, within bounds.
+/// Returns the number of triangles in the sample of a quick sweep: a tenth, within bounds.
 fn sample_of(triangles: usize) -> usize {
     (triangles / 10).clamp(3_500, 9_000)
 }
 
-/// Measures many choices, beginning from `settings`.
+/// Measures many choices that change `settings`.
 ///
 /// # Errors
-/// Settings outside their ranges, that prune, or of a full sweep that have a budget; all choices are refused; [`Error::Cancelled`].
+/// Settings outside their ranges; settings with pruning or without a cloud; a budget in a full sweep; no choice that can be built;
+/// [`Error::Cancelled`].
 pub fn sweep(
     foliage: &Foliage,
     wood: Option<&Foliage>,
@@ -235,17 +236,17 @@ pub fn sweep(
     settings.check()?;
     if settings.pruning.is_some() || settings.levels == 0 {
         return Err(Error::invalid(
-            "a cost curve is of clouds of all leaves: ask for one level at least, and for no pruning",
+            "a cost curve measures billboard clouds of all leaves; ask for at least one level and no pruning",
         ));
     }
     let FitSettings { method, max_billboards, max_texels, .. } = &settings.fit;
     let budget = max_texels.is_some() || (max_billboards.is_some() && *method != Method::KMeans);
     if budget && sweep == Sweep::Full {
         return Err(Error::invalid(
-            "a budget of billboards or texels decides on `epsilon`, which a cost curve varies: leave `max_billboards` and `max_texels` out",
+            "a budget of billboards or texels determines `epsilon`, which a cost curve varies; leave `max_billboards` and `max_texels` out",
         ));
     }
-    // One size of billboards for all points: a default that grew for some would hide what the other settings do.
+    // All points use one size limit: a default that grew for some points would hide the effect of the other settings.
     let settings =
         &ChainSettings { fit: settled_size(&settings.fit, foliage, Progress::silent())?, ..settings.clone() };
     let mut curve = Curve {
@@ -306,7 +307,7 @@ impl Curve {
         Ok(())
     }
 
-    /// The method kmeans gets as many billboards as the method stochastic needed at its ε.
+    /// Gives the method kmeans as many billboards as the method stochastic needed at the same ε.
     fn with_clusters(&self, choice: Choice) -> Choice {
         let same = |p: &&Point| p.choice.method == Method::Stochastic && p.choice.epsilon == choice.epsilon;
         let count = self.points.iter().find(same).map_or(64, |p| p.billboards);
@@ -315,7 +316,7 @@ impl Curve {
     }
 }
 
-/// A share of the leaves, grown so that they cover as much; `None` when all are few enough.
+/// Returns a share of the leaves, enlarged so that they cover as much; `None` if there are few enough.
 fn sampled(foliage: &Foliage, most: usize) -> Result<Option<Foliage>> {
     if foliage.triangle_count() <= most {
         return Ok(None);
@@ -325,10 +326,10 @@ fn sampled(foliage: &Foliage, most: usize) -> Result<Option<Foliage>> {
     Ok(Some(prune::thin(foliage, &ranks, share, 1.0)?.foliage))
 }
 
-/// The bound of a quick sweep's base.
+/// ε of a quick sweep's base.
 const QUICK_EPSILON: f64 = 0.056;
 
-/// Small and quick, with what else the settings ask for: no bound is above the size of billboards.
+/// Returns `settings` with small and quick values for the choice. ε is at most the size limit of billboards.
 fn quick_base(settings: &ChainSettings) -> ChainSettings {
     let quick = Choice {
         method: Method::Stochastic,
@@ -346,7 +347,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
     quick.applied(&settings).expect("one sample is a number of samples")
 }
 
-/// The base, then one setting changed at a time.
+/// Returns the base, then choices that change one setting at a time.
 fn quick_choices(settings: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(settings);
     let mut all = vec![base];
@@ -361,7 +362,7 @@ fn quick_choices(settings: &ChainSettings) -> Vec<Choice> {
     all
 }
 
-/// The base, one setting changed at a time, the other methods at some ε, and what is coarse or fine in all.
+/// Returns the base, choices that change one setting at a time, the other methods at some ε, and choices that are coarse or fine in all.
 fn full_choices(settings: &ChainSettings) -> Vec<Choice> {
     let base = Choice::of(settings);
     let mut all = vec![base];

@@ -1,7 +1,7 @@
-//! A chain that keeps a wish: as good as possible in some seconds, an error of at most so much, a preset.
+//! A chain that meets a wish: the best quality within a time limit, the shortest time within an error limit, or a preset.
 //!
-//! The settings come from the front of what a quick sweep predicts for this foliage. Predictions are some ten per cent off, so what was built
-//! is looked at: each try tells by how much, and the next is chosen with that.
+//! The settings come from the Pareto front of the predictions of a quick sweep. Predictions are off by some ten percent, so each built
+//! chain is measured, and the deviation corrects the prediction for the next try.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -17,22 +17,22 @@ use crate::front::front;
 use crate::model::{Model, Prediction};
 use crate::sweep::{Curve, Sweep, measure, sweep};
 
-/// A place on the front.
+/// A position on the Pareto front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
     /// The quickest with at most twice the least error.
     Draft,
-    /// The quickest within a quarter of the least error.
+    /// The quickest with at most 1.25 times the least error.
     Balanced,
     /// The least error.
     Final,
 }
 
 impl Preset {
-    /// All of them, quickest first.
+    /// All presets, quickest first.
     pub const ALL: [Self; 3] = [Self::Draft, Self::Balanced, Self::Final];
 
-    /// As it is called in settings.
+    /// Returns the name in settings.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Preset {
         }
     }
 
-    /// The preset of this name.
+    /// Returns the preset with this name.
     ///
     /// # Errors
     /// An unknown name.
@@ -53,7 +53,7 @@ impl Preset {
             .ok_or_else(|| Error::invalid(format!("preset {name:?} is unknown; choose one of: draft, balanced, final")))
     }
 
-    /// The offer that it means; `None` without offers.
+    /// Returns the offer of this preset; `None` without offers.
     #[must_use]
     pub fn of(self, offers: &[Offer]) -> Option<&Offer> {
         let least = offers.last()?.predicted.image_error;
@@ -66,59 +66,60 @@ impl Preset {
     }
 }
 
-/// What a chain is to keep.
+/// The goal for a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wish {
-    /// As good as possible in so many seconds, the quick sweep among them; above 0.
+    /// Best quality within this many seconds, above 0; the quick sweep counts.
     Seconds(f64),
-    /// As quick as possible with at most this error, in (0, 1).
+    /// Shortest time with at most this error, in (0, 1).
     ImageError(f64),
-    /// A place on the front.
+    /// A position on the Pareto front.
     Preset(Preset),
 }
 
-/// Settings on the front of what is predicted.
+/// Settings on the Pareto front of the predictions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offer {
     /// The settings.
     pub choice: Choice,
-    /// What they are expected to cost and to give.
+    /// Their predicted cost and error.
     pub predicted: Prediction,
 }
 
-/// What a wish came to.
+/// Result of a wish.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The levels.
     pub chain: Chain,
-    /// What they were built with, and what had been predicted of that.
+    /// Their settings and the prediction for them.
     pub offer: Offer,
-    /// How many chains were built.
+    /// Number of chains built.
     pub tries: usize,
 }
 
-/// Bounds that are offered.
+/// Values of ε in offers.
 const EPSILONS: [f64; 9] = [0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16];
 
-/// How often a page is halved that is offered, and the smallest unless a smaller one was asked for.
+/// Halvings of the requested page in offers, and the smallest side, unless the requested page is smaller.
 const HALVINGS: std::ops::RangeInclusive<usize> = 0..=3;
 const SMALLEST: usize = 256;
 
-/// How many ε the side of a texel is at most of what is offered: where it is larger, more billboards on the page only make it larger yet, and
-/// what is left of an error's fall with ε is less than a prediction is off by. On a page that is so small that all are larger, all are offered.
+/// Greatest side of a texel in offers, as a multiple of ε. With larger texels, a smaller ε puts more billboards on the page and makes
+/// texels even larger; the remaining gain is less than the error of a prediction. If a small page has only larger texels, all choices are
+/// offered.
 const MOST_TEXEL: f64 = 1.0;
 
-/// Of the billboards for which a page has room if each is a texel, so many may be expected at most.
+/// Greatest predicted number of billboards, as a share of the number that fit on the page at a texel each.
 const MOST_ROOM: f64 = 0.5;
 
-/// An offer's error is below the one before it at least by this factor.
+/// Greatest error of an offer, as a share of the error of the offer before it.
 const STEP: f64 = 0.97;
 
-/// What is predicted to be best among bounds, pages no larger than was asked for, samples and efforts: quickest first, each of less error than the
-/// one before.
+/// Returns the Pareto front of the predictions over ε, pages up to the requested size, samples and efforts: quickest first, each with less
+/// error than the one before.
 ///
-/// The last offers are in no setting coarser than the settings of the curve: a quick sweep sees little of large pages and many samples, and
-/// would promise their quality for less.
+/// The last offers are at least as fine as the settings of the curve in each setting. A quick sweep measures little of the effect of large
+/// pages and many samples, and would predict their quality for less.
 #[must_use]
 pub fn offers(curve: &Curve) -> Vec<Offer> {
     let asked = Choice { method: Method::Stochastic, max_billboards: None, ..Choice::of(&curve.settings) };
@@ -153,7 +154,7 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
     kept
 }
 
-/// The choices that are compared: `asked`, and every bound up to the size of billboards with every page, number of samples and effort.
+/// Returns the choices to compare: `asked`, and each ε up to the size limit of billboards with each page, number of samples and effort.
 fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
     let most = max_size.unwrap_or(f64::INFINITY).max(EPSILONS[0]);
     let page = |halved: usize| (asked.texture_size >> halved).max(SMALLEST.min(asked.texture_size));
@@ -170,11 +171,12 @@ fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
     all
 }
 
-/// Builds a chain that keeps the wish: ε, page, samples and effort are chosen, pages no larger than `settings` ask for, all else is as they say.
+/// Builds a chain that meets the wish. It chooses ε, page, samples and effort, with pages up to the size in `settings`; all other settings
+/// stay.
 ///
 /// # Errors
-/// A wish outside its range, or beside settings that leave no choice; an error that nothing on offer reaches, or seconds too few for any; as
-/// [`build_chain`](leafcloud::lod::build_chain).
+/// A wish outside its range; settings that leave no choice; an error limit that no try reaches; a time limit too short for any offer; the
+/// errors of [`build_chain`](leafcloud::lod::build_chain).
 ///
 /// # Panics
 /// Never: a curve has offers.
@@ -218,26 +220,26 @@ impl Wish {
         ];
         match given.into_iter().find(|(_, given)| *given) {
             Some((name, _)) => Err(Error::invalid(format!(
-                "`{name}` leaves no choice of `epsilon` to `seconds`, `image_error` or a `preset`; leave one of them out"
+                "`{name}` leaves no choice of `epsilon` for `seconds`, `image_error` or a `preset`; leave one of them out"
             ))),
             None => Ok(()),
         }
     }
 }
 
-/// How many chains are built to reach an error, at most.
+/// Most chains built to reach an error limit.
 const MOST_TRIES: usize = 8;
 
-/// What is predicted has to be this much better than what is wished.
+/// Greatest predicted error, as a share of the error limit.
 const MARGIN: f64 = 0.97;
 
-/// The share of the seconds that are left which a try may be expected to take.
+/// Greatest predicted time of a try, as a share of the remaining seconds.
 const CAREFUL: f64 = 0.85;
 
-/// The share of the seconds that a first try may take: what it tells is worth more than what it gives.
+/// The same share for the first try: its measurement matters more than its result.
 const FIRST: f64 = 0.3;
 
-/// How much later than wished a try is given up, if there is something to fall back on.
+/// Time at which a try is stopped if there is an earlier result, as a multiple of the time limit.
 const LATE: f64 = 1.05;
 
 struct Tries<'a> {
@@ -251,9 +253,9 @@ struct Tries<'a> {
 }
 
 impl Tries<'_> {
-    /// A chain and what it took, stopped as soon as `late`.
+    /// Builds a chain; returns it with its seconds. Stops with [`Error::Cancelled`] once `late` returns true.
     fn build(&mut self, offer: &Offer, late: &(dyn Fn() -> bool + Sync)) -> Result<(Chain, f64)> {
-        // Each try gets half of what is left of the way.
+        // Each try gets half of the remaining progress.
         let left = |count: usize| 1.0 - 0.5f64.powi(count as i32);
         let part = self.progress.part(left(self.count), left(self.count + 1));
         self.count += 1;
@@ -263,7 +265,7 @@ impl Tries<'_> {
         Ok((chain, point.seconds.total()))
     }
 
-    /// The offer that is meant; where its page holds too few billboards, one behind it, or else one before.
+    /// Builds the offer of a preset. If its page holds too few billboards, tries the slower offers, then the quicker ones.
     fn place(mut self, preset: Preset) -> Result<Built> {
         let meant = preset.of(&self.offers).copied();
         let (before, behind) =
@@ -280,7 +282,7 @@ impl Tries<'_> {
         Err(refused.unwrap_or_else(|| Error::invalid("a curve without points offers nothing")))
     }
 
-    /// The quickest that has at most this error: along the front, then on to what is finer.
+    /// Builds the quickest chain with at most this error: moves along the front, then on to finer settings.
     fn reach(mut self, most: f64) -> Result<Built> {
         let (mut next, mut bias, mut least) = (0, 1.0, f64::INFINITY);
         let (mut known, mut refused): (Option<Offer>, Option<Error>) = (None, None);
@@ -319,13 +321,13 @@ impl Tries<'_> {
 
     fn beyond(&self, most: f64, least: f64) -> Error {
         Error::invalid(format!(
-            "`image_error` is {most}; the least that {} tries came to is {least}: raise it, `texture_size` or `samples`",
+            "`image_error` is {most}; the least that {} tries reached is {least}: raise it, `texture_size` or `samples`",
             self.count
         ))
     }
 
-    /// The best that is done in time: along the front, then on to what is finer than anything that is predicted to help, for a quick sweep
-    /// sees little of what small bounds and large pages do.
+    /// Builds the best chain within the time limit: moves along the front, then on to finer settings even if no gain is predicted, because
+    /// a quick sweep measures little of the effect of a small ε and large pages.
     fn hurry(mut self, most: f64, begun: Instant) -> Result<Built> {
         let mut best: Option<(Chain, Offer)> = None;
         let mut slower = 1.0;
@@ -369,7 +371,7 @@ impl Tries<'_> {
                 Err(error @ Error::Invalid(_)) => {
                     let before = self.offers.len();
                     self.offers.retain(|other| *other != offer);
-                    // What is finer than all that is offered is not tried again.
+                    // A refused try finer than all offers is not repeated.
                     let finer = self.offers.len() == before;
                     match &best {
                         Some(_) if finer => break,
@@ -380,11 +382,11 @@ impl Tries<'_> {
                 Err(error) => return Err(error),
             }
         }
-        let (chain, offer) = best.expect("without one it goes on or fails");
+        let (chain, offer) = best.expect("the loop ends only with a chain");
         Ok(Built { chain, offer, tries: self.count })
     }
 
-    /// The page and the samples that are asked for, or with them the next smaller bound; `None` behind the smallest.
+    /// Returns an offer with the requested page and samples or, if it has them, the next smaller ε; `None` after the smallest.
     fn finer(&self, than: &Offer) -> Option<Offer> {
         let Choice { texture_size, samples, .. } = Choice::of(self.settings);
         let whole = Choice { texture_size, samples: samples.max(than.choice.samples), ..than.choice };
@@ -401,7 +403,7 @@ impl Tries<'_> {
         let swept = begun.elapsed().as_secs_f64();
         let quickest = self.offers.first().map_or(f64::NAN, |offer| offer.predicted.seconds);
         Error::invalid(format!(
-            "`seconds` is {most}; looking for settings took {swept:.1}, and the quickest are predicted to take {quickest:.1}: raise it"
+            "`seconds` is {most}; the quick sweep took {swept:.1}, and the quickest settings are predicted to take {quickest:.1}: raise it"
         ))
     }
 }

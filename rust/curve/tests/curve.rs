@@ -1,4 +1,4 @@
-//! Curves of a small crown: what is the same every time, what is refused, predictions against laws that are known, charts.
+//! Cost curves of a small crown: repeatability, refusals, predictions against known laws, charts.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -42,14 +42,14 @@ fn quick(foliage: &Foliage) -> Curve {
     sweep(foliage, None, &small(), Sweep::Quick, Progress::silent()).unwrap()
 }
 
-/// All that must not depend on how fast the machine is.
+/// Returns the points without the figures that depend on the machine's speed.
 fn timeless(curve: &Curve) -> Vec<Point> {
     let still = |p: &Point| Point { seconds: Stages::default(), peak_bytes: None, front: false, ..p.clone() };
     curve.points.iter().map(still).collect()
 }
 
 #[test]
-fn all_but_seconds_is_the_same_again() {
+fn repeated_sweeps_differ_in_seconds_only() {
     let crown = crown(300);
     let (first, second) = (quick(&crown), quick(&crown));
     assert_eq!(timeless(&first), timeless(&second));
@@ -58,7 +58,7 @@ fn all_but_seconds_is_the_same_again() {
 }
 
 #[test]
-fn a_point_says_what_its_chain_has() {
+fn a_point_has_the_figures_of_its_chain() {
     let crown = crown(200);
     let (chain, point) = measure(&crown, None, &small(), Progress::silent()).unwrap();
     let level = &chain.levels[0];
@@ -66,20 +66,20 @@ fn a_point_says_what_its_chain_has() {
     assert_eq!(point.image_error, level.judgement.error);
     assert_eq!((point.billboards, point.triangles), (cloud.planes.len(), 2 * cloud.planes.len()));
     assert!(point.max_deviation <= 0.04 && point.mean_deviation <= point.max_deviation);
-    // Four bytes a texel, with mip levels a third more, and four corners of 32 bytes a billboard.
+    // Four bytes for each texel, a third more for mip levels, and four corners of 32 bytes for each billboard.
     assert_eq!(point.bytes, 256 * 256 * 4 * 4 / 3 + 128 * cloud.planes.len() as u64);
     assert_eq!(point.measured_on, 400);
     assert_eq!(point.choice, Choice::of(&small()));
 }
 
 #[test]
-fn what_cannot_be_swept_is_refused() {
+fn unsuitable_settings_are_refused() {
     let crown = crown(50);
     let refuse =
         |settings: ChainSettings| sweep(&crown, None, &settings, Sweep::Quick, Progress::silent()).unwrap_err();
     let pruning = Some(PruneSettings { keep: 0.5, leaf_pixels: 16.0, half: 0.5, contrast: true });
     assert!(refuse(ChainSettings { pruning, ..small() }).to_string().contains("no pruning"));
-    assert!(refuse(ChainSettings { levels: 0, cross: true, ..small() }).to_string().contains("one level at least"));
+    assert!(refuse(ChainSettings { levels: 0, cross: true, ..small() }).to_string().contains("at least one level"));
     assert!(refuse(ChainSettings { texture_size: 8.into(), ..small() }).to_string().contains("between 64 and 16384"));
     let budget = ChainSettings { fit: FitSettings { max_texels: Some(9000), ..small().fit }, ..small() };
     let refused = sweep(&crown, None, &budget, Sweep::Full, Progress::silent()).unwrap_err().to_string();
@@ -97,7 +97,7 @@ fn what_cannot_be_swept_is_refused() {
 }
 
 #[test]
-fn a_sweep_stops_when_it_is_told_to() {
+fn a_sweep_can_be_canceled() {
     let (crown, told) = (crown(200), AtomicUsize::new(0));
     let report = |_: &str, _: f64| told.fetch_add(1, Ordering::Relaxed) < 4;
     let stopped = sweep(&crown, None, &small(), Sweep::Quick, Progress::new(&report));
@@ -106,7 +106,7 @@ fn a_sweep_stops_when_it_is_told_to() {
 }
 
 #[test]
-fn an_error_that_is_wished_is_kept() {
+fn an_error_limit_is_kept() {
     let crown = crown(300);
     let offers = offers(&quick(&crown));
     assert!(offers.windows(2).all(|o| o[0].predicted.seconds < o[1].predicted.seconds));
@@ -116,20 +116,20 @@ fn an_error_that_is_wished_is_kept() {
     assert!(built.chain.levels[0].judgement.error <= most);
     let draft = Preset::Draft.of(&offers).unwrap().choice;
     let built = build_within(&crown, None, &small(), Wish::Preset(Preset::Draft), Progress::silent()).unwrap();
-    // Which it is depends on seconds: it is one that is offered, and built as it says.
+    // The chosen offer depends on the machine's speed; the chain must match its offer.
     assert_eq!(built.chain.levels.len(), draft.levels);
     assert_eq!(built.chain.levels[0].page.base_color.width(), built.offer.choice.texture_size);
 }
 
 #[test]
-fn seconds_that_are_wished_are_kept() {
+fn a_time_limit_is_kept() {
     let begun = std::time::Instant::now();
     let built = build_within(&crown(100), None, &small(), Wish::Seconds(600.0), Progress::silent()).unwrap();
     assert!(built.tries >= 1 && begun.elapsed().as_secs_f64() < 600.0);
     assert_eq!(built.chain.levels.len(), 1);
 }
 
-/// With time to spare nothing that can be asked for is much better, whatever is predicted.
+/// With time to spare, no other ε gives a much better result, whatever the predictions.
 #[test]
 fn with_many_seconds_nothing_is_better() {
     let crown = crown(100);
@@ -147,7 +147,8 @@ fn with_many_seconds_nothing_is_better() {
     }
 }
 
-/// A curve whose seconds and errors follow laws: page² (3 + samples²) · 10⁻⁹ seconds of textures, 0.01 ε^−1.5 of planes, ε^0.6 texel^0.2 as error.
+/// A curve that follows laws: page² (3 + samples²) · 10⁻⁹ seconds for textures, 0.01 ε^−1.5 seconds for planes, an error of ε^0.6
+/// texel^0.2.
 fn lawful() -> Curve {
     let base = Choice { samples: 1, levels: 1, cross: false, ..Choice::of(&ChainSettings::default()) };
     let texel = |c: &Choice| 20.0 / c.texture_size as f64 * c.epsilon.powf(-0.3);
@@ -186,7 +187,7 @@ fn lawful() -> Curve {
 }
 
 #[test]
-fn laws_of_powers_are_predicted() {
+fn power_laws_are_predicted() {
     let curve = lawful();
     let model = Model::new(&curve);
     for (epsilon, page, samples) in [(0.02, 1024, 1), (0.1, 4096, 4), (0.04, 2048, 2), (0.16, 600, 16)] {
@@ -195,14 +196,14 @@ fn laws_of_powers_are_predicted() {
         let texels = f64::from(page as u32).powi(2);
         let seconds = 1e-9 * texels * (3.0 + (samples as f64).powi(2)) + 0.01 * epsilon.powf(-1.5);
         let error = epsilon.powf(0.6) * (20.0 / f64::from(page as u32) * epsilon.powf(-0.3)).powf(0.2);
-        // Stages that take nothing count as the least that is told apart.
+        // Stages of 0 seconds count as the smallest figure.
         assert!((predicted.seconds / seconds - 1.0).abs() < 0.01, "{predicted:?} {seconds}");
         assert!((predicted.image_error / error - 1.0).abs() < 1e-6, "{predicted:?} {error}");
     }
 }
 
 #[test]
-fn presets_are_places_on_the_front() {
+fn presets_are_on_the_front() {
     let curve = lawful();
     let offers = offers(&curve);
     let costs: Vec<(f64, f64)> = offers.iter().map(|o| (o.predicted.seconds, o.predicted.image_error)).collect();
@@ -216,7 +217,7 @@ fn presets_are_places_on_the_front() {
 
 #[test]
 fn the_final_preset_is_no_coarser_than_the_settings() {
-    // A sweep that sees nothing of pages and samples, as a quick one of a large crown.
+    // Pages and samples have no effect on the error, as in a quick sweep of a large crown.
     let mut curve = lawful();
     for point in &mut curve.points {
         point.image_error = point.choice.epsilon.powf(0.6);
@@ -232,7 +233,7 @@ fn the_final_preset_is_no_coarser_than_the_settings() {
     }
 }
 
-/// The texts of an SVG file: where each lies, as wide as its font makes it.
+/// Returns the texts of an SVG file with their bounds, as wide as the font draws them.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     use ab_glyph::{Font, FontRef, ScaleFont};
     let font = FontRef::try_from_slice(dejavu::sans::regular()).unwrap();
@@ -246,7 +247,7 @@ fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
         let tag = format!(" {tag}");
         let text = rest.split_once("</text>").unwrap().0.trim().to_owned();
         let number = |name: &str| attribute(&tag, name).unwrap().parse::<f64>().unwrap();
-        // SVG's font size is the em's, of which the font says how high its line is.
+        // SVG's font size is the em size; the font gives the line height for it.
         let scaled = font.as_scaled(font.pt_to_px_scale(number("font-size") as f32 * 0.75).unwrap());
         let wide: f32 = text.chars().map(|c| scaled.h_advance(scaled.glyph_id(c))).sum();
         let (wide, high) = (f64::from(wide), number("font-size"));
@@ -256,7 +257,7 @@ fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
             _ => 0.0,
         };
         let (x, y) = (number("x"), number("y"));
-        // y is at the baseline; a text that is turned runs up the page.
+        // y is at the baseline; rotated text runs up the page.
         let turned = attribute(&tag, "transform").is_some_and(|t| t.starts_with("rotate"));
         let along = [-before * wide, (1.0 - before) * wide];
         let bounds = if turned {
@@ -282,7 +283,7 @@ fn assert_texts_lie_apart(chart: &Chart, size: Size) -> Vec<String> {
     texts.into_iter().map(|(text, _)| text).collect()
 }
 
-/// Or more time would at times give a worse picture.
+/// Otherwise more time could give a worse picture.
 #[test]
 fn no_texel_on_offer_is_larger_than_the_bound() {
     let texel = |c: &Choice| 20.0 / c.texture_size as f64 * c.epsilon.powf(-0.3);
@@ -290,7 +291,7 @@ fn no_texel_on_offer_is_larger_than_the_bound() {
     assert!(sharp.iter().all(|offer| texel(&offer.choice) <= 1.001 * offer.choice.epsilon));
     let mut coarse = lawful();
     coarse.points.iter_mut().for_each(|point| point.texel *= 1000.0);
-    assert!(!offers(&coarse).is_empty(), "where all are larger there is still a choice");
+    assert!(!offers(&coarse).is_empty(), "choices remain if all texels are larger");
     let tiny = ChainSettings { texture_size: 64.into(), ..small() };
     let built = build_within(&crown(60), None, &tiny, Wish::Preset(Preset::Final), Progress::silent()).unwrap();
     assert_eq!(built.chain.levels[0].page.base_color.width(), 64);
@@ -309,9 +310,9 @@ fn offers_keep_to_the_size_of_billboards_and_to_the_shape_of_the_page() {
     assert_eq!(built.chain.levels[0].page.base_color.height(), 64);
 }
 
-/// On so few texels small bounds have more billboards than there is room for.
+/// On such a small page, a small ε has more billboards than fit.
 #[test]
-fn what_does_not_fit_is_left_for_what_does() {
+fn offers_that_do_not_fit_are_replaced_by_others() {
     let crown = crown(300);
     let tiny = ChainSettings { texture_size: 64.into(), back_sides: Some(true), ..small() };
     let begun = std::time::Instant::now();
@@ -319,7 +320,7 @@ fn what_does_not_fit_is_left_for_what_does() {
         let built = build_within(&crown, None, &tiny, wish, Progress::silent()).unwrap();
         assert!(built.tries < 20, "{wish:?}: {}", built.tries);
     }
-    assert!(begun.elapsed().as_secs_f64() < 600.0, "nothing is tried again and again until time is up");
+    assert!(begun.elapsed().as_secs_f64() < 600.0, "no try is repeated until the time is up");
 }
 
 #[test]
@@ -337,7 +338,7 @@ fn charts_have_units_and_texts_that_do_not_touch() {
     }
 }
 
-/// A panel is narrow: letters are large, and the presets stand at their points.
+/// A panel is narrow: text is large, and the presets have names beside their points.
 #[test]
 fn offers_have_names_that_do_not_touch() {
     let chart = Chart::of_offers("a tree", &offers(&lawful()));
@@ -348,7 +349,7 @@ fn offers_have_names_that_do_not_touch() {
 }
 
 #[test]
-fn pictures_have_the_size_that_was_asked_for() {
+fn pictures_have_the_requested_size() {
     let curve = lawful();
     let chart = Chart::of_offers("a tree", &offers(&curve));
     let size = Size { width: 480, height: 320, text: 1.0 };

@@ -1,4 +1,5 @@
-//! The KTX 2.0 container (Khronos Group, "KTX File Format Specification", 2.0; data format descriptors: "Khronos Data Format Specification", 1.3).
+//! The KTX 2.0 container (Khronos Group, "KTX File Format Specification", 2.0; data format descriptors: "Khronos Data Format
+//! Specification", 1.3).
 
 use crate::{Codes, Error, Level};
 
@@ -6,13 +7,13 @@ const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'
 const HEADER: usize = 80;
 const LEVEL_INDEX: usize = 24;
 
-/// Of the supercompression schemes: Zstandard.
+/// Code of the supercompression scheme Zstandard.
 const ZSTANDARD: u32 = 2;
 
-/// How hard Zstandard tries; levels above change little on blocks.
+/// Compression level of Zstandard; higher levels gain little on UASTC blocks.
 const EFFORT: i32 = 9;
 
-/// The file around the blocks of the levels.
+/// Returns the file with the blocks of the levels.
 ///
 /// # Errors
 /// Zstandard fails, or the file would not fit its 32-bit offsets.
@@ -27,7 +28,7 @@ pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u
 
     let mut file = IDENTIFIER.to_vec();
     let number = |value: usize| u32::try_from(value).map_err(|_| Error::Levels("the file is too large".to_owned()));
-    // vkFormat undefined, typeSize 1, width, height, depth, layers, faces, levels, scheme.
+    // vkFormat undefined, typeSize 1, width, height, depth, layers, faces, levels, scheme; then offsets and sizes of descriptor and values.
     let [width, height] = [number(levels[0].width)?, number(levels[0].height)?];
     let [descriptor_size, values_size] = [number(descriptor.len())?, number(values.len())?];
     let header = [
@@ -46,9 +47,9 @@ pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u
         values_size,
     ];
     file.extend(header.iter().flat_map(|word| word.to_le_bytes()));
-    // No global data for supercompression.
+    // Offset and size of the global supercompression data: none.
     file.extend([0u8; 16]);
-    // The smallest level lies first, the index begins with the largest.
+    // The smallest level lies first in the file, but the index begins with the largest.
     let place = |number: usize| data_at + packed[number + 1..].iter().map(Vec::len).sum::<usize>();
     for (number, (data, blocks)) in packed.iter().zip(blocks).enumerate() {
         let entry = [place(number), data.len(), blocks.len()];
@@ -60,24 +61,25 @@ pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u
     Ok(file)
 }
 
-/// One basic block: UASTC with RGBA, 4 × 4 pixels, straight alpha; no bytes per plane, for the levels are supercompressed.
+/// Returns the data format descriptor, one basic block: UASTC with RGBA, 4 × 4 pixels, straight alpha. The bytes per plane are 0, because
+/// the levels are supercompressed.
 fn data_format_descriptor(codes: Codes) -> Vec<u8> {
     const UASTC: u8 = 166;
     const RGBA: u8 = 3;
-    // Data have no primaries; colours have those of BT.709.
+    // Data have no primaries; colors have the primaries of BT.709.
     let (primaries, transfer) = match codes {
         Codes::Linear => (0u8, 1u8),
         Codes::Srgb => (1, 2),
     };
     let mut bytes = Vec::with_capacity(44);
     bytes.extend(44u32.to_le_bytes());
-    bytes.extend(0u32.to_le_bytes()); // Khronos' basic descriptor
-    bytes.extend(2u16.to_le_bytes()); // its version 1.3
+    bytes.extend(0u32.to_le_bytes()); // vendor Khronos, type basic
+    bytes.extend(2u16.to_le_bytes()); // version 1.3
     bytes.extend(40u16.to_le_bytes());
     bytes.extend([UASTC, primaries, transfer, 0]);
-    bytes.extend([3, 3, 0, 0]); // a block's sides, less one
+    bytes.extend([3, 3, 0, 0]); // sides of a block, minus 1
     bytes.extend([0u8; 8]);
-    // One sample: from bit 0, 128 bits long, of the whole range.
+    // One sample: bit offset 0, 128 bits long, full range.
     bytes.extend(0u16.to_le_bytes());
     bytes.extend([127, RGBA]);
     bytes.extend([0u8; 4]);
@@ -86,7 +88,7 @@ fn data_format_descriptor(codes: Codes) -> Vec<u8> {
     bytes
 }
 
-/// Rows from the top, columns from the left; who wrote it. In the order of their names.
+/// Returns the key/value data, sorted by key: orientation (rows from the top, columns from the left) and writer.
 fn key_values() -> Vec<u8> {
     let writer = concat!("leafcloud ", env!("CARGO_PKG_VERSION"));
     let mut bytes = Vec::new();

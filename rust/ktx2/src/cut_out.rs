@@ -1,11 +1,11 @@
-//! Levels to blocks in which what is cut out stays cut out.
+//! Compression of levels that keeps every pixel on its side of the alpha cutoff.
 //!
-//! A block keeps alpha to some codes, to some dozens where colours and alpha go different ways; mip levels that keep their coverage have
-//! most texels of an edge right beside the cutoff, and would lose it (or a quarter more than there is would pass). So alpha keeps away from
-//! the cutoff by a few codes, what was compressed is looked at, and blocks in which a pixel changed sides are compressed again with their
-//! alpha farther away, up to full and nothing, and in the end with colours that differ less, down to one for the block.
+//! A block keeps alpha to within a few codes, or some dozens if color and alpha vary differently. Mip levels that keep their coverage have
+//! most edge texels right beside the cutoff, and compression could move them across it (or draw a quarter more than before). So alpha is
+//! first moved a few codes away from the cutoff. Then the compressed blocks are decoded. Blocks in which a pixel changed sides are
+//! compressed again with alpha farther away, up to 0 and 255, and finally with fewer color differences, down to one color for the block.
 //!
-//! Strips of a level are compressed beside each other.
+//! Strips of a level are compressed in parallel.
 
 use rayon::prelude::*;
 
@@ -15,20 +15,21 @@ use crate::{Codes, CutOut, Error, GoesOn, Level};
 /// Rows of pixels in a strip.
 const STRIP: usize = 64;
 
-/// How far alpha keeps from the cutoff: all of it, then that of blocks that need more, and how much of their colours is their mean.
+/// Distance of alpha from the cutoff in codes: `MARGIN` for all pixels, then, for each round on the remaining blocks, the distance and the
+/// share by which colors move to their mean.
 const MARGIN: u8 = 6;
 const ROUNDS: [(u8, f32); 6] = [(16, 0.0), (48, 0.0), (255, 0.0), (255, 0.5), (255, 0.75), (255, 1.0)];
 
-/// What GPUs' formats may still make of a code.
+/// Distance in codes that decoded alpha must keep from the cutoff, because transcoding to a GPU's format may still change a code.
 const SAFE: u8 = 2;
 
-/// Blocks in a row of the pictures in which some are compressed again.
+/// Blocks in a row of the picture that collects blocks for another round.
 const COLUMNS: usize = 64;
 
-/// The blocks of a level, rows from the top.
+/// Returns the blocks of a level, rows from the top.
 ///
 /// # Errors
-/// The encoder fails, or the work does not go on.
+/// A failure of the encoder; [`Error::Cancelled`] once `goes_on` returns false.
 pub fn compress(level: &Level, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     let cutoffs = cutoffs(level);
     let strips = level.pixels.par_chunks(level.width * STRIP).zip(cutoffs.par_chunks(level.width * STRIP));
@@ -41,7 +42,7 @@ pub fn compress(level: &Level, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>
     Ok(strips.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
-/// Of each pixel; 0 where nothing is cut out.
+/// Returns the cutoff of each pixel; 0 if nothing is cut out there.
 fn cutoffs(level: &Level) -> Vec<u8> {
     let mut cutoffs = vec![0; level.pixels.len()];
     for &CutOut { x, y, width, height, code } in level.cut_outs {
@@ -84,7 +85,7 @@ impl Strip<'_> {
         Ok(blocks)
     }
 
-    /// Compresses some blocks again, and returns those that are still wrong.
+    /// Compresses some blocks again; returns those that are still wrong.
     fn again(&self, wrong: &[usize], round: (u8, f32), codes: Codes, blocks: &mut [u8]) -> Result<Vec<usize>, Error> {
         let columns = wrong.len().min(COLUMNS);
         let (width, height) = (4 * columns, 4 * wrong.len().div_ceil(columns));
@@ -105,11 +106,11 @@ impl Strip<'_> {
         Ok(left)
     }
 
-    /// The pixels of a block with alpha so far from the cutoff, and colours that much nearer to their mean.
+    /// Returns the pixels of a block with alpha at least `margin` away from the cutoff and colors moved to their mean by `share`.
     fn easier(&self, block: usize, (margin, share): (u8, f32)) -> [[u8; 4]; 16] {
         let mut pixels = [[0; 4]; 16];
         self.places(block).zip(&mut pixels).for_each(|(place, pixel)| *pixel = self.apart(place, margin));
-        // Of what is drawn; where nothing is, no colour counts.
+        // Weight colors by alpha; if alpha is 0 everywhere, all pixels count alike.
         let weight = |pixel: &[u8; 4]| f32::from(pixel[3]) + 1e-3;
         let whole: f32 = pixels.iter().map(weight).sum();
         for channel in 0..3 {
@@ -122,14 +123,14 @@ impl Strip<'_> {
         pixels
     }
 
-    /// The 16 pixels of a block; the last ones again where the strip ends before.
+    /// Returns the indices of the 16 pixels of a block; pixels on the strip's last row and column repeat beyond it.
     fn places(&self, block: usize) -> impl Iterator<Item = usize> {
         let (width, height, columns) = (self.width, self.height(), self.width.div_ceil(4));
         let (x, y) = (block % columns * 4, block / columns * 4);
         (0..16).map(move |i| (y + i / 4).min(height - 1) * width + (x + i % 4).min(width - 1))
     }
 
-    /// A pixel whose alpha keeps away from its cutoff.
+    /// Returns a pixel with alpha at least `margin` away from its cutoff.
     fn apart(&self, i: usize, margin: u8) -> [u8; 4] {
         let ([r, g, b, alpha], cutoff) = (self.pixels[i], self.cutoffs[i]);
         let apart = match cutoff {
@@ -155,7 +156,7 @@ mod tests {
 
     #[test]
     fn strips_have_the_blocks_of_the_whole() {
-        // Alpha in the lower half only, a last strip of a few rows.
+        // Alpha in the lower half only; the last strip has a few rows.
         let pixel = |i: usize| [(i * 7) as u8, (i / 3) as u8, 30, if i < 72 * 72 { 255 } else { (i * 5) as u8 }];
         let pixels: Vec<[u8; 4]> = (0..72 * 144).map(pixel).collect();
         let level = Level { width: 72, height: 144, pixels: &pixels, cut_outs: &[] };

@@ -1,8 +1,8 @@
-//! Pictures with mip levels of their own as KTX2: Basis Universal UASTC, which GPUs of all kinds are served from, with Zstandard.
+//! Writer for KTX2 textures with given mip levels, as Basis Universal UASTC with Zstandard. UASTC transcodes to the formats of all GPUs.
 //!
-//! The crate `basis-universal` compresses each level to UASTC blocks (Binomial's reference encoder); the container around them is written here,
-//! by the KTX 2.0 specification of the Khronos Group, as `KHR_texture_basisu` in glTF wants it. On one machine the same pictures give the
-//! same bytes; the encoder's arithmetic may differ between machines.
+//! The crate `basis-universal` (Binomial's reference encoder) compresses each level to UASTC blocks. This crate writes the container, by
+//! the KTX 2.0 specification of the Khronos Group, as `KHR_texture_basisu` in glTF requires. On one machine the same pixels give the same
+//! bytes; the encoder's arithmetic may differ between machines.
 
 mod container;
 mod cut_out;
@@ -10,7 +10,7 @@ mod uastc;
 
 use thiserror::Error;
 
-/// One level: rows from the top, straight alpha.
+/// One mip level: rows from the top, straight alpha.
 #[derive(Clone, Copy, Debug)]
 pub struct Level<'a> {
     /// Pixels in a row.
@@ -19,59 +19,60 @@ pub struct Level<'a> {
     pub height: usize,
     /// All pixels.
     pub pixels: &'a [[u8; 4]],
-    /// Where alpha is cut out: there each pixel stays on its side of the cutoff. Of those that overlap, the last counts.
+    /// Regions in which alpha is cut out: compression keeps each pixel on its side of the cutoff. If regions overlap, the last one applies.
     pub cut_outs: &'a [CutOut],
 }
 
-/// Pixels of a level that are drawn where their alpha is at least `code`.
+/// A region of a level in which pixels with alpha of at least `code` are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CutOut {
     /// The first column.
     pub x: usize,
     /// The first row.
     pub y: usize,
-    /// Columns; those beyond the level do not count.
+    /// Columns; those beyond the level are ignored.
     pub width: usize,
-    /// Rows, likewise.
+    /// Rows; those beyond the level are ignored.
     pub height: usize,
     /// The least alpha that is drawn, at least 1.
     pub code: u8,
 }
 
-/// What the codes mean.
+/// Meaning of the pixel codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codes {
-    /// Colours.
+    /// Colors.
     Srgb,
     /// Data.
     Linear,
 }
 
-/// Why there is no file.
+/// Reasons for a failure.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum Error {
-    /// The levels are no mip chain of a picture that glTF takes.
+    /// The levels are not a mip chain that glTF allows.
     #[error("{0}")]
     Levels(String),
     /// The caller asked to stop.
     #[error("cancelled")]
     Cancelled,
-    /// The encoder gave up.
+    /// The encoder failed.
     #[error("the Basis Universal encoder failed: {0}")]
     Encoder(String),
 }
 
-/// The longest side that is taken.
+/// Longest side in pixels.
 pub const LARGEST: usize = 16_384;
 
-/// Whether the work goes on; asked before every strip of a level, from any thread.
+/// Callback that returns false to cancel the work. Called before every strip of a level, from any thread.
 pub type GoesOn<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// The file: `levels` from the largest on, each half the size of the one before (rounded down, at least 1).
+/// Returns the bytes of a KTX2 file with these levels, largest first, each half the size of the one before (rounded down, at least 1).
 ///
 /// # Errors
-/// No levels; a first level whose sides are no multiples of 4 (glTF asks for them) or above [`LARGEST`]; another that is not half of the one
-/// before, or has other than width × height pixels; a failure of the encoder; [`Error::Cancelled`] once `goes_on` is false.
+/// No levels; a side of the first level that is above [`LARGEST`] or no multiple of 4 (glTF requires that); a level that is not half the
+/// size of the one before or does not have width × height pixels; too many levels; a failure of the encoder; [`Error::Cancelled`] once
+/// `goes_on` returns false.
 pub fn encode(levels: &[Level], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     check(levels)?;
     let blocks = levels.iter().map(|level| cut_out::compress(level, codes, goes_on)).collect::<Result<Vec<_>, _>>()?;
@@ -80,7 +81,7 @@ pub fn encode(levels: &[Level], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8
 
 fn check(levels: &[Level]) -> Result<(), Error> {
     let refuse = |message: String| Err(Error::Levels(message));
-    let Some(first) = levels.first() else { return refuse("there are no levels; give one at least".to_owned()) };
+    let Some(first) = levels.first() else { return refuse("there are no levels; give at least one".to_owned()) };
     let side = |length: usize| (4..=LARGEST).contains(&length) && length.is_multiple_of(4);
     if !side(first.width) || !side(first.height) {
         return refuse(format!(
@@ -103,7 +104,7 @@ fn check(levels: &[Level]) -> Result<(), Error> {
     }
     let most = first.width.max(first.height).ilog2() as usize + 1;
     if levels.len() > most {
-        return refuse(format!("there are {} levels; there can be {most}", levels.len()));
+        return refuse(format!("there are {} levels; the limit for this size is {most}", levels.len()));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
-//! Pictures to UASTC blocks and back, by the reference encoder and transcoder.
+//! Conversion of pictures to UASTC blocks and back, by the reference encoder and transcoder.
 //!
-//! The encoder's own pool of threads sometimes never ends: it is told to stop without the lock that its threads wait with, so that one of them
-//! may miss it, most likely at levels so small that it has hardly begun. So an encoder has one thread here.
+//! The encoder's own thread pool sometimes hangs: it signals the stop without the lock that its threads wait with, so a thread may miss it,
+//! most likely on levels so small that the thread has hardly started. So each encoder uses one thread here.
 
 use basis_universal::{
     BasisTextureFormat, ColorSpace, Compressor, CompressorParams, TranscodeParameters, Transcoder,
@@ -21,13 +21,13 @@ pub struct Picture<'a> {
     pub pixels: &'a [[u8; 4]],
 }
 
-/// What the encoder makes of a picture: a .basis file.
+/// A compressed picture: a .basis file.
 pub struct Compressed {
     file: Vec<u8>,
     blocks: usize,
 }
 
-/// Compresses a picture; a block knows nothing of its neighbours.
+/// Compresses a picture; each block is independent of its neighbors.
 ///
 /// # Errors
 /// The encoder fails.
@@ -42,14 +42,14 @@ pub fn compress(picture: Picture, codes: Codes) -> Result<Compressed, Error> {
     let side = |length: usize| u32::try_from(length).expect("sides were checked");
     params.source_image_mut(0).init(picture.pixels.as_flattened(), side(picture.width), side(picture.height), 4);
     let mut compressor = Compressor::new(1);
-    // SAFETY: the parameters are the wrapper's defaults and a picture whose size was checked against its data: what the encoder does not validate
-    // (an unset quality level, pictures of other sizes than they say) cannot occur.
+    // SAFETY: the parameters are the wrapper's defaults, and the size of the picture was checked against its data. So the cases that the
+    // encoder does not validate (an unset quality level, a picture of the wrong size) cannot occur.
     #[allow(unsafe_code)]
     let accepted = unsafe { compressor.init(&params) };
     if !accepted {
         return Err(Error::Encoder("it refused its parameters".to_owned()));
     }
-    // SAFETY: as above; it was initialised, and is used by this thread alone.
+    // SAFETY: as above; the compressor is initialized and only this thread uses it.
     #[allow(unsafe_code)]
     let done = unsafe { compressor.process() };
     done.map_err(|code| Error::Encoder(format!("{code:?}")))?;
@@ -58,16 +58,16 @@ pub fn compress(picture: Picture, codes: Codes) -> Result<Compressed, Error> {
 }
 
 impl Compressed {
-    /// The blocks, rows from the top.
+    /// Returns the blocks, rows from the top.
     ///
     /// # Errors
-    /// The encoder's file is not what its header says.
+    /// The encoder's file does not match its header.
     pub fn blocks(&self) -> Result<&[u8], Error> {
         let blocks = only_slice(&self.file).filter(|blocks| blocks.len() == self.blocks * BLOCK);
         blocks.ok_or_else(|| Error::Encoder("its file is cut short".to_owned()))
     }
 
-    /// What a renderer sees of each pixel.
+    /// Returns the decoded pixels.
     ///
     /// # Errors
     /// The encoder's file cannot be read.
@@ -81,8 +81,8 @@ impl Compressed {
     }
 }
 
-/// The data of the first slice of a .basis file: its header says at byte 65 where the slices are described; a description has the place of the
-/// data at byte 13 and its size at byte 17.
+/// Returns the data of the first slice of a .basis file. Byte 65 of the file header holds the offset of the slice descriptions; a
+/// description holds the offset of its data at byte 13 and their size at byte 17.
 fn only_slice(file: &[u8]) -> Option<&[u8]> {
     let number = |at: usize| {
         let bytes = file.get(at..at.checked_add(4)?)?;

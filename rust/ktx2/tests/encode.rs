@@ -1,9 +1,9 @@
-//! What comes out is read by another implementation: the crate `basisu`, a transcoder of its own.
+//! Encoded files, read back by an independent implementation: the transcoder of the crate `basisu`.
 
 use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
 use leafcloud_ktx2::{Codes, CutOut, Error, Level, encode};
 
-/// Leaf-like: green of several shades where alpha is full, discs on nothing.
+/// A leaf-like picture: green discs of several shades on a transparent background.
 fn picture(side: usize) -> Vec<[u8; 4]> {
     let pixel = |i: usize| {
         let (x, y) = ((i % side) as f32 / side as f32, (i / side) as f32 / side as f32);
@@ -36,17 +36,17 @@ fn every_level_comes_back() {
             let back: &[[u8; 4]] = back.as_chunks().0;
             assert_eq!(back.len(), side * side);
             let off: u64 = back.iter().zip(pixels).map(|(a, b)| u64::from(a[3].abs_diff(b[3]))).sum();
-            // The smallest levels are nothing but edges.
+            // The smallest levels consist of edges only.
             let most = if *side >= 32 { 2.0 } else { 8.0 };
             assert!((off as f64) < most * (side * side) as f64, "alpha of level {number}: {off} over {side}²");
             let seen = back.iter().zip(pixels).filter(|(_, b)| b[3] == 255);
             let worst = seen.flat_map(|(a, b)| (0..3).map(|i| a[i].abs_diff(b[i]))).max().unwrap_or(0);
-            assert!(worst <= 24, "colour of level {number} is off by {worst}");
+            assert!(worst <= 24, "color of level {number} is off by {worst}");
         }
     }
 }
 
-/// Pixels by chance, all colours, alpha within two codes of the cutoff or full: the worst there is for a block.
+/// Random pixels of all colors with alpha within two codes of the cutoff, 0 or 255: the worst case for a block.
 fn noise(side: usize, cutoff: u8) -> Vec<[u8; 4]> {
     let pixel = |i: usize| {
         let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -62,7 +62,7 @@ fn alphas(file: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_cut_out_stays_so() {
+fn cut_out_pixels_stay_cut_out() {
     for (pixels, cutoff) in [(picture(128), 128), (noise(128, 26), 26), (noise(128, 128), 128), (noise(128, 230), 230)]
     {
         let cut_outs = [CutOut { x: 0, y: 0, width: 128, height: 128, code: cutoff }];
@@ -92,13 +92,13 @@ fn the_header_is_that_of_the_specification() {
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap());
     assert_eq!(&file[..12], b"\xABKTX 20\xBB\r\n\x1A\n");
     assert_eq!([12, 16, 20, 24, 28, 32, 36, 40, 44].map(word), [0, 1, 8, 8, 0, 0, 1, 4, 2]);
-    // The descriptor lies behind the index of four levels; its colour model is UASTC, its primaries BT.709, its transfer sRGB.
+    // The descriptor follows the index of four levels; its color model is UASTC, its primaries BT.709, its transfer sRGB.
     assert_eq!([48, 52].map(word), [80 + 4 * 24, 44]);
     assert_eq!(file[176 + 12..176 + 16], [166, 1, 2, 0]);
     // KHR_texture_basisu: data are linear, and their primaries are unspecified.
     let data = encode(&levels(&chain), Codes::Linear, &|| true).unwrap();
     assert_eq!(data[176 + 12..176 + 16], [166, 0, 1, 0]);
-    // Levels lie from the smallest to the largest, without gaps, up to the end.
+    // Levels lie from the smallest to the largest, without gaps, up to the end of the file.
     let long = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap());
     let index: Vec<[u64; 3]> = (0..4).map(|i| [0, 8, 16].map(|field| long(80 + 24 * i + field))).collect();
     for pair in index.windows(2) {
@@ -116,7 +116,7 @@ fn the_same_pictures_give_the_same_bytes() {
 }
 
 #[test]
-fn what_is_no_mip_chain_is_refused() {
+fn anything_but_a_mip_chain_is_refused() {
     let (four, two) = (picture(4), picture(2));
     let level = |width: usize, height: usize, pixels| Level { width, height, pixels, cut_outs: &[] };
     let message = |levels: &[Level]| match encode(levels, Codes::Srgb, &|| true) {
@@ -129,5 +129,5 @@ fn what_is_no_mip_chain_is_refused() {
     assert!(message(&[level(4, 4, &four), level(1, 1, &two[..1])]).contains("level 1 has 1 × 1"));
     let one = &two[..1];
     let long = [level(4, 4, &four), level(2, 2, &two), level(1, 1, one), level(1, 1, one)];
-    assert!(message(&long).contains("there are 4 levels; there can be 3"));
+    assert!(message(&long).contains("there are 4 levels; the limit for this size is 3"));
 }

@@ -1,31 +1,31 @@
-//! How far one surface lies from another: the one-sided Hausdorff distance, at samples.
+//! The one-sided Hausdorff distance between two surfaces, at samples.
 //!
 //! Aspert, Santa-Cruz and Ebrahimi, "MESH: Measuring errors between surfaces using the Hausdorff distance", 2002: samples on a grid
-//! over every triangle, each with its nearest point on the other surface, which an R*-tree finds. Distances to a surface change no
-//! faster than the place they are measured from, so between samples nothing is farther than the found one by more than their spacing.
+//! over every triangle; an R*-tree finds the nearest point of each on the other surface. The distance to a surface changes no faster than
+//! the position, so between samples it exceeds the measured distance by at most their spacing.
 
 use glam::DVec3;
 use rayon::prelude::*;
 use rstar::{AABB, PointDistance, RTree, RTreeObject};
 
-/// No edge has more samples than this: a few large triangles between many small ones must not take all the time.
+/// Most steps between samples along an edge, so that a few large triangles among many small ones do not take all the time.
 const MOST_STEPS: usize = 16;
 
-/// A triangle in space; degenerate ones have distances, too.
+/// A triangle in space; degenerate triangles have distances, too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle(pub [DVec3; 3]);
 
-/// How far a triangle lies from a surface.
+/// Distance of a triangle from a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Far {
-    /// Of its farthest sample.
+    /// Distance of its farthest sample.
     pub distance: f64,
-    /// The corner that is nearest to that sample.
+    /// The corner nearest to that sample.
     pub corner: DVec3,
 }
 
-/// For each triangle of `from` how far its farthest sample lies from `to`, samples being no farther apart than `spacing` where
-/// [`MOST_STEPS`] allows it. Everything is infinitely far from nothing.
+/// Returns the distance of each triangle of `from` from `to`. Samples are at most `spacing` apart if [`MOST_STEPS`] allows it. The distance
+/// from an empty surface is infinite.
 pub fn farthest(from: &[Triangle], to: &[Triangle], spacing: f64) -> Vec<Far> {
     let tree = RTree::bulk_load(to.to_vec());
     let distance = |p: DVec3| tree.nearest_neighbor(&p.to_array()).map_or(f64::INFINITY, |t| p.distance(t.nearest(p)));
@@ -38,13 +38,13 @@ pub fn farthest(from: &[Triangle], to: &[Triangle], spacing: f64) -> Vec<Far> {
 }
 
 impl Triangle {
-    /// Whether anything of it can be seen.
+    /// Returns whether the triangle is not degenerate.
     pub fn has_area(&self) -> bool {
         let [a, b, c] = self.0;
         (b - a).cross(c - a) != DVec3::ZERO
     }
 
-    /// The point of the triangle that is nearest to `p`: Ericson, "Real-Time Collision Detection", 5.1.5.
+    /// Returns the point of the triangle nearest to `p` (Ericson, "Real-Time Collision Detection", 5.1.5).
     pub fn nearest(&self, p: DVec3) -> DVec3 {
         let [a, b, c] = self.0;
         let (ab, ac) = (b - a, c - a);
@@ -63,7 +63,7 @@ impl Triangle {
         nearer(nearer(a, b), c)
     }
 
-    /// A grid over the triangle, its corners among them.
+    /// Returns a grid of points over the triangle, including its corners.
     fn samples(&self, spacing: f64) -> impl Iterator<Item = DVec3> {
         let [a, b, c] = self.0;
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));

@@ -1,13 +1,14 @@
-//! Trunks and branches with fewer triangles, within a distance that is measured.
+//! Simplification of trunks and branches within a measured distance.
 //!
-//! The crate `meshopt` collapses edges in the order of quadric errors (Garland and Heckbert 1997), with texture coordinates and normals
-//! among them (Hoppe 1999). Its error is a mean over area: a branch that has grown thin weighs nothing, and whole ones vanish under a
-//! bound that they exceed forty times. So every connected part is simplified by itself, what came out is measured against what went
-//! in, both ways ([`distance`]), and the part is done again, with the places kept that were missed, until the bound holds ([`part`]).
+//! The crate `meshopt` collapses edges in the order of quadric errors (Garland and Heckbert 1997), which include texture coordinates and
+//! normals (Hoppe 1999). Its error is a mean over area: a branch that has become thin weighs nothing, and whole branches vanish under a
+//! bound that their error exceeds forty times. So every connected part is simplified separately, and the result is measured against the
+//! input in both directions ([`distance`]). While the bound is exceeded, the part is simplified again with the missed vertices locked
+//! ([`part`]).
 //!
-//! Corners of the result are corners of the input: positions, texture coordinates, normals, colours and materials are not computed anew.
+//! Corners of the result are corners of the input: positions, texture coordinates, normals, colors and materials are not recomputed.
 //!
-//! Known limitation: distances know nothing of thickness. A branch thinner than the bound may become a flat strip.
+//! Known limit: distances ignore thickness. A branch thinner than the bound may become a flat strip.
 
 mod distance;
 mod part;
@@ -16,24 +17,25 @@ mod vertices;
 use leafcloud::{Error, Foliage, Progress, Result, error::number};
 use rayon::prelude::*;
 
-/// What is left of the wood.
+/// A simplified trunk.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Simplified {
-    /// (n) triangles, each by three corners of the input: corner c is corner c mod 3 of triangle c / 3. Those of one part (connected
-    /// component) stand together, parts in the order of the input.
+    /// (n) triangles, each as three corners of the input: corner c is corner c mod 3 of triangle c / 3. The triangles of a part (connected
+    /// component) are contiguous; parts are in the order of the input.
     pub corners: Vec<[u32; 3]>,
-    /// No sample of the input lies farther from the result, nor the other way round, caller's units. A part of which nothing is left
-    /// counts with the radius of its bounding sphere.
+    /// Greatest distance of a sample of the input from the result or the reverse, caller's units. A removed part counts with the radius of
+    /// its bounding sphere.
     pub error: f64,
 }
 
-/// `wood` with as few triangles as were found within `error`, a length in the caller's units; its parts are its leaves (`Foliage::leaf_ids`).
+/// Returns `wood` with the fewest triangles found within `error`, a length in the caller's units. Its parts are the leaves of the foliage
+/// (`Foliage::leaf_ids`).
 ///
-/// Parts that fit into a sphere of the radius `error` are left out. The same on any number of threads; on another kind of processor
-/// `meshopt`, which is C++, may round otherwise.
+/// Parts that fit into a sphere of the radius `error` are removed. The result does not depend on the number of threads; `meshopt`, which is
+/// C++, may round differently on another kind of processor.
 ///
 /// # Errors
-/// An `error` that is not above 0 and finite; [`Error::Cancelled`], asked before every part.
+/// An `error` that is not above 0 and finite; [`Error::Cancelled`], checked before every part.
 pub fn simplify(wood: &Foliage, error: f64, progress: Progress) -> Result<Simplified> {
     if !(error > 0.0 && error.is_finite()) {
         return Err(Error::invalid(format!(

@@ -1,7 +1,7 @@
-//! One connected part: simplified, measured, and done again until the bound holds.
+//! One connected part: simplified and measured until the bound holds.
 //!
-//! The simplifier's own bound begins at the error that is asked for and is halved from try to try. At each bound there are a few
-//! rounds: where the result is too far from the part, the vertices that were missed most are kept in place for all that follows.
+//! The simplifier's own bound begins at the requested error and is halved from try to try. Each bound gets a few rounds: if the result is
+//! too far from the part, the vertices missed most are locked for all later rounds.
 
 use glam::DVec3;
 use leafcloud::{Foliage, geometry::Frame};
@@ -11,19 +11,19 @@ use crate::Simplified;
 use crate::distance::{Far, Triangle, farthest};
 use crate::vertices::{ATTRIBUTES, Vertices};
 
-/// How often the simplifier's bound is halved.
+/// Number of bounds tried; each is half of the one before.
 const BOUNDS: usize = 10;
 /// Rounds at one bound.
 const ROUNDS: usize = 4;
-/// Places that one round keeps at most.
+/// Most positions that one round locks.
 const MOST_KEPT: usize = 256;
-/// Samples are this share of the error apart.
+/// Distance between samples, as a share of the error.
 const SPACING: f64 = 0.5;
-/// A normal that turns by 1 counts like a move by this share of the part's extent. Branches that stay round do not collapse:
-/// of 0.1 to 4, measured on the trees of `ez-tree`, this leaves the fewest triangles.
+/// Weight of normals: a normal that changes by 1 counts like a move by this share of the part's extent. It keeps branches round, so that
+/// they do not collapse. Of weights from 0.1 to 4, measured on the trees of `ez-tree`, this one gives the fewest triangles.
 const NORMAL_WEIGHT: f32 = 0.3;
 
-/// The part of `wood` that is made of `triangles`, within `error`; both errors in the local frame.
+/// Simplifies the part of `wood` with these triangles within `error`. Both the given and the returned error are in the local frame.
 pub fn simplify(wood: &Foliage, triangles: &[u32], error: f64) -> Simplified {
     let places: Vec<DVec3> = triangles.iter().flat_map(|&t| wood.corners(t as usize)).collect();
     match Frame::of(places.iter().copied()) {
@@ -35,15 +35,15 @@ pub fn simplify(wood: &Foliage, triangles: &[u32], error: f64) -> Simplified {
 }
 
 struct Part<'a> {
-    /// The numbers of its triangles.
+    /// Indices of its triangles in the whole trunk.
     triangles: &'a [u32],
     vertices: Vertices,
-    /// The corners' places, local.
+    /// Positions of the corners, local frame.
     places: Vec<DVec3>,
-    /// The triangles that can be seen, as they came.
+    /// Triangles of the input that have an area.
     whole: Vec<Triangle>,
     error: f64,
-    /// The same as a share of the extent that the simplifier measures by.
+    /// `error` as a share of the extent that the simplifier uses as its unit.
     bound: f32,
 }
 
@@ -57,7 +57,7 @@ impl<'a> Part<'a> {
         part
     }
 
-    /// The first result that holds the bound; none where nothing can be saved.
+    /// Returns the first result within the bound; `None` if no triangle can be saved.
     fn search(&self) -> Option<Simplified> {
         let mut locks = self.locks();
         let mut bound = self.bound;
@@ -80,7 +80,7 @@ impl<'a> Part<'a> {
         None
     }
 
-    /// Where textures, colours or materials meet, only such edges collapse that keep them apart; normals may be joined.
+    /// Returns the initial locks: vertices on seams between texture coordinates, colors or materials are protected; normals may merge.
     fn locks(&self) -> Vec<SimplifyVertex> {
         let lock = |&on_seam: &bool| if on_seam { SimplifyVertex::Protect } else { SimplifyVertex::None };
         self.vertices.on_seam.iter().map(lock).collect()
@@ -104,7 +104,8 @@ impl<'a> Part<'a> {
         indices.as_chunks::<3>().0.iter().filter(seen).copied().flatten().collect()
     }
 
-    /// The distance between the part and what is left of it, or, where that exceeds the error, how far each triangle is missed.
+    /// Returns the distance between the part and its simplification or, as the error, the distance of each triangle if that exceeds the
+    /// limit.
     fn measured(&self, indices: &[u32]) -> Result<f64, Vec<Far>> {
         let (left, spacing) = (self.surface(indices), SPACING * self.error);
         let greatest = |far: &[Far]| far.iter().map(|f| f.distance).fold(0.0, f64::max);
@@ -117,7 +118,7 @@ impl<'a> Part<'a> {
         if back > self.error { Err(missed) } else { Ok(there.max(back)) }
     }
 
-    /// Keeps what was missed most in place: the farthest vertex, then the farthest beyond its reach, and so on. Whether there was any.
+    /// Locks the vertices missed most: the farthest, then the farthest outside its distance, and so on. Returns whether there was any.
     fn keep(&self, mut missed: Vec<Far>, locks: &mut [SimplifyVertex]) -> bool {
         missed.retain(|far| far.distance > self.error);
         missed.sort_by(|a, b| b.distance.total_cmp(&a.distance));
@@ -143,7 +144,7 @@ impl<'a> Part<'a> {
         Triangle(vertices.map(|v| self.places[self.vertices.corners[v as usize] as usize]))
     }
 
-    /// Triangles of the part's vertices as corners of the whole wood.
+    /// Returns triangles of the part's vertices as corners of the whole trunk.
     fn in_wood(&self, indices: &[u32]) -> Vec<[u32; 3]> {
         let corner = |v: u32| {
             let corner = self.vertices.corners[v as usize];

@@ -1,34 +1,34 @@
-//! Corners as vertices: one for all that lie at one place and look the same there.
+//! Vertices: one for all corners with the same position and attributes.
 
 use glam::{DVec3, Vec3};
 use leafcloud::Foliage;
 use leafcloud::groups::number_by_appearance;
 
-/// What the simplifier is given of each vertex beside its place: texture coordinates, normal, colour.
+/// Attribute values of a vertex for the simplifier, beside its position: texture coordinates, normal, color.
 pub const ATTRIBUTES: usize = 9;
 
-/// The vertices of a part, v of them, whose triangles, t of them, have 3 t corners.
+/// The v vertices of a part with t triangles and 3 t corners.
 pub struct Vertices {
-    /// (3 t) the vertex of each corner.
+    /// (3 t) vertex of each corner.
     pub of_corner: Vec<u32>,
-    /// (v) a corner of each vertex: the first.
+    /// (v) first corner of each vertex.
     pub corners: Vec<u32>,
-    /// (v) in the local frame.
+    /// (v) positions in the local frame.
     pub places: Vec<[f32; 3]>,
-    /// (v) texture coordinates, unit normal, colour; zeros for what there is none of.
+    /// (v) texture coordinates, unit normal, color; zeros for missing attributes.
     pub attributes: Vec<[f32; ATTRIBUTES]>,
-    /// (v) whether at its place texture coordinates, colours or materials differ.
+    /// (v) whether texture coordinates, colors or materials differ at its position.
     pub on_seam: Vec<bool>,
 }
 
-/// A corner of a triangle of the wood: the triangle, and which of its three.
+/// A corner of the trunk: index of the triangle, and 0 to 2 for its corner.
 type Corner = (usize, usize);
 
 impl Vertices {
-    /// Those of `triangles` of `wood`, whose corners lie at `places` (3 t).
+    /// Returns the vertices of the `triangles` of `wood`. `places` are the positions of their corners (3 t).
     pub fn new(wood: &Foliage, triangles: &[u32], places: &[DVec3]) -> Self {
         let in_wood = |corner: usize| (triangles[corner / 3] as usize, corner % 3);
-        // Adding zero makes one zero of both.
+        // Adding zero turns −0 into 0.
         let place = |corner: usize| (places[corner].as_vec3() + Vec3::ZERO).to_array();
         let key =
             |corner: usize| (bits(place(corner)), bits(look(wood, in_wood(corner))), material(wood, in_wood(corner)));
@@ -46,7 +46,7 @@ impl Vertices {
     }
 }
 
-/// For each item whether another with the same key has another value.
+/// Returns, for each item, whether another item with the same key has another value.
 fn differing<K: std::hash::Hash + Eq, V: PartialEq>(keys: impl Iterator<Item = K>, values: &[V]) -> Vec<bool> {
     let (groups, count) = number_by_appearance(keys);
     let first = first_of_each(&groups, count);
@@ -57,7 +57,7 @@ fn differing<K: std::hash::Hash + Eq, V: PartialEq>(keys: impl Iterator<Item = K
     groups.iter().map(|&group| differ[group as usize]).collect()
 }
 
-/// What must not be joined across where it differs: texture coordinates, colour, material.
+/// Returns the attributes that make a seam if they differ: texture coordinates, color, material.
 fn seam(wood: &Foliage, corner: Corner) -> ([u32; 6], u32) {
     let [u, v, _, _, _, r, g, b, a] = look(wood, corner);
     (bits([u, v, r, g, b, a]), material(wood, corner))
@@ -79,7 +79,7 @@ fn bits<const N: usize>(values: [f32; N]) -> [u32; N] {
     values.map(f32::to_bits)
 }
 
-/// (count) where each of the numbers, which count by appearance, is seen first.
+/// Returns (count) the first position of each number. Numbers are assigned in order of appearance.
 fn first_of_each(numbers: &[u32], count: usize) -> Vec<u32> {
     let mut first = Vec::with_capacity(count);
     for (i, &number) in (0u32..).zip(numbers) {

@@ -1,10 +1,10 @@
-//! What comes out lies within the error of what went in: measured here by points at random and by closed forms, not by the crate.
+//! Simplified meshes stay within the error. Measured here with random points and closed forms, independent of the crate.
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use leafcloud::{Attributes, Foliage, Material, Progress};
 use leafcloud_wood::{Simplified, simplify};
 
-/// Positions, triangles, and what the corners carry.
+/// Positions, triangles, and attributes of the corners.
 #[derive(Clone, Default)]
 struct Mesh {
     positions: Vec<DVec3>,
@@ -14,7 +14,7 @@ struct Mesh {
 }
 
 impl Mesh {
-    /// A grid of `n` × `m` squares, its vertices where `place` lays (0 … 1, 0 … 1), which are the texture coordinates, too.
+    /// A grid of `n` × `m` squares. `place` maps (0 … 1, 0 … 1) to vertex positions; the same pair is the texture coordinates.
     fn grid(n: u32, m: u32, place: impl Fn(f64, f64) -> DVec3) -> Self {
         let share = |i: u32| (f64::from(i % (n + 1)) / f64::from(n), f64::from(i / (n + 1)) / f64::from(m));
         let square = |i: u32| {
@@ -44,7 +44,7 @@ impl Mesh {
         self
     }
 
-    /// Both meshes, with nothing in common.
+    /// Joins two meshes without shared vertices.
     fn with(mut self, other: &Self) -> Self {
         let shift = self.positions.len() as u32;
         self.positions.extend(&other.positions);
@@ -74,7 +74,7 @@ impl Mesh {
     }
 }
 
-/// The greatest distance of 4,000 places at random on `from` to `to`, those found one by one.
+/// Returns the greatest distance from 4,000 random points on `from` to `to`, by comparing all triangles.
 fn distance(from: &[[DVec3; 3]], to: &[[DVec3; 3]]) -> f64 {
     let mut state = 1u64;
     let mut random = || {
@@ -94,7 +94,7 @@ fn distance(from: &[[DVec3; 3]], to: &[[DVec3; 3]]) -> f64 {
     greatest
 }
 
-/// By the inverse of the matrix of its edges and its normal.
+/// Returns the distance from a point to a triangle, by the inverse of the matrix of its edges and its normal.
 fn to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let edges = [(a, b), (b, c), (c, a)];
     let to_edge = |(a, b): (DVec3, DVec3)| {
@@ -102,7 +102,7 @@ fn to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         (p - a - (b - a) * t).length()
     };
     let nearest_edge = edges.map(to_edge).into_iter().fold(f64::INFINITY, f64::min);
-    // Over the inside the foot of the perpendicular has no negative weight.
+    // Above the inside, the foot of the perpendicular has no negative weight.
     let matrix = DMat3::from_cols(b - a, c - a, (b - a).cross(c - a));
     let weights = matrix.inverse() * (p - a);
     let above = weights.x >= 0.0 && weights.y >= 0.0 && weights.x + weights.y <= 1.0;
@@ -119,9 +119,9 @@ fn a_finely_tessellated_square_becomes_two_triangles() {
     assert!((area - 1.0).abs() < 1e-12, "{area}: all of it, and wound as before");
 }
 
-/// The chord of an arc of the angle α on a circle of the radius r lies r (1 − cos α/2) below it.
+/// On a circle of radius r, the chord of an arc of angle α lies r (1 − cos α/2) below the arc.
 #[test]
-fn a_tube_has_the_sides_that_the_error_calls_for() {
+fn a_tube_keeps_as_many_sides_as_the_error_requires() {
     let tube = Mesh::tube(1.0, 10.0, 64, 40);
     let counts = [0.005, 0.02, 0.1].map(|error| {
         let simplified = tube.simplified(error);
@@ -138,7 +138,7 @@ fn a_tube_has_the_sides_that_the_error_calls_for() {
     assert!(counts.is_sorted_by(|a, b| a > b), "{counts:?}");
 }
 
-/// The tips of thin branches weigh nothing in a mean over area: they have to be measured.
+/// The tips of thin branches weigh nothing in a mean over area, so the distance must be measured.
 #[test]
 fn thin_branches_keep_their_length() {
     let branch = Mesh::tube(0.05, 10.0, 8, 30).moved(|p| p + DVec3::X * (p.z / 4.0).sin());
@@ -152,7 +152,7 @@ fn thin_branches_keep_their_length() {
 }
 
 #[test]
-fn parts_that_the_error_hides_are_left_out() {
+fn parts_smaller_than_the_error_are_removed() {
     let twig = Mesh::tube(0.01, 0.5, 6, 4).moved(|p| p + DVec3::X * 3.0);
     let tree = Mesh::tube(1.0, 10.0, 12, 10).with(&twig);
     let of_twig = |s: &Simplified| s.corners.iter().flatten().filter(|&&c| c >= 3 * 240).count();
@@ -160,7 +160,7 @@ fn parts_that_the_error_hides_are_left_out() {
     let without = tree.simplified(0.26);
     assert_eq!(of_twig(&without), 0);
     assert!(!without.corners.is_empty());
-    assert!(without.error >= 0.25, "{}: what is left out counts", without.error);
+    assert!(without.error >= 0.25, "{}: removed parts count", without.error);
     assert_eq!(tree.simplified(6.0).corners.len(), 0);
 }
 
@@ -173,7 +173,7 @@ fn size_and_place_change_nothing() {
         assert_eq!(scaled.corners, simplified.corners);
         assert!((scaled.error / scale - simplified.error).abs() < 1e-12);
     }
-    // Whole numbers and a shift by a power of two: no coordinate is rounded.
+    // Integers and a shift by a power of two: no coordinate is rounded.
     let block = Mesh::grid(8, 8, |u, v| DVec3::new(8.0 * u, 8.0 * v, (8.0 * u * v).floor()));
     let far = DVec3::new(f64::from(1 << 20), -f64::from(1 << 20), 0.0);
     assert_eq!(block.simplified(0.7).corners, block.clone().moved(|p| p + far).simplified(0.7).corners);
@@ -218,7 +218,7 @@ fn texture_seams_stay_closed() {
     }
 }
 
-/// Flat shading splits the normals at every vertex; that must not keep anything from collapsing.
+/// Flat shading splits the normals at every vertex; that must not prevent collapses.
 #[test]
 fn flat_shading_is_simplified() {
     let mut square = Mesh::grid(12, 12, |u, v| DVec3::new(u, v, 1e-4 * (40.0 * u).sin()));
@@ -231,7 +231,7 @@ fn flat_shading_is_simplified() {
 fn broken_meshes_give_sane_ones() {
     let tube = Mesh::tube(1.0, 4.0, 8, 8);
     let mut broken = tube.clone();
-    // Degenerate by index and by place, twice the same, turned round, an edge of five triangles.
+    // Degenerate by index and by position, a duplicate, a reversed triangle, an edge of five triangles.
     broken.positions.extend([DVec3::X * 3.0, DVec3::X * 3.0, DVec3::X * 4.0, DVec3::Z * -1.0, DVec3::Y * 3.0]);
     let n = tube.positions.len() as u32;
     let first = tube.triangles[0];
@@ -294,7 +294,7 @@ fn an_error_that_is_no_length_is_refused() {
 }
 
 #[test]
-fn normals_of_no_length_are_taken() {
+fn zero_normals_are_accepted() {
     let mut square = Mesh::grid(4, 4, |u, v| DVec3::new(u, v, 0.0));
     square.attributes.normals = vec![[Vec3::ZERO; 3]; square.triangles.len()];
     assert_eq!(square.simplified(0.01).corners.len(), 2);

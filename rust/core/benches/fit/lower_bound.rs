@@ -1,21 +1,21 @@
-//! How few billboards there can be, whatever the search.
+//! A lower bound on the number of billboards, for any search.
 //!
-//! No plane can hold more triangles than the largest number held for some direction near by, and every triangle must be held: so many
-//! billboards at least as that number goes into all. For all directions within an angle of n, a vertex v moves along the normal by at most
-//! 2 |v| sin(angle / 2), so a triangle can be held only at offsets in `[max(n·v − that) − ε, min(n·v + that) + ε]`. Cells of directions are cut until their
-//! bound is close to what their own middle holds. Sound, but far from tight: it ignores that slabs overlap.
+//! Every triangle must be held by a plane. So the number of triangles, divided by the most that any plane can hold, is a lower bound. For
+//! all directions within an angle of n, a vertex v moves along the normal by at most 2 |v| sin(angle / 2). So a triangle can be held only
+//! at offsets in `[max(n·v − that) − ε, min(n·v + that) + ε]`. Cells of directions are subdivided until their bound is close to the number
+//! that their center direction holds. The bound is sound but not tight: it ignores that slabs overlap.
 
 use glam::DVec3;
 use leafcloud::Foliage;
 use rayon::prelude::*;
 
-/// Cells are cut until the best bound is this close to what a plane was found to hold.
+/// Cells are subdivided until their bound is at most this many times the most that a plane was found to hold.
 const CLOSE: f64 = 1.25;
 
-/// Cuts of a cell's side, at most.
+/// Most subdivisions of a cell.
 const DEEPEST: usize = 5;
 
-/// A square on the cube around the unit sphere: its middle and half its side.
+/// A square on the cube around the unit sphere: its center and half its sides.
 #[derive(Clone, Copy)]
 struct Cell {
     middle: DVec3,
@@ -28,7 +28,7 @@ impl Cell {
         self.middle.normalize()
     }
 
-    /// The greatest distance between its unit normals and the middle one.
+    /// Returns the greatest distance of its unit normals from the center one.
     fn radius(&self) -> f64 {
         let corners = [(1., 1.), (1., -1.), (-1., 1.), (-1., -1.)];
         let away =
@@ -45,7 +45,7 @@ impl Cell {
     }
 }
 
-/// The most triangles held at one offset, where every height may be off by `slack` · |v|.
+/// Returns the most triangles held at one offset, if every height may be off by `slack` · |v|.
 fn most_held(triangles: &[[DVec3; 3]], normal: DVec3, slack: f64, epsilon: f64) -> usize {
     let mut ends: Vec<(f64, i32)> = Vec::with_capacity(2 * triangles.len());
     for corners in triangles {
@@ -53,7 +53,7 @@ fn most_held(triangles: &[[DVec3; 3]], normal: DVec3, slack: f64, epsilon: f64) 
             corners.iter().map(|v| normal.dot(*v) - slack * v.length()).fold(f64::NEG_INFINITY, f64::max) - epsilon;
         let high = corners.iter().map(|v| normal.dot(*v) + slack * v.length()).fold(f64::INFINITY, f64::min) + epsilon;
         if low <= high {
-            ends.extend([(low, -1), (high, 1)]); // beginnings before ends where they meet
+            ends.extend([(low, -1), (high, 1)]); // starts before ends at the same offset
         }
     }
     ends.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -65,7 +65,7 @@ fn most_held(triangles: &[[DVec3; 3]], normal: DVec3, slack: f64, epsilon: f64) 
     most as usize
 }
 
-/// A number of billboards that no cloud of this ε (share of R) can do without.
+/// Returns a lower bound on the number of billboards for this ε (share of R).
 pub fn billboards(foliage: &Foliage, epsilon: f64) -> usize {
     let triangles: Vec<[DVec3; 3]> = (0..foliage.triangle_count()).map(|t| foliage.corners(t)).collect();
     let face = |middle: DVec3, right: DVec3, up: DVec3| Cell { middle, right, up };

@@ -1,4 +1,4 @@
-//! What the machine can do, measured in the same run: the roof over the sweep's arithmetic, and memory.
+//! Limits of the machine, measured in the same run: roofline for the arithmetic of the search, and memory.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -8,16 +8,16 @@ use leafcloud::fit::{FitSettings, sweep_once};
 
 use crate::bandwidth::bandwidth;
 
-/// Shares of what one core can do.
+/// Rates of the sweep over all offsets and limits of one core.
 #[derive(Clone, Copy, Debug)]
 pub struct Roofline {
-    /// Multiply-adds a second of the sweep (three a point or area vector and direction), and of a loop that does nothing else.
+    /// Multiply-adds per second in the sweep (three for each point or area vector and direction), and in a loop that does nothing else.
     pub sweep: f64,
     pub peak: f64,
-    /// Bins that the sweep changes a second (two a piece and direction), and what a loop over a table of the same size changes.
+    /// Bins changed per second in the sweep (two for each piece and direction), and in a loop over a table of the same size.
     pub updates: f64,
     pub most_updates: f64,
-    /// Bytes that the sweep must read at the least for one eight of directions, a second, and what a copy moves.
+    /// Least bytes per second that the sweep must read, eight directions at a time, and bytes per second of a copy.
     pub bytes: f64,
     pub bandwidth: f64,
 }
@@ -31,7 +31,7 @@ fn best_of<T>(times: usize, mut run: impl FnMut() -> T) -> f64 {
     (0..times).map(time).fold(f64::INFINITY, f64::min)
 }
 
-/// Separate multiplies and adds on many independent sums, for the processor's widest registers that `pulp` offers.
+/// Separate multiplies and adds on many independent sums, in the widest registers that `pulp` offers.
 struct MultiplyAdds(usize);
 
 impl pulp::NullaryFnOnce for MultiplyAdds {
@@ -50,7 +50,7 @@ impl pulp::NullaryFnOnce for MultiplyAdds {
     }
 }
 
-/// Adds to scattered places of a table that lies in the first cache, as a sweep does to its bins; what is changed in a second.
+/// Returns the entries changed per second by adding to scattered entries of a table in the first-level cache, as a sweep does to its bins.
 fn updates() -> f64 {
     const ROWS: usize = 512;
     const TIMES: usize = 1 << 22;
@@ -71,7 +71,7 @@ pub fn roofline(foliage: &Foliage) -> Roofline {
     const ROUNDS: usize = 200_000;
     const OCTETS: usize = 32;
     let epsilon = FitSettings::default().epsilon;
-    // Twice the directions less once: what comes before the sweep drops out.
+    // The time for three times the directions minus the time for once: the work before the sweep cancels out.
     let twice = best_of(5, || sweep_once(foliage, epsilon, 3 * OCTETS));
     let once = best_of(5, || sweep_once(foliage, epsilon, OCTETS));
     let (vectors, updated, _) = sweep_once(foliage, epsilon, 2 * OCTETS);
@@ -87,15 +87,15 @@ pub fn roofline(foliage: &Foliage) -> Roofline {
     }
 }
 
-/// The most memory that this process has held, in bytes; 0 where the system does not say.
+/// Returns the peak memory of this process in bytes; 0 on systems that do not report it.
 pub fn peak_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmHWM:")).unwrap_or_default();
     line.split_whitespace().nth(1).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or(0) * 1024
 }
 
-/// Begins a new peak at what is held now.
+/// Resets the peak memory to the current use.
 pub fn forget_peak() {
-    // Writing 5 resets the peak (proc(5)); where that is not allowed the old peak stays, which is no less.
+    // Writing 5 resets the peak (proc(5)). If that is not allowed, the old peak stays, which is at least as high.
     drop(std::fs::write("/proc/self/clear_refs", "5"));
 }

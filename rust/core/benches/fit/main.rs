@@ -1,5 +1,6 @@
-//! The fit beside literal Algorithm 1, all in one run: `make bench`. Prints a table in Markdown and writes the figures as JSON to the file that
-//! `LEAFCLOUD_BENCH_JSON` names. Means over the seeds; what is compared runs on one thread where it says so, else on all cores.
+//! Compares the fit with Algorithm 1 as published ("literal"), all in one run: `make bench`. Prints tables in Markdown and writes the
+//! figures as JSON to the file that `LEAFCLOUD_BENCH_JSON` names. Figures are means over the seeds. Fits use all cores, or one thread if
+//! noted.
 
 #[path = "../bandwidth.rs"]
 mod bandwidth;
@@ -21,13 +22,13 @@ use report::{Figure, Report};
 
 const SEEDS: std::ops::Range<u64> = 0..5;
 
-/// Literal search on more triangles than this takes minutes.
+/// Most triangles for the literal search; it takes minutes on more.
 const LITERAL_LIMIT: usize = 200_000;
 
-/// Corners of the outlines whose overdraw is measured.
+/// Corners of the outlines for measuring overdraw.
 const CORNERS: usize = 8;
 
-/// Copies of the largest tree for the largest fit.
+/// Number of copies of the largest tree in the largest fit.
 const COPIES: usize = 10;
 
 fn settings(seed: u64, effort: Effort) -> FitSettings {
@@ -40,7 +41,7 @@ fn fitted(foliage: &Foliage, settings: &FitSettings) -> (Cloud, f64) {
     (cloud, started.elapsed().as_secs_f64())
 }
 
-/// The parent of each triangle in the literal algorithm: the plane that captured it.
+/// Returns the cloud of the literal algorithm: each triangle's parent is the first plane that holds it.
 fn captured(foliage: &Foliage, planes: Vec<Plane>, epsilon: f64) -> Cloud {
     let parent = |t: usize| {
         let corners = foliage.corners(t);
@@ -50,7 +51,7 @@ fn captured(foliage: &Foliage, planes: Vec<Plane>, epsilon: f64) -> Cloud {
     Cloud::new(foliage, planes, parents, epsilon * foliage.frame().radius)
 }
 
-/// The share of the triangles' area that is left when each is projected onto its parent's plane.
+/// Returns the share of the triangles' area that projection onto the parent planes keeps.
 fn kept_share(foliage: &Foliage, cloud: &Cloud) -> f64 {
     let area = |t: usize| foliage.area_vector(t);
     let kept = |t: usize| area(t).dot(cloud.planes[cloud.parents[t] as usize].normal).abs();
@@ -58,15 +59,15 @@ fn kept_share(foliage: &Foliage, cloud: &Cloud) -> f64 {
     sum(&kept) / sum(&|t| area(t).length())
 }
 
-/// The area of all outlines, in R². Seen from all around, half of it is drawn; the area covered is the crown's own, the same for all clouds:
-/// the ratio of two of these is the ratio of their overdraws.
+/// Returns the area of all outlines in R². Averaged over all views, half of it is drawn. The covered area is that of the crown, the same
+/// for all clouds, so the ratio of two outline areas is the ratio of their overdraws.
 fn drawn(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> f64 {
     let onto = |t: usize| foliage.corners(t).map(|p| cloud.planes[cloud.parents[t] as usize].project(p));
     let shapes = outlines(&cloud.planes, &cloud.parents, onto, opacity, OutlineSettings { corners });
     shapes.iter().map(leafcloud::geometry::Outline::area).sum()
 }
 
-/// Billboards, seconds, share of area kept, mean deviation as a share of ε, outlines' area.
+/// Returns billboards, seconds, share of area kept, mean deviation as a share of ε, and area of the outlines, as means over the seeds.
 fn measure(foliage: &Foliage, opacity: &Opacity, corners: usize, run: impl Fn(u64) -> (Cloud, f64)) -> Figure {
     let mut figure = Figure::default();
     for seed in SEEDS {
@@ -76,7 +77,7 @@ fn measure(foliage: &Foliage, opacity: &Opacity, corners: usize, run: impl Fn(u6
     figure.over((SEEDS.end - SEEDS.start) as f64)
 }
 
-/// The same of one cloud, without the seconds.
+/// Returns the same figures of one cloud, without the seconds.
 fn measure_one(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> Figure {
     let scale = foliage.frame().radius * FitSettings::default().epsilon;
     Figure {
@@ -88,7 +89,7 @@ fn measure_one(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usi
     }
 }
 
-/// All figures of a tree that the literal search can be run on.
+/// Adds all figures of a tree that is small enough for the literal search.
 fn compare(name: &str, foliage: &Foliage, report: &mut Report) {
     let FitSettings { epsilon, candidates, .. } = FitSettings::default();
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
@@ -129,7 +130,7 @@ fn compare(name: &str, foliage: &Foliage, report: &mut Report) {
     row.best = Some((best.planes.len(), seconds, lower_bound::billboards(foliage, epsilon)));
 }
 
-/// What settings against empty fill buy, and what they cost.
+/// Adds the gains and costs of settings that reduce transparent overdraw.
 fn transparency(name: &str, foliage: &Foliage, report: &mut Report) {
     let FitSettings { epsilon, candidates, .. } = FitSettings::default();
     let (seen, whole) = (Opacity::of(foliage), Opacity::ignored());
@@ -141,7 +142,7 @@ fn transparency(name: &str, foliage: &Foliage, report: &mut Report) {
         report.transparency(name, what, figure, literal);
     };
     add("rectangles around everything", 4, &whole, &plain);
-    add("rectangles around what is opaque", 4, &seen, &plain);
+    add("rectangles around opaque parts", 4, &seen, &plain);
     add("5 corners", 5, &seen, &plain);
     add("8 corners", 8, &seen, &plain);
     add("16 corners", 16, &seen, &plain);
@@ -156,7 +157,7 @@ fn transparency(name: &str, foliage: &Foliage, report: &mut Report) {
     }
 }
 
-/// Copies of a foliage, each moved by a little of its own: a crowd of leaves, ten times as dense.
+/// Returns a foliage with `count` copies, each slightly moved.
 fn copies(foliage: &Foliage, count: usize) -> Foliage {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for copy in 0..count {

@@ -47,13 +47,13 @@ impl Figure {
     }
 }
 
-/// One tree: literal, and what is compared with it.
+/// Figures of one tree: the literal algorithm, and the variants compared with it.
 pub struct Row {
     name: String,
     triangles: usize,
     literal: Figure,
     ours: Vec<(&'static str, Figure)>,
-    /// The fewest billboards found, the seconds that took, and a number that cannot be undercut.
+    /// The fewest billboards found, the seconds for that, and a lower bound.
     pub best: Option<(usize, f64, usize)>,
 }
 
@@ -74,7 +74,7 @@ struct Large {
 pub struct Report {
     rows: Vec<Row>,
     larges: Vec<Large>,
-    /// Tree, what is done, figures, literal's.
+    /// Tree, variant, its figures, figures of the literal algorithm.
     transparency: Vec<(String, String, Figure, Figure)>,
     pub peak_bytes_per_triangle: Option<f64>,
     pub roofline: Option<Roofline>,
@@ -97,9 +97,9 @@ impl Report {
     fn print_transparency(&self) {
         println!("## The cost of transparency\n");
         println!(
-            "Effort \"default\" against literal with rectangles, means over the trees. Overdraw is the outlines' area, for what is covered is the same.\n"
+            "Effort \"default\" against literal with rectangles, means over the trees. Overdraw is the area of the outlines, since the covered area is the same.\n"
         );
-        println!("| what | overdraw × | billboards × | deviation × |\n|---|---|---|---|");
+        println!("| variant | overdraw × | billboards × | deviation × |\n|---|---|---|---|");
         let mut kinds: Vec<&String> = Vec::new();
         for (_, what, ..) in &self.transparency {
             if !kinds.contains(&what) {
@@ -123,7 +123,7 @@ impl Report {
 
     pub fn print(&self) {
         let Some(first) = self.rows.first() else {
-            println!("no trees to measure: they are expected in shared/foliage beside the repository");
+            println!("no trees to measure: put them into shared/foliage beside the repository");
             return;
         };
         println!(
@@ -160,7 +160,7 @@ impl Report {
 
     fn print_shape(&self, names: &[&str]) {
         println!("## Against literal: mean deviation ×, overdraw ×\n");
-        println!("Outlines of 8 corners around what is opaque against literal's rectangles around everything.\n");
+        println!("Outlines of 8 corners around opaque parts against literal's rectangles around everything.\n");
         println!("| tree | literal: deviation / ε, outlines / R² | {} |", names.join(" | "));
         println!("|---|---|{}", "---|".repeat(names.len()));
         let ratio = |a: &Figure, b: &Figure| (a.deviation / b.deviation, a.drawn / b.drawn);
@@ -184,8 +184,8 @@ impl Report {
 
     fn print_best(&self) {
         println!("## The fewest found\n");
-        println!("Effort \"best\", seed 0. The bound is proven: every billboard holds at most so many triangles.\n");
-        println!("| tree | billboards | against literal | seconds | no fewer than |\n|---|---|---|---|---|");
+        println!("Effort \"best\", seed 0. The lower bound follows from the most triangles that a plane holds.\n");
+        println!("| tree | billboards | against literal | seconds | lower bound |\n|---|---|---|---|---|");
         for row in &self.rows {
             if let Some((count, seconds, bound)) = row.best {
                 println!(
@@ -200,7 +200,7 @@ impl Report {
 
     fn print_large(&self) {
         println!(
-            "## Large foliage\n\n| foliage | triangles | billboards | seconds | ns a triangle |\n|---|---|---|---|---|"
+            "## Large foliage\n\n| foliage | triangles | billboards | seconds | ns per triangle |\n|---|---|---|---|---|"
         );
         for Large { name, triangles, billboards, seconds } in &self.larges {
             println!(
@@ -209,18 +209,18 @@ impl Report {
             );
         }
         if let Some(bytes) = self.peak_bytes_per_triangle {
-            println!("\nPeak memory of the whole process in the largest fit: {bytes:.0} bytes a triangle.");
+            println!("\nPeak memory of the whole process in the largest fit: {bytes:.0} bytes per triangle.");
         }
         println!();
     }
 
     fn print_roofline(&self) {
         let Some(r) = self.roofline else { return };
-        println!("## The roof over the sweep, one core\n");
+        println!("## Roofline of the sweep, one core\n");
         println!(
-            "{:.1} of {:.1} billion multiply-adds a second ({:.0} %), {:.1} of {:.1} GB/s ({:.0} %), {:.2} of {:.2} billion bins changed a second \
-             ({:.0} %): two for each piece and direction. The rest is the arithmetic of \
-             intervals, and taking lanes out of registers.",
+            "{:.1} of {:.1} billion multiply-adds per second ({:.0} %), {:.1} of {:.1} GB/s ({:.0} %), {:.2} of {:.2} billion bins changed per \
+             second ({:.0} %), two for each piece and direction. The rest of the time goes into the arithmetic of intervals and into \
+             extracting lanes from registers.",
             r.sweep / 1e9,
             r.peak / 1e9,
             r.sweep / r.peak * 100.0,
@@ -233,7 +233,7 @@ impl Report {
         );
     }
 
-    /// Writes the JSON to the file that the environment names, if it does.
+    /// Writes the JSON to the file that `LEAFCLOUD_BENCH_JSON` names, if it is set.
     pub fn save(&self) {
         let Ok(path) = std::env::var("LEAFCLOUD_BENCH_JSON") else { return };
         let mut json = String::from("{\n  \"trees\": [\n");

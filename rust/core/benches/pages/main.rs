@@ -1,4 +1,4 @@
-//! Pages and the judge: how full, how fast, and what mips keep. `make bench` prints it in Markdown.
+//! Atlas pages and metrics: occupancy, speed, and coverage of mip levels. `make bench` prints tables in Markdown.
 
 #[path = "../bandwidth.rs"]
 mod bandwidth;
@@ -20,10 +20,10 @@ use leafcloud::{Cloud, Progress, gltf};
 
 const SIDE: usize = 2048;
 const CUTOFF: f32 = 0.5;
-/// That pass memory at the least, of a texel and channel: drawn as four floats, read to be filled in, written as four codes.
+/// Least bytes moved for each texel and channel: written as four floats, read for filling in, written as four codes.
 const BYTES: usize = 16 + 16 + 4;
 
-/// The best of three: the machine has other things to do.
+/// Returns the result and the best time of three runs, since the machine has other work.
 fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     let once = |run: &mut dyn FnMut() -> T| {
         let started = Instant::now();
@@ -38,7 +38,7 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     best
 }
 
-/// Level 1 of a tree: what it is baked from.
+/// Inputs for baking level 1 of a tree.
 struct Level {
     foliage: Foliage,
     cloud: Cloud,
@@ -72,7 +72,8 @@ impl Level {
     }
 }
 
-/// The area that passes the cutoff over that of level 0, by level: of plain means, of plain means of the page for engines, and of the mips.
+/// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
+/// the page for engines, and of the mip levels in KTX2.
 fn coverage(page: &Page, sheet: &Sheet) -> Vec<[f64; 3]> {
     let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
     let (engine, lower) = for_plain_means(&page.base_color, CUTOFF);
@@ -92,14 +93,14 @@ fn main() {
     println!("## Pages");
     println!();
     println!(
-        "Level 1 at ε = 0.04 R on a page of {SIDE}², both sides, base colour and normals, 4 × 4 samples, {threads} threads; best of three. *Occupancy*: \
-         rectangles with their gutters over the page. *Covered*: texels that show something. *Samples*: those that see something, both \
-         channels, a second. *Memory*: what has to pass it, {BYTES} bytes a texel and channel, over what a copy moves on one core, {:.1} GB/s. \
-         *Judge*: level 1 against the leaves, 12 views of 64².",
+        "Level 1 at ε = 0.04 R on a page of {SIDE}², both sides, base color and normals, 4 × 4 samples, {threads} threads; best of three. *Occupancy*: \
+         rectangles with their gutters, as a share of the page. *Covered*: texels with alpha above 0. *Samples*: covered samples per second, both \
+         channels. *Memory*: the least traffic, {BYTES} bytes for each texel and channel, over that of a copy on one core, {:.1} GB/s. \
+         *Metrics*: level 1 against the leaves, 12 views of 64².",
         copied / 1e9
     );
     println!();
-    println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | memory | judge s |");
+    println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | memory | metrics s |");
     println!("|---|---|---|---|---|---|---|---|---|");
     let mut tables = Vec::new();
     for (name, path) in common::trees() {
@@ -128,8 +129,8 @@ fn main() {
     println!("## Mips");
     println!();
     println!(
-        "The area that passes a cutoff of ½, over that of level 0: plain means, as an engine makes them → plain means of the page for \
-         engines, at its own cutoff → the mips in KTX2."
+        "The area above a cutoff of ½, over that of level 0: box-filtered mip levels, as an engine makes them → box-filtered mip levels of \
+         the page for engines, at its own cutoff → the mip levels in KTX2."
     );
     println!();
     println!("| tree | 2048² | 1024² | 512² | 256² | 128² | 64² |");

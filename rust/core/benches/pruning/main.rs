@@ -1,4 +1,4 @@
-//! What pruning does to a crown: how much of it is seen, and how much its pixels vary. `make bench` prints it in Markdown.
+//! Effect of pruning on a crown: its coverage, and the variation of its pixels. `make bench` prints tables in Markdown.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -15,12 +15,12 @@ use leafcloud::transition::leaf_pivots;
 const SEEDS: u64 = 5;
 const KEEPS: [f64; 7] = [0.97, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02];
 const SIZE: usize = 128;
-/// Triangles up to which a tree is measured.
+/// Most triangles of a measured tree.
 const LIMIT: usize = 200_000;
 /// λ at which pixels are compared.
 const KEEP: f64 = 0.1;
 
-/// Other views than those that growth is measured by.
+/// Returns views that differ from the views for measuring growth.
 fn views() -> Views {
     Views { count: 8, size: SIZE, samples: Samples::default(), up: DVec3::Z, turn: 0.5 }
 }
@@ -29,7 +29,7 @@ fn judge(foliage: &Foliage, views: Views) -> Judge {
     Judge::new(&[foliage], foliage.frame(), views).expect("pictures have pixels")
 }
 
-/// Grown by r/λ, as Gomez does.
+/// Prunes the leaves and scales them by r/λ, as Gomez does.
 fn linearly(foliage: &Foliage, ranks: &[f32], keep: f64) -> Foliage {
     let pivots = leaf_pivots(foliage);
     let leaf = |t: u32| foliage.leaf_ids()[t as usize] as usize;
@@ -40,7 +40,7 @@ fn linearly(foliage: &Foliage, ranks: &[f32], keep: f64) -> Foliage {
     foliage.part(&triangles, &corners).expect("leaves with an area")
 }
 
-/// Coverage over that of all leaves, by λ: by area and measured growth, by area alone, linearly.
+/// Returns the coverage over that of all leaves for each λ: with area scale and measured growth, with area scale alone, with linear scale.
 fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let judge = judge(foliage, views());
     let seen = |foliage: &Foliage| judge.glance(foliage).expect("pixels").coverage / SEEDS as f64;
@@ -64,7 +64,7 @@ fn linear(code: u8) -> f64 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Mean colour and standard deviation of the luminance, linear, of pixels that are covered by more than half.
+/// Returns the mean color and the standard deviation of the luminance, both linear, of pixels covered by more than half.
 fn colors(foliage: &Foliage, frame: &Foliage, size: usize) -> (Vec3, f64) {
     let Views { samples, up, .. } = views();
     let picture = |i: usize| {
@@ -85,7 +85,7 @@ fn colors(foliage: &Foliage, frame: &Foliage, size: usize) -> (Vec3, f64) {
     (Vec3::from_array(means.map(|m| m as f32)), variance.sqrt())
 }
 
-/// The same leaves with their colours pulled toward a mean.
+/// Returns the same leaves with their colors pulled toward a mean.
 fn pulled(foliage: &Foliage, mean: Vec3, contrast: f64) -> Foliage {
     let code = |x: f32| {
         let x = if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
@@ -117,7 +117,7 @@ fn main() {
         .map(|(name, path)| (name, gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a tree")))
         .filter(|(_, foliage)| foliage.triangle_count() <= LIMIT)
         .collect();
-    println!("Coverage of pruned leaves over that of all, mean of {SEEDS} seeds:\n");
+    println!("Coverage of pruned leaves over that of all leaves, mean of {SEEDS} seeds:\n");
     println!("| λ | {} |", KEEPS.map(|keep| keep.to_string()).join(" | "));
     println!("|---|{}", "---|".repeat(KEEPS.len()));
     for (name, foliage) in &trees {
@@ -127,16 +127,16 @@ fn main() {
         row("linear", &linear);
     }
     println!(
-        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, where so many are left, mean of \
+        "\nStandard deviation of the pixels' luminance at λ = {KEEP} over that of all leaves, at the distance of that λ, mean of \
          {SEEDS} seeds:\n"
     );
-    println!("| | pixels across | κ | with contrast kept | without |\n|---|---|---|---|---|");
+    println!("| | pixels across | κ | contrast corrected | uncorrected |\n|---|---|---|---|---|");
     for (name, foliage) in &trees {
         let settings = PruneSettings { keep: 1.0, leaf_pixels: 16.0, half: 0.5, contrast: true };
         let size = settings.crown_pixels(foliage, KEEP);
         let (mean, all) = colors(foliage, foliage, size);
         if all < 1e-3 {
-            println!("| {name} | {size} | | its leaves are of one colour | |");
+            println!("| {name} | {size} | | its leaves have one color | |");
             continue;
         }
         let seen = visibility(foliage, DVec3::Z, 16).expect("pixels");

@@ -1,6 +1,7 @@
-//! What each safeguard of accuracy costs in time, by doing without it: `make bench`, or `cargo bench --bench safeguards TREE.glb …`. Prints a table in Markdown.
+//! Cost in time of each safeguard of accuracy, measured against a variant without it: `make bench`, or
+//! `cargo bench --bench safeguards TREE.glb …`. Prints a table in Markdown.
 //!
-//! The variants without stand here only. Best of several runs on one thread.
+//! The variants without safeguards exist only here. Times are the best of several runs on one thread.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -22,7 +23,7 @@ fn best<T>(mut run: impl FnMut() -> T) -> f64 {
     (0..RUNS).map(time).fold(f64::INFINITY, f64::min)
 }
 
-/// The greatest distances of all triangles to their planes in single precision: as `Cloud::new`, without f64.
+/// Returns the greatest distance of each triangle from its plane in single precision: `Cloud::new` without f64.
 fn single(corners: &[[Vec3; 3]], planes: &[(Vec3, f32)], parents: &[u32]) -> Vec<f32> {
     let distance = |(corners, &parent): (&[Vec3; 3], &u32)| {
         let (normal, distance) = planes[parent as usize];
@@ -31,7 +32,7 @@ fn single(corners: &[[Vec3; 3]], planes: &[(Vec3, f32)], parents: &[u32]) -> Vec
     corners.iter().zip(parents).map(distance).collect()
 }
 
-/// The mean deviation by plain additions: as `Cloud::mean_deviation`, without what is kept of roundings.
+/// Returns the mean deviation by plain additions: `Cloud::mean_deviation` without compensation for rounding.
 fn plain_mean(foliage: &Foliage, deviations: &[f64]) -> f64 {
     let (mut moved, mut whole) = (0.0, 0.0);
     for (t, deviation) in deviations.iter().enumerate() {
@@ -42,17 +43,17 @@ fn plain_mean(foliage: &Foliage, deviations: &[f64]) -> f64 {
     moved / whole
 }
 
-/// Powers, sines and cosines by a library that rounds the same everywhere, or by the platform's.
+/// Computes powers, sines and cosines with the given functions: those of a library with the same results everywhere, or the platform's.
 fn transcendental(values: &[f64], pow: fn(f64, f64) -> f64, sin: fn(f64) -> f64, cos: fn(f64) -> f64) -> f64 {
     values.iter().map(|&x| pow(x, 1.7) + sin(x) * cos(x)).sum()
 }
 
 fn main() {
     println!(
-        "Made by `make bench`: milliseconds with and without, one thread, best of {RUNS}; *of a bake* is of the whole chain with the defaults.\n"
+        "Made by `make bench`: milliseconds with and without each safeguard, one thread, best of {RUNS}. A bake is the whole chain with the defaults.\n"
     );
     println!(
-        "| tree | the check of ε, f64 | in f32 | mean deviation, exact | plain | 10⁵ powers, sines, cosines: the same everywhere | the platform's | fit | chain |"
+        "| tree | check of ε in f64 | in f32 | mean deviation, exact sums | plain sums | 10⁵ powers, sines, cosines: same everywhere | platform's | fit | chain |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
@@ -88,7 +89,7 @@ fn main() {
         shares.push((name, [check / fitted, check / whole, (check - unchecked) / whole, (exact - plain) / whole]));
     }
     println!(
-        "\n| tree | the whole check, of the fit | of a bake | f64 in it, of a bake | exact sums, of a bake |\n|---|---|---|---|---|"
+        "\n| tree | whole check, share of the fit | share of a bake | its f64, share of a bake | exact sums, share of a bake |\n|---|---|---|---|---|"
     );
     for (name, shares) in shares {
         let cells = shares.map(|share| format!("{:.3} %", 100.0 * share));

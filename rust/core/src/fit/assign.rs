@@ -1,9 +1,9 @@
-//! Which plane each piece collapses onto, once all planes are known.
+//! Choice of each piece's parent plane, after all planes are found.
 //!
-//! Among the planes that hold the piece within ε, in f64, the one of least
-//! `mean(h²)/ε² + w · (1 − |cos|)`, with h the heights of its vertices and cos the cosine between plane and leaf: a plane that sees a leaf
-//! face-on keeps its area and is worth some distance. w = 0 takes the nearest plane. All cores; each plane looks only at the boxes that
-//! it touches.
+//! Among the planes that hold the piece within ε, in f64, the parent is the one with the least
+//! `mean(h²)/ε² + w · (1 − |cos|)`. h are the heights of its vertices, cos is the cosine between plane and leaf: a plane that sees a leaf
+//! face-on keeps its area, which is worth some distance. w = 0 takes the nearest plane. Runs on all cores; each plane tests only the boxes
+//! that it touches.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -12,16 +12,16 @@ use super::pieces::{Pieces, Slab};
 use super::sweep::Search;
 use crate::foliage::Foliage;
 
-/// Pieces that one task looks at; a multiple of what shares a box.
+/// Pieces per task; a multiple of the pieces in a box.
 const TASK: usize = 2048;
 
-/// Slabs whose held leaves are in memory together.
+/// Slabs with their held leaves in memory at the same time.
 const SLABS_AT_ONCE: usize = 16;
 
-/// The weight of facing for [`kept_share`].
+/// Weight of facing for [`kept_share`].
 const FACING: f32 = 1.0;
 
-/// The cheapest parent of each piece; the earliest of equal ones. `None` where no slab holds the piece.
+/// Returns the cheapest parent of each piece; the earliest of equal ones. `None` if no slab holds the piece.
 pub fn parents(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> Vec<Option<u32>> {
     let mut best: Vec<(f32, u32)> = vec![(f32::INFINITY, u32::MAX); pieces.len()];
     best.par_chunks_mut(TASK).enumerate().for_each(|(number, best)| {
@@ -39,14 +39,14 @@ pub fn parents(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> Vec<Option<u
     best.into_iter().map(|(_, k)| (k != u32::MAX).then_some(k)).collect()
 }
 
-/// What a plane costs a piece.
+/// Cost of a parent plane for a piece.
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
-    /// The weight of 1 − |cos|.
+    /// Weight of 1 − |cos|.
     pub facing: f32,
-    /// The weight of the squared distance (in R) between the piece and the middle of what the plane has.
+    /// Weight of the squared distance (in R) between the piece and the middle of the plane's pieces.
     pub gather: f32,
-    /// Those middles; empty as long as they are not known.
+    /// The middles of the planes' pieces; empty until parents are known.
     middles: Vec<Vec3>,
 }
 
@@ -55,7 +55,7 @@ impl Choice {
         Self { facing, gather, middles: Vec::new() }
     }
 
-    /// The same choice once it is known which pieces each slab has.
+    /// Returns the same choice with the middles of the pieces that each slab has as parent.
     pub fn gathered(&self, pieces: &Pieces, slabs: &[Slab], parents: &[Option<u32>]) -> Self {
         let mut sums = vec![(DVec3::ZERO, 0.0); slabs.len()];
         for (i, parent) in parents.iter().enumerate() {
@@ -69,7 +69,7 @@ impl Choice {
         Self { middles: sums.into_iter().map(middle).collect(), ..self.clone() }
     }
 
-    /// What it costs the piece, to `COST_ERROR` over the piece's bound.
+    /// Returns the cost for the piece, with an error of at most `COST_ERROR` over the piece's bound.
     pub fn cost(&self, pieces: &Pieces, piece: usize, slab: &Slab, number: usize) -> f32 {
         let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
         let points = pieces.points(piece);
@@ -82,14 +82,14 @@ impl Choice {
     }
 }
 
-/// Gives the triangles of a leaf one parent wherever a slab holds them all: of those, the cheapest. `parents` are those of the triangles.
+/// Gives the triangles of a leaf one parent if any slab holds them all: the cheapest such slab. `parents` has one entry per triangle.
 pub fn reunite_leaves(pieces: &Pieces, slabs: &[Slab], choice: &Choice, foliage: &Foliage, parents: &mut [u32]) {
     let leaf_ids = foliage.leaf_ids();
     let mut sizes = vec![0u32; foliage.leaf_count()];
     for &leaf in leaf_ids {
         sizes[leaf as usize] += 1;
     }
-    // The leaves that a slab holds whole though they are several pieces, and what that costs.
+    // The leaves of several pieces that a slab holds whole, and their cost.
     let held = |(number, slab): (usize, &Slab)| -> Vec<(u32, f32)> {
         let pieces_held = pieces.held_in(slab, 0..pieces.len()).into_iter().map(|i| i as usize);
         let parts = pieces_held.map(|i| (leaf_ids[pieces.triangles(i)[0] as usize], i));
@@ -122,7 +122,7 @@ pub fn reunite_leaves(pieces: &Pieces, slabs: &[Slab], choice: &Choice, foliage:
     }
 }
 
-/// The share of their weight that pieces keep when each is projected onto its parent's plane.
+/// Returns the share of their weight that pieces keep when each is projected onto its parent's plane.
 pub fn kept_share(pieces: &Pieces, slabs: &[Slab]) -> f64 {
     let (mut kept, mut whole) = (0.0, 0.0);
     for (i, parent) in parents(pieces, slabs, &Choice::new(FACING, 0.0)).into_iter().enumerate() {
@@ -134,7 +134,7 @@ pub fn kept_share(pieces: &Pieces, slabs: &[Slab]) -> f64 {
     if whole > 0.0 { kept / whole } else { 1.0 }
 }
 
-/// The pieces that no slab serves, in ascending order.
+/// Returns the pieces that no slab serves, in ascending order.
 pub fn unserved(pieces: &Pieces, slabs: &[Slab], search: &Search) -> Vec<u32> {
     let in_task = |number: usize| {
         let range = number * TASK..((number + 1) * TASK).min(pieces.len());

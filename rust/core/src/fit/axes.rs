@@ -1,19 +1,19 @@
-//! Canonical axes: which way the search looks at the foliage.
+//! Canonical axes: the coordinates of the search.
 //!
-//! The search tries fixed directions. So that a foliage turned by a quarter turn or mirrored gets the same planes, turned or mirrored with it,
-//! the axes are first put into an order and given signs that follow from the foliage alone: the axis along which corners lie farthest from
-//! the centre first, each towards the side where more of them lie. The sums are of whole numbers, exact in any order. Where two sums are
-//! equal the caller's order stays: a known limit, which takes a symmetric foliage (whose fits are as good as each other's).
+//! The search tries fixed directions. Canonical axes follow from the foliage alone, so a foliage that is mirrored or turned by a quarter
+//! turn gets the same planes, mirrored or turned with it. The axes are sorted by the sum of the corners' distances from the center,
+//! greatest first, and each points toward the side with the larger sum of coordinates. Sums are of integers, so they are exact in any
+//! order. Known limit: equal sums keep the caller's order. That happens only for symmetric foliage, for which either fit is equally good.
 
 use glam::DVec3;
 
 use crate::foliage::Foliage;
 use crate::geometry::Plane;
 
-/// Local coordinates are at most 1; sums of 2³⁴ corners stay within 63 bits.
+/// Integer units per local unit: local coordinates are at most 1, so sums of 2³⁴ corners stay within 63 bits.
 const UNITS: f64 = (1u64 << 28) as f64;
 
-/// An order of the axes and a sign for each.
+/// An order and a sign for each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
     order: [usize; 3],
@@ -21,7 +21,7 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// The axes that follow from the foliage.
+    /// Returns the canonical axes of the foliage.
     pub fn of(foliage: &Foliage) -> Self {
         let (mut spread, mut lean) = ([0i64; 3], [0i64; 3]);
         for corner in (0..foliage.triangle_count()).flat_map(|t| foliage.corners(t)) {
@@ -37,12 +37,12 @@ impl Axes {
         Self { order, signs }
     }
 
-    /// From local coordinates to canonical ones.
+    /// Converts a vector from local to canonical coordinates.
     pub fn to_canonical(self, v: DVec3) -> DVec3 {
         DVec3::from_array(self.order.map(|axis| v[axis])) * self.signs
     }
 
-    /// From canonical coordinates to local ones.
+    /// Converts a vector from canonical to local coordinates.
     pub fn to_local(self, v: DVec3) -> DVec3 {
         let signed = v * self.signs;
         let mut local = DVec3::ZERO;
@@ -52,7 +52,7 @@ impl Axes {
         local
     }
 
-    /// A canonical plane in local coordinates.
+    /// Converts a plane from canonical to local coordinates.
     pub fn plane_to_local(self, plane: &Plane) -> Plane {
         Plane { normal: self.to_local(plane.normal), distance: plane.distance }
     }

@@ -1,24 +1,24 @@
-//! How far a piece may move: ε, or less where a viewer comes near.
+//! Bounds on the motion of pieces: ε, or less where a viewer may come near.
 //!
-//! Décoret et al. 2003, §2, view-dependent case: the error that counts is the angle at which a motion is seen. A viewer who stays at the
-//! distance D or farther from the centre sees a vertex at distance |v| from the centre from no nearer than D − |v|, so that a motion of
-//! φ · (D − |v|) is seen at an angle of at most φ, whatever its direction.
+//! Décoret et al. 2003, §2, view-dependent case: the error is the angle at which a motion appears. If a viewer stays at least the
+//! distance D from the center, a vertex at distance |v| from the center is at least D − |v| away. So a motion of
+//! φ · (D − |v|) appears at an angle of at most φ, in any direction.
 
 use glam::DVec3;
 
 use super::settings::ImageBound;
 
-/// The bound at every point of the foliage, local units.
+/// The bound at every point of the foliage, in local units.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// The greatest bound anywhere.
     pub greatest: f64,
-    /// Where a viewer may come.
+    /// Least distance and angle of a viewer, if given.
     pub image: Option<ImageBound>,
 }
 
 impl Bounds {
-    /// The bound of what has these vertices (local), rounded down to f32.
+    /// Returns the bound for a piece with these vertices (local), rounded down to f32.
     pub fn of(&self, vertices: impl IntoIterator<Item = DVec3>) -> f32 {
         let seen = self.image.map_or(f64::INFINITY, |ImageBound { angle, distance }| {
             let farthest = vertices.into_iter().map(DVec3::length).fold(0.0, f64::max);

@@ -1,22 +1,22 @@
-//! The smallest ε that keeps within a budget.
+//! Search for the smallest ε within a budget.
 //!
-//! Counts fall with ε about as a power of it (billboards as ε^−1.6 on trees), so the next ε is guessed from that, between those that were too
-//! many and those that were not; the guesses close in geometrically. The counts are not quite monotone, a few per cent up and down:
-//! the result keeps the budget, and is the smallest ε that was tried and did.
+//! Counts fall with ε roughly as a power (billboards as ε^−1.6 on trees). The next ε follows from that power, and stays between the ε that
+//! were too small and those that were enough; the interval closes geometrically. Counts are not quite monotone, by a few per cent, so
+//! the result keeps the budget and is the smallest ε among those tried, not the smallest possible.
 
 use crate::error::{Error, Result};
 
-/// Fits that are tried, at most.
+/// Greatest number of fits.
 pub const TRIES: usize = 9;
 
-/// How much longer a step is than the one before that changed nothing.
+/// Growth of the step for each fit that leaves the count unchanged.
 const LONGER: f64 = 8.0;
 
-/// An ε this close to one that is too small is near enough.
+/// The search ends if ε is within this ratio of an ε that is too small.
 const CLOSE: f64 = 1.005;
 
-/// Calls `fit` with several ε; it answers what came out and what that needs. Returns what needs at most `limit` at the smallest ε in
-/// [`least`, 1], if any ε does. `power` is how the need falls with ε.
+/// Finds the smallest ε in [`least`, 1] that needs at most `limit`. `fit` receives ε and the number of the attempt; it returns its result
+/// and the need. Returns the result at the smallest ε found, or `None` if none is enough. The need falls as ε to the power −`power`.
 pub fn smallest<T>(
     limit: f64,
     power: f64,
@@ -25,7 +25,7 @@ pub fn smallest<T>(
     mut fit: impl FnMut(f64, usize) -> Result<(T, f64)>,
 ) -> Result<Option<T>> {
     let (mut too_small, mut best): (f64, Option<(f64, T)>) = (0.0, None);
-    // How often the need stayed the same while ε fell: then the power says nothing, and the next step is longer.
+    // Number of fits with an unchanged need although ε fell. The power gives no step there, so the next step is longer.
     let (mut before, mut stalled) = (f64::NAN, 0);
     let mut epsilon = start.clamp(least, 1.0);
     for attempt in 0..TRIES {
@@ -48,7 +48,7 @@ pub fn smallest<T>(
             }
         }
         epsilon = match &best {
-            // A guess outside what is known would teach nothing; neither would one that is almost there.
+            // Stay within the known interval, and away from its ends.
             Some((enough, _)) if too_small > 0.0 => {
                 let ratio = enough / too_small;
                 if ratio < CLOSE {
@@ -63,7 +63,7 @@ pub fn smallest<T>(
     Ok(best.map(|(_, found)| found))
 }
 
-/// When no ε is large enough.
+/// Makes the error for a budget that no ε reaches.
 pub fn out_of_reach(name: &str, limit: usize) -> Error {
     Error::invalid(format!("`{name}` is {limit}, which no `epsilon` up to 1 was found to reach; raise it"))
 }

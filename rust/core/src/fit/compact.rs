@@ -1,8 +1,8 @@
 //! Compact subsets: billboards without wide gaps.
 //!
-//! Décoret et al. 2003, §3: what one plane serves is looked at along four directions 45° apart; where its projection on one of them has a
-//! gap, it falls into two billboards in the same plane. Repeated until no part has a gap: every part then is dense along all four.
-//! O(n log n) for each cut.
+//! Décoret et al. 2003, §3: the pieces of a plane are projected onto four directions 45° apart. A gap in a projection splits them into
+//! two billboards in the same plane. This repeats until no part has a gap in any of the four directions.
+//! O(n log n) for each split.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -17,8 +17,8 @@ const ALONG: [DVec2; 4] = [
     DVec2::new(std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2),
 ];
 
-/// Parts every plane where its triangles leave a gap of at least `gap`; `corners` are the triangles' own. Returns the planes, repeated for their
-/// parts, and the parents by their numbers.
+/// Splits every plane at gaps of at least `gap` between its triangles; `corners` are the triangles' own. Returns the planes, repeated for
+/// their parts, and each triangle's parent as an index into them.
 pub fn parted(
     planes: &[Plane],
     parents: &[u32],

@@ -1,16 +1,16 @@
 //! Décoret, Durand, Sillion, Dorsey, "Billboard Clouds for Extreme Model Simplification" (2003): density in plane space.
 //!
-//! Planes are (θ, φ, ρ): the spherical angles of the normal and the distance along it, in uniform bins. The planes valid for a piece
-//! form an interval of ρ for each direction, found conservatively from the bin's four corner directions. A piece adds its projected area to the bins
-//! of its interval, by the share of each that is covered, and takes `penalty` times as much from the bins within ε below it, so that planes that
-//! just miss it are not chosen. The densest bin is refined until one plane serves all of its pieces: it and its neighbours are cut into
-//! eight each, again and again. What that plane holds is taken out, and so on.
+//! Planes are (θ, φ, ρ): the spherical angles of the normal and the distance along it, in uniform bins. For each direction, the planes
+//! valid for a piece form an interval of ρ, found conservatively from the bin's four corner directions. A piece adds its projected area to
+//! the bins of its interval, by the covered share of each bin. It subtracts `penalty` times as much from the bins within ε below the
+//! interval, so planes that just miss it score less. The densest bin is refined until one plane serves all of its pieces: the bin and its
+//! neighbors are cut into eight each, repeatedly. Then the pieces of that plane are removed, and the next bin is chosen.
 //!
-//! Where the paper needs care: its penalty of 10 is made for surfaces. In a crown every plane just misses so much that only lonely leaves
-//! have a density above 0, and nearly every leaf gets a plane of its own; a small penalty, or none, suits foliage. Where no density is above 0,
-//! coverage alone decides; at the poles every θ is the same plane, which only repeats candidates; refinement is bounded in depth, for a
-//! bin may hold pieces that no plane serves together; a piece that no bin's middle serves gets a plane of its own. Complexity O(n · D) for D
-//! directions, twice over all slabs, and O(n′ · 216) for a step of refinement over the n′ pieces of the bin.
+//! Differences from the paper. Its penalty of 10 suits surfaces. In a crown every plane just misses many leaves, so only isolated leaves
+//! have a density above 0 and nearly every leaf gets its own plane; foliage needs a small penalty, or none. If no density is above 0,
+//! coverage alone decides. At the poles every θ is the same plane, which only repeats candidates. Refinement has a depth limit, because no
+//! single plane may serve all pieces of a bin. A piece that no bin's middle serves gets its own plane. Complexity: O(n · D) for D
+//! directions, twice over all slabs, and O(n′ · 216) for a refinement step over the n′ pieces of the bin.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -24,21 +24,21 @@ use crate::error::Result;
 use crate::geometry::Plane;
 use crate::progress::Progress;
 
-/// Cuts of a bin into halves, at most.
+/// Greatest number of halvings of a bin.
 const DEEPEST: usize = 10;
 
-/// Bins of φ, and of the whole space, at most.
+/// Greatest number of bins of φ, and of the whole space.
 const MOST_PHIS: usize = 40;
 const MOST_BINS: usize = 1 << 22;
 
-/// Units of the whole weight: sums of whole numbers are exact in any order.
+/// Integer units of the total weight: integer sums are exact in any order.
 const WHOLE: f64 = (1u64 << 40) as f64;
 
-/// The densest planes first.
+/// The density method: repeatedly takes the densest plane.
 pub struct Density {
-    /// About how many directions half the sphere is cut into.
+    /// Approximate number of directions on half the sphere.
     pub directions: usize,
-    /// What a piece takes from planes that just miss it, over what it gives to those that hold it.
+    /// Score that a piece subtracts from planes that just miss it, relative to the score that it adds to planes that hold it.
     pub penalty: f64,
 }
 
@@ -99,7 +99,7 @@ impl Cell {
         Plane { normal: direction(middle(self.theta), middle(self.phi)), distance: middle(self.rho) }
     }
 
-    /// This cell and its neighbours, cut into eight each.
+    /// Returns the eighths of this cell and its neighbors.
     fn parts_and_neighbours(&self) -> impl Iterator<Item = Self> + use<> {
         let step = |range: [f64; 2]| 0.5 * (range[1] - range[0]);
         let at = move |range: [f64; 2], i: usize| {
@@ -111,10 +111,11 @@ impl Cell {
     }
 }
 
-/// The planes that are valid for a piece, for directions near four: an interval of ρ, empty when none is.
+/// Returns the interval of ρ of the planes that are valid for a piece, for directions near `directions`; empty if no plane is.
 ///
-/// Conservative for all directions between the four but for the bulge of the sphere between them: with γ the angle from their middle to the
-/// farthest, it may miss γ² at either end (and f32's rounding of the points). What it lets pass is checked later, what it misses costs a bin.
+/// Conservative for all directions between the four, except for the bulge of the sphere: with γ the angle from their middle to the
+/// farthest, it may miss γ² at either end, plus f32's rounding of the points. Planes that it wrongly accepts are rejected later; planes
+/// that it misses cost a bin.
 fn valid(pieces: &Pieces, piece: usize, directions: &[DVec3; 4]) -> [f64; 2] {
     let bound = f64::from(pieces.bound(piece));
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -126,19 +127,19 @@ fn valid(pieces: &Pieces, piece: usize, directions: &[DVec3; 4]) -> [f64; 2] {
     [low, high]
 }
 
-/// The length that two intervals share.
+/// Returns the length of the intersection of two intervals.
 fn overlap(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[1].min(b[1]) - a[0].max(b[0])).max(0.0)
 }
 
-/// What a bin holds and what it just misses, in weight units.
+/// Weight that a bin holds and weight that it just misses, in integer units.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bin {
     coverage: i64,
     penalty: i64,
 }
 
-/// How good a plane is: by its density where that is above 0, else by its coverage.
+/// Quality of a plane: its density if above 0, then its coverage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 struct Merit(f64, f64);
 
@@ -152,25 +153,25 @@ impl Merit {
     }
 }
 
-/// The density of all bins.
+/// The density in all bins.
 struct Space<'a> {
     pieces: &'a Pieces<'a>,
     search: &'a Search<'a>,
     penalty: f64,
-    /// Bins of θ, φ and ρ.
+    /// Numbers of bins of θ, φ and ρ.
     counts: [usize; 3],
-    /// The width of a bin of ρ, and where the first begins.
+    /// Width of a bin of ρ, and start of the first.
     width: f64,
     low: f64,
-    /// Weight units of an area.
+    /// Integer units per area.
     unit: f64,
-    /// A row of bins of ρ for each direction.
+    /// Bins of ρ for each direction.
     rows: Vec<Vec<Bin>>,
 }
 
 impl<'a> Space<'a> {
     fn new(pieces: &'a Pieces<'a>, search: &'a Search<'a>, Density { directions, penalty }: &Density) -> Self {
-        // Four times as many θ as φ; ρ of both signs, so that half a sphere is enough.
+        // Four times as many θ as φ; ρ of both signs, so half the sphere is enough.
         let phis = ((*directions as f64 / 4.0).sqrt().ceil() as usize).clamp(2, MOST_PHIS);
         let bound = f64::from(pieces.least_bound());
         let low = -1.0 - f64::from(pieces.greatest_bound());
@@ -199,7 +200,7 @@ impl<'a> Space<'a> {
         }
     }
 
-    /// Adds (`sign` 1) or takes out (−1) what pieces give to all bins and take from them.
+    /// Adds (`sign` 1) or removes (−1) the coverage and penalty of pieces in all bins.
     fn change(&mut self, members: &[u32], sign: i64) {
         let cells: Vec<Cell> = (0..self.rows.len()).map(|row| self.cell(row, 0)).collect();
         let (pieces, penalty, low, width, unit) = (self.pieces, self.penalty, self.low, self.width, self.unit);
@@ -245,7 +246,7 @@ impl<'a> Space<'a> {
         at.map(|(row, bin)| self.cell(row, bin))
     }
 
-    /// The open pieces that some plane of the cell is valid for.
+    /// Returns the open pieces with a valid plane in the cell.
     fn members(&self, cell: &Cell, among: &[u32]) -> Vec<u32> {
         let directions = cell.corner_directions();
         let inside = |&i: &u32| overlap(valid(self.pieces, i as usize, &directions), cell.rho) > 0.0;
@@ -270,7 +271,7 @@ impl<'a> Space<'a> {
         Merit::new(coverage, penalty)
     }
 
-    /// The plane that a cell is refined to; `None` when nothing is left to serve on the way.
+    /// Refines a cell to a plane; `None` if the cell has no pieces.
     fn refined(&self, cell: Cell, among: &[u32]) -> Option<Slab> {
         let mut cell = cell;
         let mut members = self.members(&cell, among);
@@ -292,7 +293,7 @@ impl<'a> Space<'a> {
         self.slab(&cell, &members)
     }
 
-    /// The plane in the middle of a cell; found at the heaviest of its members.
+    /// Returns the plane in the middle of a cell, centered on the heaviest of its members.
     fn slab(&self, cell: &Cell, members: &[u32]) -> Option<Slab> {
         let weight = |i: u32| self.pieces.weight(i as usize);
         let heaviest = members.iter().copied().reduce(|a, b| if weight(b) > weight(a) { b } else { a })? as usize;
@@ -329,7 +330,7 @@ mod tests {
             let (low, high) = along.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
             let middle = directions.iter().sum::<DVec3>().normalize();
             let gamma = directions.iter().map(|d| middle.angle_between(*d)).fold(0.0, f64::max);
-            // All planes from high − bound to low + bound are valid; the interval must hold them, but for the bulge.
+            // All planes from high − bound to low + bound are valid; the interval must hold them, up to the bulge.
             if high - bound < low + bound {
                 let [from, to] = valid(&pieces, piece, &directions);
                 worst = worse(worst, (from - (high - bound)).max(low + bound - to) / (gamma * gamma + 1e-6));

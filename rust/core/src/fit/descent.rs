@@ -1,15 +1,18 @@
-//! Weighted descent: fewer slabs that still serve everything.
+//! Weighted descent: reduces the number of slabs while they serve all pieces.
 //!
-//! Local search for set covers with row weights (after Gao, Weise, Li, "An efficient local search heuristic with row weighting for the unicost
-//! set covering problem", 2015), where the columns are all planes. Whenever every piece is served, the answer is kept and the slab that
-//! alone serves the least is dropped. Then, step by step: a piece that nobody serves is drawn; some slabs say how they would serve
-//! it, aimed anew at what only they serve and at what nobody does; the one that gains most moves; the weight of what stays unserved grows.
-//! It stops after a fixed number of steps, not seconds, so that it repeats.
+//! A local search for set covers with row weights (after Gao, Weise, Li, "An efficient local search heuristic with row weighting for the
+//! unicost set covering problem", 2015) in which the columns are all planes. Whenever every piece is served, the answer is kept and the
+//! slab with the least loss is dropped; a slab's loss is the weight that only it serves. Then, in each step: draw an unserved piece; let
+//! some slabs offer new planes through it, aimed at the pieces that only they serve and at unserved pieces; move the slab with the greatest
+//! gain; raise the weight of the pieces that remain unserved. The search stops after a fixed number of steps, not seconds, so it is
+//! reproducible.
 //!
-//! Counting slabs alone drifts to slabs that see many leaves edge-on. An answer therefore counts only when its pieces keep a
-//! wanted share of their area on their parents' planes; when one does not, the guard rises: what is seen too flatly is no longer served.
+//! Minimizing the count alone drifts to slabs that see many leaves edge-on. An answer therefore counts only if its pieces keep a
+//! wanted share of their area on their parents' planes. If one does not, the guard rises: pieces that a slab sees too flatly are no longer
+//! served by it.
 //!
-//! A step costs O(asked · (n / K) · D) for the sweeps and O(n) / 8 for what the moved slab holds. Known limit: no proof of a minimum.
+//! A step costs O(asked · (n / K) · D) for the sweeps and O(n) / 8 to find the pieces of the moved slab. Known limit: no proof of a
+//! minimum.
 
 use glam::Vec3;
 
@@ -21,49 +24,49 @@ use super::sweep::{LANES, Search, best_near, cone};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// How hard the descent tries.
+/// Length and quality limit of a descent.
 #[derive(Clone, Copy, Debug)]
 pub struct DescentPlan {
-    /// Moves of a slab.
+    /// Number of steps; each moves a slab.
     pub steps: usize,
-    /// The least share of their area that the pieces keep.
+    /// Least share of their area that the pieces keep, in [0, 1].
     pub kept: f64,
 }
 
-/// Slabs that are asked in each step: half of them the nearest, half those that alone serve the least.
+/// Slabs that make offers in each step: half of them the nearest to the piece, half those with the least loss.
 const ASKED: usize = 8;
 
-/// Spreads (tangents) of the cones in which a slab that is asked looks, and of those in which the one that moves looks again.
+/// Spreads (tangents) of the cones for an offer, and for the final aim of the slab that moves.
 const FIRST_CONES: [f64; 2] = [0.05, 0.25];
 const LAST_CONES: [f64; 2] = [0.06, 0.02];
 
-/// Steps for which a slab that moved is not asked.
+/// Steps during which a moved slab makes no offers.
 const REST: usize = 2;
 
-/// How far around the piece's centre offsets are looked for, in bounds.
+/// Range of offsets around the piece's center, in bounds.
 const RANGE: f32 = 1.25;
 
-/// Units of a piece's first weight, so that shares of it are whole numbers, and the most that a weight grows to: 2¹⁶ pieces, more than are
-/// searched together, sum to no more than 2³¹.
+/// First weight of a piece, large enough for integer shares, and greatest weight. 2¹⁶ pieces, more than are ever searched together, sum to
+/// at most 2³¹.
 const UNIT: i32 = 16;
 const HEAVIEST: i32 = 1 << 15;
 
-/// As in the guard; less than in the greedy search, for what is lost is watched here.
+/// Slope of the guard; less than in the greedy search, because the descent limits the lost area itself.
 const SLOPE: f32 = 0.2;
 
-/// How much the guard rises when too little of the leaves' area is kept.
+/// Increase of the guard when the pieces keep too little of their area.
 const GUARD_STEP: f32 = 0.03;
 
-/// Steps between two looks at whether to go on.
+/// Steps between two checks for cancellation.
 const PATIENCE: usize = 64;
 
-/// Pieces on which it is estimated how much of their area they keep.
+/// Pieces in the sample that estimates the kept area.
 const SAMPLE: usize = 2500;
 
-/// Not among the unserved.
+/// Place of a piece that is served, so not in `unserved`.
 const NOWHERE: u32 = u32::MAX;
 
-/// Slabs, at most as many, that serve all pieces, as `slabs` do; `answer` is told each that is better than the one before.
+/// Returns at most as many slabs as `slabs` that serve all pieces. `answer` receives each better answer on the way.
 pub fn descend(
     pieces: &Pieces,
     slabs: Vec<Slab>,
@@ -72,7 +75,7 @@ pub fn descend(
     progress: Progress,
     answer: &dyn Fn(&[Slab]),
 ) -> Result<Vec<Slab>> {
-    // What is kept is estimated on a sample: it is a mean.
+    // The kept share is a mean, so a sample is enough.
     let stride = pieces.len().div_ceil(SAMPLE);
     let sample: Vec<u32> = (0..pieces.len() as u32).step_by(stride).collect();
     let sample = pieces.select(&sample);
@@ -108,21 +111,21 @@ pub fn descend(
 struct State<'a> {
     pieces: &'a Pieces<'a>,
     search: Search<'a>,
-    /// `None` where a slab was dropped.
+    /// `None` for dropped slabs.
     slabs: Vec<Option<Slab>>,
-    /// The pieces that each serves.
+    /// The pieces that each slab serves.
     served: Vec<Vec<u32>>,
     /// The weight that only this slab serves.
     loss: Vec<i64>,
-    /// The step in which it may be asked again.
+    /// The first step at which a slab may make offers again.
     rests_until: Vec<usize>,
-    /// How many slabs serve a piece.
+    /// The number of slabs that serve each piece.
     servers: Vec<u32>,
-    /// The exclusive or of their numbers: where one serves it, its number.
+    /// The exclusive or of the numbers of these slabs: with one server, its number.
     server: Vec<u32>,
     weights: Vec<i32>,
     unserved: Vec<u32>,
-    /// Where a piece stands in `unserved`.
+    /// Index of each piece in `unserved`.
     place: Vec<u32>,
 }
 
@@ -215,14 +218,14 @@ impl<'a> State<'a> {
         self.take(cheapest);
     }
 
-    /// A slab moves to where it serves one of the unserved.
+    /// Moves a slab to serve one of the unserved pieces.
     fn step(&mut self, step: usize) {
         let mut stream = Stream::new(self.search.seed, step, 0);
-        // The heavier of two.
+        // Draw two and take the heavier.
         let [one, other] = [(); 2].map(|()| self.unserved[stream.below(self.unserved.len())]);
         let piece = if self.weights[other as usize] > self.weights[one as usize] { other } else { one } as usize;
         let offer = |number: usize| {
-            let slab = self.slabs[number].expect("only those alive are asked");
+            let slab = self.slabs[number].expect("only live slabs make offers");
             let (gain, slab) = self.aimed(number, &slab, piece, &mut stream);
             (f64::from(gain) - self.loss[number] as f64, number, slab)
         };
@@ -238,7 +241,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// Slabs that may move to serve the piece: the nearest and those that alone serve the least, none that has just moved.
+    /// Returns the slabs that may move to serve the piece: the nearest and those with the least loss, without recently moved ones.
     fn asked(&self, piece: usize, step: usize) -> Vec<usize> {
         let height = |slab: &Slab| self.pieces.greatest_height(piece, slab);
         let awake = self.slabs.iter().enumerate().filter(|(k, _)| self.rests_until[*k] <= step);
@@ -250,14 +253,14 @@ impl<'a> State<'a> {
         near.into_iter().map(|n| n.1).chain(cheap.into_iter().map(|c| c.1)).collect()
     }
 
-    /// What a slab is aimed at: the pieces that only it serves, and those that nobody does.
+    /// Returns the pieces that a slab should serve: those that only it serves, and the unserved ones.
     fn targets(&self, number: usize, centre: Vec3, reach: f32) -> Vec<(u32, i32)> {
         let only = self.served[number].iter().filter(|&&i| self.servers[i as usize] == 1);
         let within = |i: &&u32| self.pieces.within_reach(**i as usize, centre, reach);
         only.chain(&self.unserved).filter(within).map(|&i| (i, self.weights[i as usize])).collect()
     }
 
-    /// The best place for a slab that serves the piece.
+    /// Returns the best plane for a slab near the piece, with its score.
     fn aimed(&self, number: usize, slab: &Slab, piece: usize, stream: &mut Stream) -> (f32, Slab) {
         let reach = self.pieces.reach_around(piece, self.search.reach);
         let through = Slab { centre: self.pieces.centre(piece), reach, ..*slab };
@@ -272,7 +275,7 @@ impl<'a> State<'a> {
         best_near(self.pieces, &targets, &through, &normals, RANGE * self.pieces.bound(piece), &self.search)
     }
 
-    /// The best place close to where the slab is.
+    /// Refines the plane of a slab that is about to move.
     fn aimed_finely(&self, number: usize, slab: Slab, piece: usize, stream: &mut Stream) -> Slab {
         let targets = self.targets(number, slab.centre, slab.reach);
         let mut best = (0.0, slab);
@@ -288,7 +291,7 @@ impl<'a> State<'a> {
     }
 }
 
-/// Keeps the `count` least, in order.
+/// Keeps the `count` least items, in order.
 fn keep_least<T>(items: &mut Vec<T>, count: usize, order: impl Fn(&T, &T) -> std::cmp::Ordering) {
     if count < items.len() {
         items.select_nth_unstable_by(count, &order);
@@ -304,7 +307,7 @@ mod tests {
     use super::*;
     use crate::common::stability::case;
 
-    /// Everything that is kept up to date from move to move, anew from what each slab serves.
+    /// Counts the differences between the state, updated by moves, and the same values computed from scratch.
     fn drifted(state: &State) -> usize {
         let mut servers = vec![Vec::new(); state.pieces.len()];
         for (number, slab) in state.slabs.iter().enumerate() {

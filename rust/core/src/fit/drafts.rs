@@ -1,6 +1,6 @@
-//! Drafts of pieces: what one leaf or triangle is, found out from the foliage's own corners in f64, before pieces are put in order.
+//! Drafts of pieces: the properties of one leaf or triangle, computed in f64 before pieces are sorted.
 //!
-//! Nothing depends on the order of triangles: corners are sorted by where they lie before anything is summed.
+//! Nothing depends on the order of the triangles: corners are sorted by position before anything is summed.
 
 use glam::{DVec3, Vec3};
 
@@ -10,13 +10,14 @@ use super::thinnest::thin_enough;
 use crate::foliage::{Foliage, Opacity, area_vector};
 use crate::geometry::Plane;
 
-/// Area vectors closer in direction than this (sine of the angle) are summed: they project alike.
+/// Area vectors closer in direction than this (sine of the angle) are summed: their projections are alike.
 const PARALLEL: f64 = 1e-6;
 
-/// Directions of area vectors that are told apart in one piece; a leaf of more (a hedge in one mesh) is summed less, never searched longer.
+/// Distinct directions to compare with in one piece. Beyond it, area vectors are merged less, which bounds the time for a hedge in one
+/// mesh.
 const MOST_DIRECTIONS: usize = 64;
 
-/// What is found out about one leaf or triangle before pieces are put in order.
+/// Properties of one leaf or triangle, before pieces are sorted.
 pub struct Draft {
     pub key: (u64, [u32; 3]),
     pub triangles: Vec<u32>,
@@ -26,7 +27,7 @@ pub struct Draft {
     pub bound: f32,
 }
 
-/// What drafts are made from.
+/// Input of the drafts.
 pub struct Source<'a> {
     pub foliage: &'a Foliage,
     pub axes: Axes,
@@ -35,7 +36,7 @@ pub struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Whether a slab is as thick as the leaf is wide: then to keep it whole costs next to nothing.
+    /// Returns whether the leaf is no wider than a slab is thick: keeping it whole then costs next to nothing.
     pub fn is_small(&self, triangles: &[u32]) -> bool {
         let corners = triangles.iter().flat_map(|&t| self.foliage.corners(t as usize));
         let (low, high) =
@@ -43,7 +44,7 @@ impl Source<'_> {
         high.distance(low) <= 2.0 * f64::from(self.bounds.of(corners))
     }
 
-    /// `None` when no plane holds all triangles.
+    /// Returns the draft of a piece; `None` if no plane holds all its triangles.
     pub fn draft(&self, triangles: &[u32]) -> Option<Draft> {
         let corners = corners(self.foliage, self.axes, triangles);
         let vertices = distinct(&corners);
@@ -51,7 +52,7 @@ impl Source<'_> {
         let bound = self.bounds.of(vertices.iter().map(|&v| self.axes.to_local(v)));
         if triangles.len() > 1 {
             let plane = thin_enough(&vertices, &areas, f64::from(bound));
-            // A hair less, so that another order of the same sums cannot find it too far.
+            // Slightly tighter: summing in another order must not exceed the bound.
             let held = f64::from(bound) * (1.0 - 1e-7);
             if vertices.iter().any(|&v| plane.height(v).abs() > held) {
                 return None;
@@ -68,13 +69,13 @@ impl Source<'_> {
     }
 }
 
-/// A plane that holds the triangles, canonical, if one within `bound` is found.
+/// Returns a plane for the triangles, in canonical coordinates; it holds them if a plane within `bound` was found.
 pub fn own_plane(foliage: &Foliage, axes: Axes, triangles: &[u32], bound: f64) -> Plane {
     let corners = corners(foliage, axes, triangles);
     thin_enough(&distinct(&corners), &merge_parallel(&corners), bound)
 }
 
-/// The corners of triangles, canonical; triangles in an order that follows from where they lie.
+/// Returns the canonical corners of triangles, sorted by position.
 fn corners(foliage: &Foliage, axes: Axes, triangles: &[u32]) -> Vec<[DVec3; 3]> {
     let mut corners: Vec<[DVec3; 3]> =
         triangles.iter().map(|&t| foliage.corners(t as usize).map(|p| axes.to_canonical(p))).collect();
@@ -89,14 +90,14 @@ fn by_coordinates(a: &DVec3, b: &DVec3) -> std::cmp::Ordering {
 }
 
 fn distinct(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
-    // Adding 0 turns −0 into +0: the same place.
+    // Adding 0 turns −0 into +0: the same position.
     let mut kept: Vec<DVec3> = corners.iter().flatten().map(|&p| p + DVec3::ZERO).collect();
     kept.sort_by(by_coordinates);
     kept.dedup();
     kept
 }
 
-/// Sums area vectors of one direction, whichever way they wind, and drops those without length.
+/// Sums area vectors of the same direction, regardless of winding, and drops vectors without length.
 fn merge_parallel(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
     let mut merged: Vec<DVec3> = Vec::new();
     for area in corners.iter().map(|&c| area_vector(c)).filter(|a| *a != DVec3::ZERO) {
@@ -110,12 +111,12 @@ fn merge_parallel(corners: &[[DVec3; 3]]) -> Vec<DVec3> {
     merged
 }
 
-/// The box around points: least and greatest coordinates.
+/// Returns the bounding box of points: least and greatest coordinates.
 pub fn extent(points: &[Vec3]) -> (Vec3, Vec3) {
     points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// The Morton code of a point: 21 bits an axis, interleaved.
+/// Returns the Morton code of a point: 21 bits per axis, interleaved.
 fn morton(p: Vec3) -> u64 {
     let spread = |x: f32| {
         let mut bits = ((x * 0.5 + 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64;

@@ -1,12 +1,12 @@
-//! Greedy cover: again and again the slab that holds the most of what is left.
+//! Greedy cover: repeatedly takes the slab that holds the most remaining weight.
 //!
-//! The field of all directions and offsets is kept from slab to slab: what a slab takes is taken out of every histogram again, so that
-//! each piece is added and removed once, not swept for every slab: O(n · D) for D directions instead of O(K · n · D). It knows a sample
-//! of the pieces, and is made anew, with other directions, when half of the pieces are gone. Its highest peaks are then looked at closely: cones
-//! of directions around them, over all pieces near by.
+//! The field, the histograms of all directions and offsets, persists from slab to slab. The pieces of a slab are subtracted from every
+//! histogram, so each piece is added and removed once instead of swept for every slab: O(n · D) for D directions instead of O(K · n · D).
+//! The field holds a sample of the pieces. It is rebuilt with other directions whenever half of the pieces are gone. Its highest peaks are
+//! then refined: cones of directions around them, over all pieces nearby.
 //!
-//! Where a field would not do (ε so small that it has too many offsets, or billboards of a limited size, which a direction and an offset do
-//! not determine), the search starts from planes through random pieces instead.
+//! Some searches cannot use a field: those with an ε so small that there are too many offsets, and those with a limited billboard
+//! size, which direction and offset do not determine. They start from planes through random pieces instead.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -18,31 +18,31 @@ use super::sweep::{Bins, Histogram, LANES, Octet, Search, best_near, cone, hemis
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// How hard the greedy search tries.
+/// Effort of the greedy search.
 #[derive(Clone, Copy, Debug)]
 pub struct GreedyPlan {
-    /// Eights of directions in the field.
+    /// Number of directions in the field, in groups of eight.
     pub octets: usize,
 }
 
-/// Peaks of the field that are looked at closely.
+/// Peaks of the field to refine.
 const PEAKS: usize = 2;
 
-/// Starts that stand in for each of the peaks where there is no field.
+/// Random starts that replace each peak without a field.
 const STARTS_PER_PEAK: usize = 8;
 
-/// Pieces that a field knows.
+/// Pieces in a field.
 const SAMPLE: usize = 2000;
 
-/// The cones around a peak: spreads as shares of the distance between the field's directions, and eights of directions.
+/// Cones around a peak: spreads as shares of the spacing of the field's directions, and directions in groups of eight.
 const CONES: [f64; 2] = [0.6, 0.2];
 const CONE_OCTETS: usize = 2;
 
-/// Weight units of the whole foliage, and of one piece at most (a product with a share must stay below 2²²).
+/// Integer units of the whole foliage's weight, and of the heaviest piece (its product with a share must stay below 2²²).
 const WHOLE: f64 = (1u32 << 28) as f64;
 const HEAVIEST: f64 = 4e6;
 
-/// Slabs such that each piece is served by at least one.
+/// Returns slabs that serve each piece at least once.
 pub fn cover(pieces: &Pieces, plan: GreedyPlan, search: &Search, progress: Progress) -> Result<Vec<Slab>> {
     let mut state = State::new(pieces, plan, search);
     let whole = state.left();
@@ -54,7 +54,7 @@ pub fn cover(pieces: &Pieces, plan: GreedyPlan, search: &Search, progress: Progr
         let found = state.best_slab(round).map(|slab| (slab, state.taken(&slab)));
         let (slab, taken) = match found {
             Some((slab, taken)) if !taken.is_empty() => (slab, taken),
-            // Only slivers are left, or what f32 leaves out: the first piece gets a plane of its own.
+            // Only slivers are left, or pieces that f32 misses: the first piece gets its own plane.
             _ => {
                 let first = state.remaining[0].0;
                 let own = pieces.own_slab(first as usize, search.reach);
@@ -78,7 +78,7 @@ struct State<'a> {
     weights: Vec<i32>,
     open: Vec<bool>,
     remaining: Vec<(u32, i32)>,
-    /// `None` where a field would not do.
+    /// `None` if a field cannot be used.
     field: Option<Field>,
 }
 
@@ -89,7 +89,7 @@ impl<'a> State<'a> {
         Self { pieces, plan, search, weights, open: vec![true; pieces.len()], remaining, field: None }
     }
 
-    /// The weight that is left.
+    /// Returns the remaining weight.
     fn left(&self) -> f64 {
         self.remaining.iter().map(|m| f64::from(m.1)).sum()
     }
@@ -105,7 +105,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// The open pieces that the slab serves.
+    /// Returns the open pieces that the slab serves.
     fn taken(&self, slab: &Slab) -> Vec<u32> {
         let mut served = self.search.served(self.pieces, slab);
         served.retain(|&i| self.open[i as usize]);
@@ -133,7 +133,7 @@ impl<'a> State<'a> {
         found.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, slab)| slab)
     }
 
-    /// Planes through random pieces.
+    /// Returns planes through random pieces.
     fn seeds(&self, round: usize) -> Vec<Slab> {
         let seed = |number: usize| {
             let mut stream = Stream::new(self.search.seed, round, (1 << 20) + number);
@@ -145,7 +145,7 @@ impl<'a> State<'a> {
         (0..PEAKS * STARTS_PER_PEAK).filter_map(seed).collect()
     }
 
-    /// The best slab in cones around one, and what it holds.
+    /// Returns the best slab in cones around `start`, with its score.
     fn closer(&self, start: &Slab, stream: &mut Stream) -> (f32, Slab) {
         let bound = self.pieces.greatest_bound();
         let spacing = (std::f64::consts::TAU / (self.plan.octets * LANES) as f64).sqrt().min(4.0 * f64::from(bound));
@@ -163,7 +163,7 @@ impl<'a> State<'a> {
         best
     }
 
-    /// The open pieces within `width` bounds of the slab's plane and within its reach, with their weights.
+    /// Returns the open pieces within `width` bounds of the slab's plane and within its reach, with their weights.
     fn members(&self, slab: &Slab, width: f32) -> Vec<(u32, i32)> {
         let wanted = |i: &u32| {
             let i = *i as usize;
@@ -172,7 +172,7 @@ impl<'a> State<'a> {
         self.pieces.near(slab, width).filter(wanted).map(|i| (i, self.weights[i as usize])).collect()
     }
 
-    /// What cones turn about: the middle of what the slab takes; where it was found if its size is limited.
+    /// Returns the pivot of cones: the middle of the slab's pieces, or its center if its size is limited.
     fn pivot(&self, slab: &Slab) -> Vec3 {
         let taken = if slab.reach.is_finite() { Vec::new() } else { self.taken(slab) };
         if taken.is_empty() {
@@ -183,7 +183,7 @@ impl<'a> State<'a> {
     }
 }
 
-/// Each piece's weight in whole units, at least one.
+/// Returns each piece's weight in integer units, at least one.
 fn weights(pieces: &Pieces) -> Vec<i32> {
     let weight = |i: usize| f64::from(pieces.weight(i));
     let (total, most) = (0..pieces.len()).map(weight).fold((0.0, 0.0f64), |(sum, most), w| (sum + w, most.max(w)));
@@ -191,13 +191,13 @@ fn weights(pieces: &Pieces) -> Vec<i32> {
     (0..pieces.len()).map(|i| ((weight(i) * unit) as i32).max(1)).collect()
 }
 
-/// The histograms of all directions.
+/// Histograms of all directions.
 struct Field {
     octets: Vec<Octet>,
     histograms: Vec<Histogram>,
     bins: Bins,
     built_for: usize,
-    /// Whether it knows a piece.
+    /// Whether the field holds each piece.
     knows: Vec<bool>,
 }
 
@@ -232,7 +232,7 @@ impl Field {
         self.add(pieces, &gone, search);
     }
 
-    /// The best plane of each of the `count` best eights of directions.
+    /// Returns the best plane of each of the `count` best groups of eight directions.
     fn peaks(&self, count: usize) -> Vec<Slab> {
         let pairs = self.octets.par_iter().zip(&self.histograms);
         let mut peaks: Vec<_> = pairs.map(|(octet, histogram)| (histogram.peak(octet), octet)).collect();
@@ -247,7 +247,7 @@ impl Field {
     }
 }
 
-/// Half of them even over the hemisphere, half those of planes through random pieces.
+/// Returns the directions of a field: half evenly spread over the hemisphere, half the normals of planes through random pieces.
 fn directions(pieces: &Pieces, members: &[(u32, i32)], octets: usize, seed: u64, round: usize) -> Vec<[Vec3; LANES]> {
     let even = octets.div_ceil(2);
     let mut directions = hemisphere(even);

@@ -1,4 +1,4 @@
-//! Each kernel of the fit against its stated error bound: exact fractions, f64, and the plain version bit for bit.
+//! Tests of each kernel of the fit against its stated error bound: exact fractions, f64, and the scalar version bit for bit.
 
 use glam::{DVec3, Vec3};
 use num_traits::{Signed, ToPrimitive};
@@ -18,7 +18,7 @@ use crate::geometry::Plane;
 
 const GROUP: &str = "Kernels";
 
-/// Quads of many sizes in a ball, each a leaf.
+/// Quads of many sizes in a ball; each is a leaf.
 pub(super) fn foliage(count: u32, size: f64) -> Foliage {
     let mut random = Random(41);
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
@@ -43,7 +43,7 @@ fn slabs(count: usize) -> impl Iterator<Item = Slab> {
     })
 }
 
-/// The plane's offset at which a piece's farthest vertex lies just at its bound, and then a little off: f32 cannot tell, f64 must.
+/// Tests slabs with a piece's farthest vertex at its bound, or slightly off it: too close for f32, so f64 must decide.
 #[test]
 fn heights() {
     let foliage = foliage(300, 0.05);
@@ -62,7 +62,7 @@ fn heights() {
             let height = |p: &DVec3| (dot(normal, *p) - exact(slab.plane.distance)).abs();
             let farthest = vertices().iter().map(height).max().expect("it has vertices");
             let beyond = (farthest - exact(bound)).to_f64().expect("a number");
-            // f64 itself is sure to some roundings.
+            // f64 itself is exact only up to a few roundings.
             if beyond.abs() > 1e-15 {
                 asked += 1;
                 wrong += usize::from(pieces.held_in(&slab, 0..pieces.len()).contains(&(i as u32)) != (beyond < 0.0));
@@ -164,13 +164,13 @@ fn the_processors_best_is_the_plain_one() {
             differ += usize::from(swept(true) != swept(false));
         }
     }
-    case(GROUP, "what slabs hold and what sweeps add, eight lanes against plain numbers", "invariance: bit for bit")
+    case(GROUP, "held pieces and swept weights, eight lanes against scalars", "invariance: bit for bit")
         .holds(differ as f64, 0.0);
 }
 
 #[test]
 fn seeds_that_come_out_collinear() {
-    // Needles as long as R and no wider than what ε moves their corners by: often all three land on a line.
+    // Needles as long as R, and no wider than the motion of their corners within ε: often all three corners become collinear.
     let mut random = Random(44);
     let corners: Vec<DVec3> = (0..200)
         .flat_map(|i| {
@@ -198,7 +198,7 @@ fn seeds_that_come_out_collinear() {
 
 #[test]
 fn parents_of_equal_cost() {
-    // Two slabs in one place: the first wins, on any number of threads.
+    // Two equal slabs: the first wins, on any number of threads.
     let foliage = foliage(500, 0.02);
     let pieces = pieces(&foliage, 1.0);
     let slab = slabs(1).next().unwrap();

@@ -1,10 +1,10 @@
 //! Clusters about planes (k-means): the number of billboards is the input, ε the result.
 //!
-//! Lloyd's rounds: each piece joins the plane that is cheapest for it (its mean squared distance, and how edge-on the plane sees it),
-//! then each plane moves to the least-squares plane of its pieces. The first planes are drawn as in k-means++ (Arthur, Vassilvitskii 2007): pieces'
-//! own planes, each with a chance proportional to what the planes so far cost it. Means know nothing of a bound, so the best round is kept, judged by
-//! the greatest distance, and at the end each plane moves to the middle between its farthest pieces. What remains is the bound, and it is
-//! reported as such: nothing is promised that does not hold. O(rounds · n · K).
+//! Lloyd's rounds: each piece joins its cheapest plane (by the mean squared distance, and by how edge-on the plane sees it), then each
+//! plane moves to the least-squares plane of its pieces. The first planes are drawn as in k-means++ (Arthur, Vassilvitskii 2007): pieces'
+//! own planes, each with a probability proportional to the piece's weight times its least cost so far. Means ignore any bound. So
+//! each round also tries its planes moved to the middle between their farthest pieces, and the planes with the smallest maximum distance
+//! are kept. That distance is reported as the bound. O(rounds · n · K).
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -16,13 +16,13 @@ use crate::error::Result;
 use crate::geometry::{Plane, least_direction};
 use crate::progress::Progress;
 
-/// Lloyd's rounds.
+/// Number of Lloyd's rounds.
 const ROUNDS: usize = 24;
 
-/// The scale of distances beside cosines, as a share of R.
+/// Scale of distances relative to cosines, as a share of R.
 const SCALE: f64 = 0.1;
 
-/// `count` slabs, or fewer where there are fewer pieces, and the greatest distance of any piece from the nearest.
+/// Returns `count` slabs, or fewer if there are fewer pieces, and the greatest distance of any piece from its nearest slab.
 pub fn cluster(pieces: &Pieces, count: usize, search: &Search, progress: Progress) -> Result<(Vec<Slab>, f64)> {
     let mut planes = first_planes(pieces, count, search, progress)?;
     let mut best = (f64::INFINITY, planes.clone());
@@ -74,7 +74,7 @@ fn first_planes(pieces: &Pieces, count: usize, search: &Search, progress: Progre
     Ok(planes)
 }
 
-/// The pieces of each plane.
+/// Returns the pieces of each plane.
 fn members(pieces: &Pieces, planes: &[Plane]) -> Vec<Vec<u32>> {
     let cheapest = |i: usize| {
         let costs = planes.iter().enumerate().map(|(k, plane)| (cost(pieces, i, plane), k));
@@ -88,7 +88,7 @@ fn members(pieces: &Pieces, planes: &[Plane]) -> Vec<Vec<u32>> {
     members
 }
 
-/// The least-squares plane of the points, weighted by area; the plane itself where points do not determine one.
+/// Returns the least-squares plane of the points, weighted by area; `plane` itself if they have no area.
 fn fitted(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
     let points = || {
         members.iter().flat_map(|&i| {
@@ -109,7 +109,7 @@ fn fitted(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
     Plane::through(mean, least_direction(spread, plane.normal))
 }
 
-/// The plane moved to the middle between its farthest points.
+/// Returns the plane moved to the middle between its farthest points.
 fn centred(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
     let heights = members.iter().flat_map(|&i| pieces.points(i as usize)).map(|p| plane.height(p.as_dvec3()));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
@@ -119,7 +119,7 @@ fn centred(pieces: &Pieces, members: &[u32], plane: &Plane) -> Plane {
     Plane { distance: plane.distance + 0.5 * (low + high), ..*plane }
 }
 
-/// The greatest distance of any piece from the plane that is nearest to it.
+/// Returns the greatest distance of any piece from its nearest plane.
 fn farthest(pieces: &Pieces, planes: &[Plane]) -> f64 {
     let nearest = |i: usize| {
         let height =

@@ -1,18 +1,18 @@
-//! Eight numbers at once: as AVX2 instructions where the processor has them (`pulp` asks it when the program runs), else as plain arrays.
+//! Arithmetic on eight floats at once: AVX2 if the processor has it (`pulp` detects it at run time), else plain arrays.
 //!
-//! Only operations that IEEE 754 defines to the last bit, none of them fused: results are the same on every processor.
+//! Only operations that IEEE 754 defines to the last bit are used, none of them fused: results are the same on every processor.
 
-/// Numbers that go at once.
+/// Numbers per operation.
 pub const LANES: usize = 8;
 
-/// Eight whole numbers.
+/// Eight integers.
 pub type Whole = [i32; LANES];
 
-/// 2²³: the float of a whole number x < 2²³ and this has the bits of x in its mantissa.
+/// 2²³: adding it to a number below 2²³ rounds to an integer and leaves its bits in the mantissa.
 const WHOLE_FROM: f32 = 8_388_608.0;
 const MANTISSA: u32 = 0x007F_FFFF;
 
-/// The operations on eight floats.
+/// Operations on eight floats.
 pub trait Eight: Copy {
     /// Eight floats.
     type Floats: Copy;
@@ -23,26 +23,26 @@ pub trait Eight: Copy {
     fn sub(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn mul(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn abs(self, a: Self::Floats) -> Self::Floats;
-    /// The smaller; of numbers that are not NaN.
+    /// Returns the smaller numbers; inputs must not be NaN.
     fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// The greater; of numbers that are not NaN.
+    /// Returns the greater numbers; inputs must not be NaN.
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// The nearest whole numbers of numbers in [0, 2²²).
+    /// Returns the nearest integers; inputs must lie in [0, 2²²).
     fn nearest(self, a: Self::Floats) -> Whole;
-    /// A bit for each lane, lane 0 lowest: whether `a` is at most `b`.
+    /// Returns a bit for each lane, lane 0 lowest: whether `a` ≤ `b`.
     fn at_most(self, a: Self::Floats, b: Self::Floats) -> u32;
-    /// `value` where `from` < `to` and `a` ≥ `b`, else 0.
+    /// Returns `value` in lanes with `from` < `to` and `a` ≥ `b`, else 0.
     fn chosen(self, value: Whole, from: Whole, to: Whole, a: Self::Floats, b: Self::Floats) -> Whole;
 }
 
-/// Work that is written for any [`Eight`].
+/// A computation that runs on any [`Eight`].
 pub trait Kernel {
     type Output;
 
     fn run<E: Eight>(self, eight: E) -> Self::Output;
 }
 
-/// Runs a kernel with the best instructions that there are.
+/// Runs a kernel with the best available instructions.
 pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     if let Some(v3) = pulp::x86::V3::try_new() {
@@ -55,7 +55,7 @@ pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 struct OnAvx2<K>(K, pulp::x86::V3);
 
 #[cfg(target_arch = "x86_64")]
-#[allow(clippy::inline_always)] // only what is inlined into a function with the processor's features gets to use them
+#[allow(clippy::inline_always)] // only code inlined into a function with the processor's features can use them
 impl<K: Kernel> pulp::NullaryFnOnce for OnAvx2<K> {
     type Output = K::Output;
 
@@ -118,7 +118,7 @@ impl Eight for pulp::x86::V3 {
     }
 }
 
-/// Plain arrays.
+/// Scalar implementation on arrays.
 #[derive(Clone, Copy, Debug)]
 pub struct Plain;
 
@@ -170,7 +170,7 @@ mod tests {
 
     use super::*;
 
-    /// Every operation on the same numbers.
+    /// Runs every operation on the same numbers.
     struct All([f32; LANES], [f32; LANES]);
 
     impl Kernel for All {

@@ -1,8 +1,8 @@
 //! Lacewell, Edwards, Shirley, Thompson, "Stochastic Billboard Clouds for Interactive Foliage Rendering" (2006), Algorithm 1.
 //!
-//! Until no piece remains: draw N planes, each through a random remaining triangle whose vertices are moved by up to ±ε along
-//! its normal; keep the one that holds the greatest projected area; remove what it holds. The printed pseudo-code resets its maximum inside the
-//! loop and never updates it; the text is right, the best of N is kept. It is here for comparison: O(K · N · n).
+//! Until no piece remains: draw N planes, each through a random remaining triangle with vertices moved by up to ±ε along
+//! its normal; keep the plane that holds the greatest projected area; remove its pieces. The printed pseudo-code resets its maximum inside
+//! the loop and never updates it; this code follows the text, which keeps the best of N. For comparison only: O(K · N · n).
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use super::sweep::Search;
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Slabs such that each piece is held by at least one.
+/// Returns slabs that hold each piece at least once.
 pub fn cover(pieces: &Pieces, candidates: usize, search: &Search, progress: Progress) -> Result<Vec<Slab>> {
     let mut open = vec![true; pieces.len()];
     let mut remaining: Vec<u32> = (0..pieces.len() as u32).collect();
@@ -41,7 +41,7 @@ pub fn cover(pieces: &Pieces, candidates: usize, search: &Search, progress: Prog
         let slab = match best {
             Some((area, _, slab)) if area > 0.0 => slab,
             _ => {
-                open[first as usize] = false; // a plane of its own, even where rounding denies it
+                open[first as usize] = false; // its own plane holds it, even if rounding says otherwise
                 pieces.own_slab(first as usize, search.reach)
             }
         };
@@ -54,8 +54,8 @@ pub fn cover(pieces: &Pieces, candidates: usize, search: &Search, progress: Prog
     Ok(slabs)
 }
 
-/// About the share of their weight that pieces keep in the published algorithm, each on the plane that captured it: estimated on a sample with
-/// few candidates, for the share hardly depends on either.
+/// Estimates the share of their weight that pieces keep in the published algorithm, each on the plane that captured it. A sample of pieces
+/// and few candidates are enough, because the share hardly depends on either.
 pub fn kept_share(pieces: &Pieces, search: &Search, progress: Progress) -> Result<f64> {
     let stride = pieces.len().div_ceil(SAMPLE);
     let sample: Vec<u32> = (0..pieces.len() as u32).step_by(stride).collect();
@@ -75,14 +75,14 @@ pub fn kept_share(pieces: &Pieces, search: &Search, progress: Progress) -> Resul
     Ok(if whole > 0.0 { kept / whole } else { 1.0 })
 }
 
-/// Candidates between two looks at whether to go on.
+/// Candidates between two checks for cancellation.
 const AT_ONCE: usize = 4096;
 
 /// Pieces and candidates of the estimate.
 const SAMPLE: usize = 1500;
 const CANDIDATES: usize = 64;
 
-/// The projected area of the open pieces that the slab holds.
+/// Returns the projected area of the open pieces that the slab holds.
 fn captured_area(pieces: &Pieces, open: &[bool], slab: &Slab) -> f64 {
     let normal = slab.plane.normal.as_vec3();
     let held = pieces.held_in(slab, 0..pieces.len()).into_iter().map(|i| i as usize).filter(|&i| open[i]);

@@ -1,7 +1,7 @@
-//! The fit: planes for a foliage such that every vertex lies within ε of its triangle's plane.
+//! Fit: planes for a foliage, with every vertex within ε of its triangle's plane.
 //!
-//! A fitter covers *pieces* with slabs; then every piece, and every leaf that one slab holds, chooses its
-//! parent among those that hold it. Fitters stand side by side behind [`Fitter`] and share pieces, sweeps and choice.
+//! A fitter covers *pieces* with slabs. Then every piece, and every leaf that one slab holds, chooses its
+//! parent among the slabs that hold it. All fitters implement [`Fitter`] and share pieces, sweeps and the choice of parents.
 
 mod assign;
 mod axes;
@@ -42,9 +42,9 @@ pub use settings::{Effort, FitSettings, ImageBound, Method, Named, Preference, T
 use stochastic::Stochastic;
 use sweep::{Guard, Search};
 
-/// A way to cover pieces with slabs.
+/// A method to cover pieces with slabs.
 trait Fitter: Sync {
-    /// Slabs such that each piece is held by at least one within its bound, in f64. `answer` is told complete answers on the way, each
+    /// Returns slabs that hold each piece at least once within its bound, in f64. `answer` receives complete answers on the way, each
     /// better than the one before.
     fn cover(
         &self,
@@ -55,32 +55,32 @@ trait Fitter: Sync {
     ) -> Result<Vec<Slab>>;
 }
 
-/// The share of ε that is left to the rounding of positions and planes to f32 in files.
+/// Share of ε reserved for rounding positions and planes to f32 in files.
 const ROUNDING_MARGIN: f64 = 1e-4;
 
-/// Bins that the least bound is cut into when offsets are swept.
+/// Bins per least bound in a sweep over offsets.
 const BINS_PER_BOUND: f32 = 8.0;
 
-/// The share of a piece's weight that counts only as far as the plane sees it face-on: with all of it a plane never gains by leaves that it sees
+/// Share of a piece's weight that is scaled by how face-on the plane sees it. At 1, a plane gains nothing from leaves that it sees
 /// edge-on, which would vanish on it.
 const SLOPE: f32 = 1.0;
 
-/// Rounds in which pieces gather about the middles of planes.
+/// Rounds of gathering pieces about the middles of planes.
 const GATHERING_ROUNDS: usize = 2;
 
-/// Of more pieces than this, slabs stay where they are.
+/// Greatest number of pieces with refits.
 const MOST_REFITTED: usize = 40_000;
 
-/// Where the mean counts, clouds of so many seeds are compared: they differ by some per cent.
+/// Number of seeds to compare when the mean deviation counts: their clouds differ by some per cent.
 const FINALISTS: u64 = 6;
 
-/// How much of the time goes into the search for the smallest bound, about; the rest into refits.
+/// Approximate share of the time for finding the smallest bound; the rest is for refits.
 const SEARCHED: f64 = 0.7;
 
-/// The bound of the others over the smallest that was found for the first, which was lucky.
+/// Bound of the other seeds relative to the smallest bound of the first, which was lucky.
 const EASIER: f64 = 1.02;
 
-/// How the need of billboards and of texels falls with ε: as these powers, about.
+/// Approximate exponents: the need of billboards and of texels falls as ε to minus these powers.
 const BILLBOARDS_POWER: f64 = 1.6;
 const TEXELS_POWER: f64 = 3.0;
 
@@ -93,11 +93,11 @@ pub fn fit(foliage: &Foliage, settings: &FitSettings, progress: Progress) -> Res
     fit_within(foliage, &settings.opacity(foliage), settings, settings.epsilon * foliage.frame().radius, progress, None)
 }
 
-/// The same; `better` is told complete clouds on the way, each with fewer planes than the one before or, with a budget, of a smaller ε, then
-/// those that refits bring nearer.
+/// Fits like [`fit`]. `better` receives complete clouds on the way: each has fewer planes than the one before or, with a budget, a smaller
+/// ε, then a smaller mean deviation by refits.
 ///
 /// # Errors
-/// As [`fit`].
+/// Those of [`fit`].
 pub fn fit_watched(
     foliage: &Foliage,
     settings: &FitSettings,
@@ -109,7 +109,7 @@ pub fn fit_watched(
     fit_within(foliage, &settings.opacity(foliage), settings, bound, progress, Some(better))
 }
 
-/// Fits a cloud whose vertices move at most `bound` (caller's units) along the normal; with a budget, as little as keeps it.
+/// Fits a cloud with vertices that move at most `bound` (caller's units) along the normal; with a budget, at the least bound found.
 pub(crate) fn fit_within(
     foliage: &Foliage,
     opacity: &Opacity,
@@ -120,7 +120,7 @@ pub(crate) fn fit_within(
 ) -> Result<Cloud> {
     check_precision(foliage, bound)?;
     let task = Task { foliage, settings, opacity };
-    // Inside the pool, so that its threads do not have to be woken for every small part of the work.
+    // Run in the pool: otherwise its threads have to be woken for every small part of the work.
     let cloud = rayon::scope(|_| match (settings.method, settings.max_billboards, settings.max_texels) {
         (Method::KMeans, Some(count), _) => task.clustered(bound, count, progress),
         (_, None, None) => task.covered(bound, progress, better),
@@ -130,10 +130,10 @@ pub(crate) fn fit_within(
     Ok(cloud)
 }
 
-/// Roundings between the local frame and the caller's coordinates: a vertex, a plane's distance, and their products.
+/// Number of roundings between the local frame and the caller's coordinates: a vertex, a plane's distance, and their products.
 const ROUNDINGS: f64 = 8.0;
 
-/// So far from the origin that f64 itself rounds vertices by more than a tenth of the bound, the bound would mean nothing there.
+/// Refuses foliage so far from the origin that f64 rounds vertices by more than a tenth of the bound: the bound would be meaningless.
 fn check_precision(foliage: &Foliage, bound: f64) -> Result<()> {
     let far = foliage.frame().centre.abs().max_element();
     let rounded = ROUNDINGS * far * f64::EPSILON / 2.0;
@@ -146,8 +146,8 @@ fn check_precision(foliage: &Foliage, bound: f64) -> Result<()> {
     )))
 }
 
-/// The search's unit of work, for benches: sweeps all pieces over eight times `octets` directions once. Returns for how many points and area vectors
-/// it looked in how many directions, how many bins it changed, and a number that depends on all of them.
+/// Runs the search's unit of work, for benchmarks: one sweep of all pieces over eight times `octets` directions. Returns the number of
+/// points and area vectors times directions, the number of changed bins, and a number that depends on all results.
 #[doc(hidden)]
 #[must_use]
 pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, u64, f32) {
@@ -164,7 +164,7 @@ pub fn sweep_once(foliage: &Foliage, epsilon: f64, octets: usize) -> (u64, u64, 
     (vectors as u64 * lanes, 2 * pieces.len() as u64 * lanes, best.0)
 }
 
-/// What is to be fitted.
+/// Input of a fit.
 struct Task<'a> {
     foliage: &'a Foliage,
     settings: &'a FitSettings,
@@ -189,7 +189,7 @@ impl Task<'_> {
         }
     }
 
-    /// A cloud within `bound`.
+    /// Returns a cloud within `bound`.
     fn covered(&self, bound: f64, progress: Progress, better: Option<&(dyn Fn(Cloud) + Sync)>) -> Result<Cloud> {
         let pieces = self.pieces(bound);
         let slabs = self.cover(&pieces, bound, progress.part(0.0, 0.9), better)?;
@@ -197,7 +197,7 @@ impl Task<'_> {
         Ok(self.cloud(&pieces, &slabs, bound))
     }
 
-    /// Slabs that hold all pieces within `bound`.
+    /// Returns slabs that hold all pieces within `bound`.
     fn cover(
         &self,
         pieces: &Pieces,
@@ -220,13 +220,14 @@ impl Task<'_> {
         fitter.cover(pieces, &search, progress, &answer)
     }
 
-    /// The slabs where they serve their pieces best; where they are, of a published method.
+    /// Refits the slabs to their pieces; slabs of the published methods stay unchanged.
     fn refined(&self, pieces: &Pieces, slabs: Vec<Slab>, progress: Progress) -> Result<Vec<Slab>> {
         let (choice, favour) = (Choice::new(self.settings.facing as f32, 0.0), self.favour(pieces));
         refine::refined(pieces, slabs, self.refits(pieces), &choice, &self.search(pieces, &favour), progress)
     }
 
-    /// Rounds of refits, more where they have room; none of a published method, nor of so many pieces that the lists of what holds each would be long.
+    /// Returns the number of refit rounds: more for higher effort or with `slack`, 0 for published methods and for more than
+    /// [`MOST_REFITTED`] pieces, because the lists of the slabs that hold each piece would be long.
     fn refits(&self, pieces: &Pieces) -> usize {
         match (self.settings.method, self.settings.effort) {
             _ if pieces.len() > MOST_REFITTED => 0,
@@ -236,12 +237,12 @@ impl Task<'_> {
         }
     }
 
-    /// What a plane's score is multiplied by, by its normal.
+    /// Returns the factor of a plane's score by its normal.
     fn favour<'s>(&'s self, pieces: &'s Pieces) -> impl Fn(Vec3) -> f32 + Sync + 's {
         |normal: Vec3| self.settings.preference.factor(pieces.axes.to_local(normal.as_dvec3())) as f32
     }
 
-    /// A cloud of `count` planes, whatever the bound; leaves that `bound` holds are kept whole as in [`Self::covered`].
+    /// Returns a cloud of `count` planes at any deviation; leaves that `bound` holds stay whole as in [`Self::covered`].
     fn clustered(&self, bound: f64, count: usize, progress: Progress) -> Result<Cloud> {
         let pieces = self.pieces(bound);
         let search = self.search(&pieces, &|_| 1.0);
@@ -251,11 +252,11 @@ impl Task<'_> {
         Ok(self.cloud(&pieces, &slabs, reached))
     }
 
-    /// The cloud of the smallest bound that needs no more than the budget; for texels not below `bound`.
+    /// Returns the cloud with the smallest bound found within the budget; with a budget of texels alone, not below `bound`.
     fn within_budget(&self, bound: f64, progress: Progress, better: Option<&(dyn Fn(Cloud) + Sync)>) -> Result<Cloud> {
         let radius = self.foliage.frame().radius;
         let FitSettings { max_billboards, max_texels, .. } = *self.settings;
-        // How much of the tighter budget a cloud needs.
+        // Need relative to the tighter budget.
         let need = |cloud: &Cloud| {
             let billboards = max_billboards.map_or(0.0, |most| cloud.planes.len() as f64 / most as f64);
             billboards.max(max_texels.map_or(0.0, |most| self.texels(cloud) / most as f64))
@@ -292,7 +293,7 @@ impl Task<'_> {
         let share = |finalist: u64| finalist as f64 / FINALISTS as f64;
         let finals = |finalist| progress.part(SEARCHED, 1.0).part(share(finalist), share(finalist + 1));
         let refined = self.settled(slabs, bound, room, finals(0))?;
-        // Moved, slabs may need a few texels more.
+        // Moved slabs may need a few texels more.
         let mut nearest = cloud;
         if need(&refined) <= 1.0 {
             tell(&refined);
@@ -309,13 +310,13 @@ impl Task<'_> {
         Ok(nearest)
     }
 
-    /// The cloud of slabs that were found for `bound`, refitted within `room`.
+    /// Refits slabs that were found for `bound` within `room`, and returns their cloud.
     fn settled(&self, slabs: Vec<Slab>, bound: f64, room: f64, progress: Progress) -> Result<Cloud> {
         let pieces = self.pieces(bound).held_to((room / bound) as f32);
         Ok(self.cloud(&pieces, &self.refined(&pieces, slabs, progress)?, room))
     }
 
-    /// What another seed finds within `bound`, refitted within `room`.
+    /// Returns the cloud of another seed, found within `bound` and refitted within `room`.
     fn finalist(&self, number: u64, bound: f64, room: f64, progress: Progress) -> Result<Cloud> {
         let settings = FitSettings { seed: self.settings.seed.wrapping_add(number), ..self.settings.clone() };
         let task = Task { settings: &settings, ..*self };
@@ -323,13 +324,13 @@ impl Task<'_> {
         task.settled(slabs, bound, room, progress.part(0.7, 1.0))
     }
 
-    /// The slack, where the count of billboards decides and no other bound forbids it.
+    /// Returns the extra error allowance: `slack` for a budget of billboards without any other bound, else 0.
     fn slack(&self) -> f64 {
         let FitSettings { slack, max_billboards, max_texels, image, .. } = self.settings;
         if max_billboards.is_some() && max_texels.is_none() && image.is_none() { *slack } else { 0.0 }
     }
 
-    /// Texels that the cloud's outlines take where one has the side of ε / [`TEXELS_PER_EPSILON`].
+    /// Returns the texels in the rectangles of the cloud's outlines, with texels of ε / [`TEXELS_PER_EPSILON`].
     fn texels(&self, cloud: &Cloud) -> f64 {
         let texel = cloud.bound / self.foliage.frame().radius / TEXELS_PER_EPSILON;
         let onto = |t: usize| {
@@ -341,7 +342,7 @@ impl Task<'_> {
         outlines.iter().map(|o| o.size().x * o.size().y).sum::<f64>() / (texel * texel)
     }
 
-    /// The cloud in which every piece, and every leaf that a slab holds, has chosen among the slabs.
+    /// Returns the cloud in which every piece, and every leaf that a slab holds, has chosen its parent.
     fn cloud(&self, pieces: &Pieces, slabs: &[Slab], bound: f64) -> Cloud {
         let mut choice = Choice::new(self.settings.facing as f32, self.settings.gather as f32);
         let mut parents = assign::parents(pieces, slabs, &choice);
@@ -361,7 +362,7 @@ impl Task<'_> {
     }
 }
 
-/// The slabs that are somebody's parent, and the parents by their new numbers.
+/// Returns the slabs that are parents, and the parents renumbered.
 fn used(slabs: &[Slab], parents: &[u32]) -> (Vec<Slab>, Vec<u32>) {
     let mut number = vec![None; slabs.len()];
     for &k in parents {

@@ -1,9 +1,9 @@
-//! Pieces: what a plane captures as one. A whole leaf wherever one plane can hold it, else each triangle by itself.
+//! Pieces: the units that a plane captures. A piece is a whole leaf if one plane can hold it, else a single triangle.
 //!
-//! Pieces lie in spatial order (Morton codes of their centres), in rows of f32 points that the search streams through, with a box around
-//! every [`BLOCK`] of them, so that a plane looks only at those near it. Order and contents follow from the geometry alone, not from the order
-//! of the triangles. What a piece promises is decided in f64: [`Pieces::holds`] asks the f32 points first, and the foliage's own corners
-//! where their rounding could matter.
+//! Pieces are sorted spatially (by Morton codes of their centers). Their points are rows of f32 that the search streams through. Every
+//! [`BLOCK`] of them has a bounding box, so a plane tests only the pieces near it. Order and contents follow from the geometry alone, not
+//! from the order of the triangles. The bound is tested in f64: [`Pieces::held_in`] tests the f32 points first, and the foliage's own
+//! corners if rounding could matter.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -16,53 +16,53 @@ use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
 use crate::groups::{Groups, Rows};
 
-/// Pieces that share a box.
+/// Pieces per bounding box.
 const BLOCK: usize = 32;
 
-/// Leaves that one task looks at.
+/// Leaves per task.
 const TASK: usize = 2048;
 
 /// Error bound of a height in f32: three products of numbers of at most 1, each factor rounded to 2⁻²⁵, two sums and a difference of
 /// numbers below 2: under 12 · 2⁻²⁴ = 7.2e-7.
 pub const HEIGHT_ERROR: f32 = 1e-6;
 
-/// A piece of no more area than this has none: a weight over it must stay finite in f32.
+/// Areas of pieces up to this count as 0: a weight divided by a larger area stays finite in f32.
 pub const SMALLEST_AREA: f32 = 1e-30;
 
-/// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms a vector and up to 64 vectors, all of one
-/// sign, over a sum of as many: a few roundings more than the number of vectors that leaves have.
+/// Error bound of [`Pieces::facing`]: a product with a vector rounded to 2⁻²⁴, three terms per vector and up to 64 vectors, all of one
+/// sign, over a sum of as many. Leaves have few vectors, so the error is a few roundings more than their number.
 #[cfg(test)]
 pub const FACING_ERROR: f32 = 1e-6;
 
-/// Error bound of a plane's cost, times the piece's bound b: with heights h ≤ b, (h ± e)² / b² is off by 2 e / b, and e is [`HEIGHT_ERROR`].
+/// Error bound of a plane's cost, times the piece's bound b: for heights h ≤ b, (h ± e)² / b² is off by 2 e / b, with e = [`HEIGHT_ERROR`].
 #[cfg(test)]
 pub const COST_ERROR: f32 = 2.0 * HEIGHT_ERROR + FACING_ERROR;
 
-/// A plane, canonical, and how far from a centre it may hold pieces.
+/// A plane in canonical coordinates, and the region in which it may hold pieces.
 #[derive(Clone, Copy, Debug)]
 pub struct Slab {
-    /// In f64, as it is promised.
+    /// The plane, in f64: the guaranteed bound refers to it.
     pub plane: Plane,
-    /// Where it was found.
+    /// Center of the region: the place where the plane was found.
     pub centre: Vec3,
-    /// How far from the centre points may lie; infinite without a size limit.
+    /// Greatest distance of points from the center; infinite without a size limit.
     pub reach: f32,
 }
 
-/// Which leaves are kept whole.
+/// Choice of leaves to keep whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Whole {
-    /// All that a plane holds.
+    /// All leaves that a plane holds.
     Always,
-    /// Of those, the ones no wider than a slab is thick, which costs next to nothing.
+    /// Only leaves no wider than a slab is thick, which costs next to nothing.
     WhereCheap,
 }
 
-/// All pieces of a foliage, or some of them. Canonical coordinates.
+/// All pieces of a foliage, or some of them, in canonical coordinates.
 #[derive(Clone, Debug)]
 pub struct Pieces<'a> {
     foliage: &'a Foliage,
-    /// How canonical coordinates lie in local ones.
+    /// The canonical axes.
     pub axes: Axes,
     triangles: Groups,
     points: Rows<Vec3>,
@@ -71,14 +71,14 @@ pub struct Pieces<'a> {
     weights: Vec<f32>,
     bounds: Vec<f32>,
     blocks: Vec<Block>,
-    /// The points of eight pieces a row, for [`Held`]; a piece with fewer than its neighbours repeats one.
+    /// Points of eight pieces per row, for [`Held`]; a piece with fewer points than its neighbors repeats its last.
     slots: Rows<Slot>,
 }
 
 /// A point of each of eight pieces: x, y, z.
 type Slot = [[f32; LANES]; 3];
 
-/// The box around the points of [`BLOCK`] pieces, and their greatest bound.
+/// Bounding box of the points of [`BLOCK`] pieces, and their greatest bound.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     centre: Vec3,
@@ -87,7 +87,7 @@ struct Block {
 }
 
 impl<'a> Pieces<'a> {
-    /// Leaves, where `whole` says so and a plane holds all of the leaf within its bound; else triangles.
+    /// Makes the pieces: a leaf if `whole` allows it and a plane holds all of it within its bound, else its triangles.
     pub fn of(foliage: &'a Foliage, whole: Whole, bounds: &Bounds, opacity: &Opacity) -> Self {
         let axes = Axes::of(foliage);
         let leaves = foliage.leaves();
@@ -123,7 +123,7 @@ impl<'a> Pieces<'a> {
         Self { foliage, axes, triangles, points, areas, totals, weights, bounds, blocks, slots }
     }
 
-    /// Those of the pieces that are listed, in ascending order, as pieces of their own.
+    /// Returns the pieces listed in `chosen` (ascending).
     pub fn select(&self, chosen: &[u32]) -> Self {
         let rows = chosen.iter().map(|&i| i as usize);
         let points = self.points.select(rows.clone());
@@ -142,14 +142,14 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// The same pieces, all held to `bound` and the rounding of f32.
+    /// Sets the bound of all pieces to `bound`, plus the rounding of f32.
     pub fn with_bound(mut self, bound: f64) -> Self {
         self.bounds.fill((bound as f32).next_up() + HEIGHT_ERROR);
         self.blocks = blocks(&self.points, &self.bounds);
         self
     }
 
-    /// The same pieces held to `share` of their bounds.
+    /// Multiplies the bounds of all pieces by `share`.
     pub fn held_to(mut self, share: f32) -> Self {
         self.bounds.iter_mut().for_each(|bound| *bound *= share);
         self.blocks = blocks(&self.points, &self.bounds);
@@ -160,69 +160,69 @@ impl<'a> Pieces<'a> {
         self.totals.len()
     }
 
-    /// The distinct places of a piece's vertices.
+    /// Returns the distinct positions of a piece's vertices.
     #[inline]
     pub fn points(&self, piece: usize) -> &[Vec3] {
         self.points.get(piece)
     }
 
-    /// Area vectors of its triangles, those of one direction summed; empty for a piece without area.
+    /// Returns the area vectors of a piece's triangles, summed per direction; empty for a piece without area.
     #[inline]
     pub fn areas(&self, piece: usize) -> &[Vec3] {
         self.areas.get(piece)
     }
 
-    /// The sum of its triangles' areas.
+    /// Returns the sum of the areas of a piece's triangles.
     #[inline]
     pub fn area(&self, piece: usize) -> f32 {
         self.totals[piece]
     }
 
-    /// How far its points may lie from its plane.
+    /// Returns the greatest allowed distance of a piece's points from its plane.
     #[inline]
     pub fn bound(&self, piece: usize) -> f32 {
         self.bounds[piece]
     }
 
-    /// The greatest bound of all pieces.
+    /// Returns the greatest bound of all pieces.
     pub fn greatest_bound(&self) -> f32 {
         self.bounds.iter().copied().fold(0.0, f32::max)
     }
 
-    /// The least bound of all pieces.
+    /// Returns the least bound of all pieces.
     pub fn least_bound(&self) -> f32 {
         self.bounds.iter().copied().fold(f32::INFINITY, f32::min)
     }
 
-    /// What a piece counts: how much of its area can be seen.
+    /// Returns the weight of a piece: its visible area.
     #[inline]
     pub fn weight(&self, piece: usize) -> f32 {
         self.weights[piece]
     }
 
-    /// The triangles of a piece.
+    /// Returns the triangles of a piece.
     pub fn triangles(&self, piece: usize) -> &[u32] {
         self.triangles.get(piece)
     }
 
-    /// The middle of the box around a piece's points.
+    /// Returns the center of a piece's bounding box.
     pub fn centre(&self, piece: usize) -> Vec3 {
         let (low, high) = extent(self.points(piece));
         (low + high) * 0.5
     }
 
-    /// A plane that holds the piece.
+    /// Returns a plane that holds the piece.
     pub fn own_plane(&self, piece: usize) -> Plane {
         own_plane(self.foliage, self.axes, self.triangles(piece), f64::from(self.bounds[piece]))
     }
 
-    /// A slab around the piece's own plane.
+    /// Returns a slab around the piece's own plane.
     pub fn own_slab(&self, piece: usize, reach: f32) -> Slab {
         let reach = self.reach_around(piece, reach);
         Slab { plane: self.own_plane(piece), centre: self.centre(piece), reach }
     }
 
-    /// `reach`, or what the piece itself needs around its centre where that is more: a leaf may be larger than a size limit.
+    /// Returns `reach`, or the radius of the piece around its center if that is greater: a leaf may be larger than the size limit.
     pub fn reach_around(&self, piece: usize, reach: f32) -> f32 {
         if reach == f32::INFINITY {
             return reach;
@@ -232,7 +232,8 @@ impl<'a> Pieces<'a> {
         reach.max(own * (1.0 + 1e-6))
     }
 
-    /// The share of its area that a piece keeps when projected along `normal`, to 10⁻⁶ (`FACING_ERROR`); 1 for a piece without area.
+    /// Returns the share of its area that a piece keeps when projected along `normal`, to 10⁻⁶ (`FACING_ERROR`); 1 for a piece without
+    /// area.
     #[inline]
     pub fn facing(&self, piece: usize, normal: Vec3) -> f32 {
         let total = self.totals[piece];
@@ -243,13 +244,13 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// The greatest distance of a piece's points from the plane, in f32.
+    /// Returns the greatest distance of a piece's points from the plane, in f32.
     pub fn greatest_height(&self, piece: usize, slab: &Slab) -> f32 {
         let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
         self.points(piece).iter().map(|p| (normal.dot(*p) - distance).abs()).fold(0.0, f32::max)
     }
 
-    /// The bounds of a piece and the seven behind it; below every height where there is none.
+    /// Returns the bounds of eight pieces from `first`; −∞ beyond the last piece, which is below every height.
     #[inline]
     fn bounds_of_eight(&self, first: usize) -> [f32; LANES] {
         match self.bounds[first..].first_chunk() {
@@ -258,7 +259,7 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// Whether all points of a piece lie within `reach` of `centre`.
+    /// Returns whether all points of a piece lie within `reach` of `centre`.
     #[inline]
     pub fn within_reach(&self, piece: usize, centre: Vec3, reach: f32) -> bool {
         reach == f32::INFINITY || self.points(piece).iter().all(|p| p.distance(centre) <= reach)
@@ -271,26 +272,26 @@ impl<'a> Pieces<'a> {
         corners.into_iter().all(|corner| plane.height(corner).abs() <= bound)
     }
 
-    /// The pieces that have a point within `width` bounds of the plane, in ascending order, and a few more.
+    /// Returns, in ascending order, all pieces with a point within `width` bounds of the plane, and a few more.
     pub fn near(&self, slab: &Slab, width: f32) -> impl Iterator<Item = u32> + '_ {
         let members = |block: usize| (block * BLOCK) as u32..((block + 1) * BLOCK).min(self.len()) as u32;
         self.near_blocks(slab, width, 0..self.len()).flat_map(members)
     }
 
-    /// Whether the first of a piece's points lies within `width` bounds of the plane.
+    /// Returns whether the first of a piece's points lies within `width` bounds of the plane.
     #[inline]
     pub fn touches(&self, piece: usize, slab: &Slab, width: f32) -> bool {
         let height = slab.plane.normal.as_vec3().dot(self.points(piece)[0]) - slab.plane.distance as f32;
         height.abs() <= width * self.bounds[piece]
     }
 
-    /// The pieces that the slab holds whose number lies in `range`, in ascending order; its ends are multiples of [`BLOCK`], or
-    /// all there is.
+    /// Returns the pieces in `range` that the slab holds, in ascending order. The ends of `range` are multiples of [`BLOCK`], or the number
+    /// of pieces.
     pub fn held_in(&self, slab: &Slab, range: std::ops::Range<usize>) -> Vec<u32> {
         dispatch(Held { pieces: self, slab, range })
     }
 
-    /// The blocks that have a point within `width` bounds of the plane.
+    /// Returns the blocks that may have a point within `width` bounds of the plane.
     fn near_blocks(&self, slab: &Slab, width: f32, range: std::ops::Range<usize>) -> impl Iterator<Item = usize> + '_ {
         let slab = *slab;
         let (normal, distance) = (slab.plane.normal.as_vec3(), slab.plane.distance as f32);
@@ -304,7 +305,7 @@ impl<'a> Pieces<'a> {
         blocks.iter().enumerate().filter(move |(_, block)| close(block)).map(move |(i, _)| first + i)
     }
 
-    /// Carries a value per piece to its triangles.
+    /// Copies a value per piece to its triangles.
     pub fn spread(&self, values: &[u32]) -> Vec<u32> {
         let mut spread = vec![0; self.foliage.triangle_count()];
         for (triangles, &value) in self.triangles.iter().zip(values) {
@@ -316,7 +317,7 @@ impl<'a> Pieces<'a> {
     }
 }
 
-/// Which pieces a slab holds: eight at a time in f32, in f64 where that is too close to tell.
+/// Finds the pieces that a slab holds: eight at a time in f32, and in f64 if f32 cannot decide.
 pub struct Held<'a> {
     pub pieces: &'a Pieces<'a>,
     pub slab: &'a Slab,

@@ -1,4 +1,4 @@
-//! Pieces against their definition.
+//! Tests of pieces against their definition.
 
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;

@@ -1,11 +1,11 @@
-//! Refits: each slab moves to where it costs its pieces least, and all choose anew; Lloyd's rounds under a bound.
+//! Refits: each slab moves to the plane of least cost for its pieces, and all pieces choose anew; Lloyd's rounds under a bound.
 //!
-//! A cover decides how many slabs there are and leaves each where it happened to hold the most, not where its pieces lie best. So slab by
-//! slab the plane is sought that is least in Σ w (mean(h²)/b² + facing · (1 − |cos|)) over the pieces that chose it, as the eigenvector of
-//! a 3 × 3 matrix in which 1 − |cos| is replaced by a multiple of 1 − cos². The slab goes that way as far as it can: each step keeps every
-//! piece in some slab within its bound, and lowers the cost of all pieces together, each with the cheapest slab that holds it, so
-//! nothing is promised less than before. O(rounds · K · n) for n pieces in K slabs, most of it eight at a time. Known limits: a local
-//! minimum; and a slab that alone holds some piece at the very bound hardly moves.
+//! A cover fixes the number of slabs and leaves each where it held the most, not where its pieces lie best. So for each slab in turn,
+//! refitting finds the plane that minimizes Σ w (mean(h²)/b² + facing · (1 − |cos|)) over the pieces that chose the slab. That plane comes
+//! from an eigenvector of a 3 × 3 matrix, in which a multiple of 1 − cos² replaces 1 − |cos|. The slab moves toward it as far as it can.
+//! Each step keeps every piece in some slab within its bound, and lowers the total cost of all pieces, each with the cheapest slab that
+//! holds it. So the guaranteed bound still holds. O(rounds · K · n) for n pieces in K slabs, most of it eight at a time. Known limits: a
+//! local minimum; and a slab that alone holds a piece at its very bound hardly moves.
 
 use glam::{DMat3, DVec3};
 
@@ -16,16 +16,16 @@ use crate::error::Result;
 use crate::geometry::{Plane, least_direction};
 use crate::progress::Progress;
 
-/// Rounds end when one gains less than this share of the cost.
+/// Least gain of a round, as a share of the cost, to continue.
 const WORTH: f64 = 2e-3;
 
-/// The shares of the way that are tried.
+/// Shares of the way to try.
 const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
 
-/// 1 − |cos| is about this much of 1 − cos² where leaves lie almost in their plane; less where they do not.
+/// Approximate ratio of 1 − |cos| to 1 − cos² for leaves almost parallel to the plane; for others it is less.
 const COSINES: f64 = 0.6;
 
-/// The slabs, each moved to where it serves its pieces better, in so many rounds over all slabs at most.
+/// Returns the slabs, refitted in at most `rounds` rounds.
 pub fn refined(
     pieces: &Pieces,
     slabs: Vec<Slab>,
@@ -57,9 +57,9 @@ struct State<'a> {
     pieces: &'a Pieces<'a>,
     choice: &'a Choice,
     slabs: Vec<Slab>,
-    /// What each slab holds, and what that costs, in ascending order.
+    /// The pieces that each slab holds, with their costs, in ascending order.
     held: Vec<Vec<(u32, f32)>>,
-    /// The slabs that hold each piece, and what that costs.
+    /// The slabs that hold each piece, with the costs.
     holders: Vec<Vec<(u32, f32)>>,
 }
 
@@ -81,7 +81,7 @@ impl<'a> State<'a> {
         held.into_iter().map(|i| (i, self.choice.cost(self.pieces, i as usize, slab, number))).collect()
     }
 
-    /// The least that a piece costs with any slab but one.
+    /// Returns the least cost of a piece with any slab except `number`.
     fn elsewhere(&self, piece: u32, number: usize) -> f32 {
         let others = self.holders[piece as usize].iter().filter(|(k, _)| *k as usize != number);
         others.map(|(_, cost)| *cost).fold(f32::INFINITY, f32::min)
@@ -91,13 +91,13 @@ impl<'a> State<'a> {
         f64::from(self.pieces.weight(piece as usize))
     }
 
-    /// Of all pieces.
+    /// Returns the cost of all pieces.
     fn cost(&self) -> f64 {
         let least = |piece: u32| f64::from(self.elsewhere(piece, usize::MAX));
         (0..self.pieces.len() as u32).map(|piece| self.weight(piece) * least(piece)).sum()
     }
 
-    /// Moves a slab as far toward its best place as pays.
+    /// Moves a slab toward its best plane, by the largest share of the way that lowers the cost.
     fn improve(&mut self, number: usize, search: &Search) {
         let chosen = self.held[number].iter().filter(|(piece, cost)| *cost <= self.elsewhere(*piece, number));
         let chosen: Vec<u32> = chosen.map(|(piece, _)| *piece).collect();
@@ -117,7 +117,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// How much less all pieces cost once the slab holds these instead; `None` when a piece is then in none.
+    /// Returns the decrease of the total cost if the slab holds `held` instead; `None` if a piece then has no slab.
     fn gain(&self, number: usize, held: &[(u32, f32)]) -> Option<f64> {
         let mut gain = 0.0;
         for &(piece, cost) in &self.held[number] {
@@ -125,7 +125,7 @@ impl<'a> State<'a> {
             if elsewhere == f32::INFINITY && held.binary_search_by_key(&piece, |h| h.0).is_err() {
                 return None;
             }
-            // What it costs without this slab; what holds it now comes below. A cost of nowhere cancels out there.
+            // Cost without this slab; the second loop subtracts the cost with `held`. For pieces in no other slab, `FAR` cancels out.
             gain += self.weight(piece) * (f64::from(cost.min(elsewhere)) - f64::from(elsewhere.min(FAR)));
         }
         for &(piece, cost) in held {
@@ -145,7 +145,7 @@ impl<'a> State<'a> {
         (self.slabs[number], self.held[number]) = (slab, held);
     }
 
-    /// The plane of the least cost for these pieces; `None` where they do not determine one.
+    /// Returns the plane of least cost for these pieces; `None` if their weight is 0.
     fn best_plane(&self, chosen: &[u32], old: &Plane) -> Option<Plane> {
         let (mut total, mut sum) = (0.0, DVec3::ZERO);
         for &piece in chosen {
@@ -166,13 +166,13 @@ impl<'a> State<'a> {
             }
         }
         let facing = COSINES * f64::from(self.choice.facing);
-        // What is added to the diagonal changes no eigenvector and makes every eigenvalue positive.
+        // The identity term changes no eigenvector and makes every eigenvalue positive.
         let weights: f64 = chosen.iter().map(|&piece| self.weight(piece)).sum();
         let matrix = spread + (DMat3::IDENTITY * weights - seen) * facing;
         Some(Plane::through(mean, least_direction(matrix, old.normal)))
     }
 
-    /// The weight of each of a piece's points in the mean of h²/b², and the points.
+    /// Returns the weight of each of a piece's points in the mean of h²/b², and the points.
     fn share(&self, piece: u32) -> (f64, &[glam::Vec3]) {
         let points = self.pieces.points(piece as usize);
         let bound = f64::from(self.pieces.bound(piece as usize));
@@ -180,14 +180,14 @@ impl<'a> State<'a> {
     }
 }
 
-/// Stands for the cost of a piece that no other slab holds.
+/// Finite cost of a piece that no other slab holds.
 const FAR: f32 = 1e3;
 
 fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// The plane a share of the way from one to another.
+/// Interpolates between two planes.
 fn between(from: &Plane, to: &Plane, way: f64) -> Option<Plane> {
     let (normal, distance) =
         if from.normal.dot(to.normal) < 0.0 { (-to.normal, -to.distance) } else { (to.normal, to.distance) };
@@ -213,7 +213,7 @@ mod tests {
         Search { guard: Guard { facing: 0.0, slope: 1.0 }, bin: 0.01, reach: f32::INFINITY, favour, seed: 1 }
     }
 
-    /// The cost of every piece with the cheapest slab that holds it, by definition; infinite when one is in none.
+    /// The cost of every piece with the cheapest slab that holds it, from the definition; infinite if a piece has none.
     fn cost(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> f64 {
         let least = |i: usize| {
             let holding = slabs.iter().enumerate().filter(|(_, slab)| {
@@ -236,7 +236,7 @@ mod tests {
         assert!(before.is_finite() && after < 0.97 * before, "{before} to {after}");
     }
 
-    /// Squares in the plane x = 0.1 and a slab that holds them at a slant.
+    /// Triangles in the plane x = 0.1, and a tilted slab that holds them.
     #[test]
     fn a_slab_goes_to_the_plane_of_its_leaves() {
         let corners = |i: u32| {

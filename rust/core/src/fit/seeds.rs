@@ -1,4 +1,4 @@
-//! Candidates of Lacewell et al. 2006: planes through a piece whose vertices are moved along its normal.
+//! Candidate planes of Lacewell et al. 2006: planes through a piece's vertices, moved along its normal.
 
 use glam::Vec3;
 
@@ -6,8 +6,8 @@ use super::pieces::Pieces;
 use super::random::Stream;
 use crate::geometry::Plane;
 
-/// The plane through three of the piece's vertices, each moved along the piece's normal by up to its bound; `None` for a piece without
-/// area, and for moved points on one line.
+/// Returns the plane through three of the piece's vertices, each moved along the piece's normal by up to its bound. `None` for a piece
+/// without area, or if the moved points are collinear.
 pub fn perturbed_plane(pieces: &Pieces, piece: usize, stream: &mut Stream) -> Option<Plane> {
     let areas = pieces.areas(piece);
     let normal = areas.get(stream.below(areas.len().max(1)))?.as_dvec3().try_normalize()?;
@@ -16,7 +16,7 @@ pub fn perturbed_plane(pieces: &Pieces, piece: usize, stream: &mut Stream) -> Op
     if count < 3 {
         return None;
     }
-    // Three distinct vertices: a random one, and two steps on that cannot meet.
+    // Three distinct vertices: a random one, and two different steps from it.
     let first = stream.below(count);
     let second = 1 + stream.below(count - 1);
     let third = 1 + stream.below(count - 2);
@@ -26,7 +26,7 @@ pub fn perturbed_plane(pieces: &Pieces, piece: usize, stream: &mut Stream) -> Op
     Plane::through_points(corners.map(|i| points[i].as_dvec3() + normal * (stream.signed() * reach)))
 }
 
-/// The normal of a [`perturbed_plane`].
+/// Returns the normal of a [`perturbed_plane`].
 pub fn seeded_normal(pieces: &Pieces, piece: usize, stream: &mut Stream) -> Option<Vec3> {
     perturbed_plane(pieces, piece, stream).map(|plane| plane.normal.as_vec3())
 }

@@ -1,48 +1,48 @@
-//! What a fit may be asked.
+//! Settings of a fit.
 
 use glam::DVec3;
 
 use crate::error::{Error, Result, number};
 use crate::foliage::{Foliage, Opacity};
 
-/// How planes are found.
+/// Method that finds the planes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// Search for the planes that hold most (after Lacewell, Edwards, Shirley, Thompson 2006).
+    /// Searches for the planes that hold the most leaf area (after Lacewell, Edwards, Shirley, Thompson 2006).
     #[default]
     Stochastic,
     /// Density in plane space (Décoret, Durand, Sillion, Dorsey 2003).
     Density,
-    /// Clusters about planes; the number of billboards is the input, ε the result.
+    /// Clusters about planes: the number of billboards is the input, ε the result.
     KMeans,
 }
 
-/// How long the stochastic method searches.
+/// Search effort of the stochastic method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Effort {
     /// The published algorithm, for comparison.
     Literal,
-    /// Greedy over all directions and offsets.
+    /// A greedy search over all directions and offsets.
     #[default]
     Default,
-    /// The greedy answer, then a search for fewer planes.
+    /// The greedy search, then a descent to fewer planes.
     Final,
-    /// The same, ten times as long.
+    /// `Final` with ten times as many steps.
     Best,
 }
 
-/// A choice by name.
+/// A setting with named choices.
 pub trait Named: Copy + 'static {
-    /// What the choice is of, as a setting is called.
+    /// The setting's name, for messages.
     const WHAT: &'static str;
-    /// All of them.
+    /// All choices.
     const ALL: &'static [Self];
 
-    /// The name in settings and reports.
+    /// Returns the name in settings and reports.
     #[must_use]
     fn name(self) -> &'static str;
 
-    /// The choice of this name.
+    /// Returns the choice with this name.
     ///
     /// # Errors
     /// An unknown name; the message lists those that exist.
@@ -81,78 +81,79 @@ impl Named for Effort {
     }
 }
 
-/// Which planes are liked better than others: factors of a plane's score.
+/// Preferences for planes, as factors of a plane's score.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Preference {
-    /// Likely directions of view, any lengths above 0; caller's axes.
+    /// Likely viewing directions in the caller's axes; any lengths above 0.
     pub views: Vec<DVec3>,
-    /// How much a plane loses that none of `views` sees face-on, in [0, 1].
+    /// Score penalty for planes that face none of `views`, in [0, 1].
     pub facing_views: f64,
-    /// How much a plane loses that lies flat, in [0, 1]; what is up is `up`.
+    /// Score penalty for horizontal planes, in [0, 1].
     pub vertical: f64,
-    /// What is up.
+    /// Up direction; `None` is +Z.
     pub up: Option<DVec3>,
 }
 
-/// A viewer who comes no nearer than some distance: the bound is an angle there.
+/// A view-dependent bound: viewers keep a distance, and the error is an angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageBound {
-    /// The greatest error in the picture, in radians (a pixel is about the field of view over the resolution).
+    /// Greatest angular error in the image, in radians (a pixel is about the field of view over the resolution).
     pub angle: f64,
-    /// The least distance of the viewer from the centre, as a share of R; above 1.
+    /// Least distance of the viewer from the center, as a share of R; above 1.
     pub distance: f64,
 }
 
-/// What a fit may be asked.
+/// Settings of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitSettings {
-    /// How planes are found.
+    /// Method that finds the planes.
     pub method: Method,
-    /// How long the stochastic method searches.
+    /// Search effort of the stochastic method.
     pub effort: Effort,
-    /// The greatest distance that a vertex may move along its plane's normal, as a share of R; in (0, 1].
+    /// Greatest distance that a vertex may move along its plane's normal, as a share of R; in (0, 1].
     pub epsilon: f64,
-    /// Planes tried per billboard (N of the paper); in [1, 10⁷]. Where all offsets of a direction are tried at once,
-    /// two fifths of it, at most 4096, are the directions.
+    /// Planes tried per billboard (N of the paper); in [1, 10⁷]. A search that tries all offsets of a direction at once
+    /// uses two fifths as many directions, at most 4096.
     pub candidates: usize,
-    /// Of all randomness.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Keep the triangles of a leaf on one plane whenever any plane could hold them all, at the cost of more billboards. Otherwise they
-    /// stay together wherever one of the cloud's planes holds them all.
+    /// stay together only if one of the cloud's planes holds them all.
     pub whole_leaves: bool,
-    /// The weight of 1 − |cos| against the squared relative deviation when a piece chooses its plane, ≥ 0. A plane that sees
-    /// a leaf face-on is worth some distance; 0 takes the nearest plane.
+    /// Weight of 1 − |cos| against the squared relative deviation when a piece chooses its plane, ≥ 0. Higher values prefer planes that see
+    /// a leaf face-on over nearer ones; 0 takes the nearest plane.
     pub facing: f64,
-    /// The weight of a piece's squared distance (in R) from the middle of what a plane has, when it chooses its plane, ≥ 0: billboards become
-    /// smaller, and less of what is drawn is empty.
+    /// Weight of a piece's squared distance (in R) from the middle of a plane's pieces when it chooses its plane, ≥ 0. Higher values give
+    /// smaller billboards with less empty area.
     pub gather: f64,
-    /// At most so many billboards: ε is then the smallest found that needs no more, and `epsilon` is not used.
+    /// Greatest number of billboards. ε is then the smallest found within it, and `epsilon` is not used.
     pub max_billboards: Option<usize>,
-    /// How much farther than that ε leaves may move where refits bring them nearer in the mean for it, as a share of it, in [0, 1]; where they may,
-    /// clouds of several seeds are compared. For a budget of billboards alone: not with `max_texels` or `image`.
+    /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it, in [0, 1]. Refits spend it to reduce the mean
+    /// deviation, and clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or
+    /// `image`.
     pub slack: f64,
-    /// At most so many texels, where a texel has the side of ε / [`TEXELS_PER_EPSILON`]: ε is then the smallest found that needs no more, but
-    /// not below `epsilon`.
+    /// Greatest number of texels with a side of ε / [`TEXELS_PER_EPSILON`]. ε is then the smallest found within it, but
+    /// not below `epsilon` unless `max_billboards` is given, too.
     pub max_texels: Option<usize>,
-    /// The greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, in [ε, 2]. A leaf
-    /// larger than that has a billboard of its own size. `None`: any distance.
+    /// Greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, in [ε, 2]. A larger
+    /// leaf gets a billboard of its own size. `None`: no limit.
     pub max_size: Option<f64>,
-    /// Parts of a billboard with a gap between them become billboards of their own when the gap is at least this share of R.
+    /// Least gap, as a share of R, that splits a billboard into several; in [10⁻⁶, 2]. `None`: no splits.
     pub compact: Option<f64>,
-    /// Corners of an outline; 4 gives rectangles, in [3, 16] convex outlines otherwise.
+    /// Corners of an outline, in [3, 16]; 4 gives rectangles, other numbers convex polygons.
     pub max_corners: usize,
-    /// Outlines enclose what is opaque of the leaves, and leaves weigh what is opaque of them.
+    /// Fit outlines to the opaque parts of leaves, and weigh leaves by their opaque area.
     pub trim: bool,
-    /// The density method: what a leaf takes from planes that just miss it, over what it gives to those that hold it; in [0, 100]. The paper's
-    /// 10 suits surfaces.
+    /// For the density method: score that a leaf subtracts from planes that just miss it, relative to the score that it adds to planes that
+    /// hold it; in [0, 100]. The paper's 10 suits surfaces.
     pub penalty: f64,
-    /// Which planes are liked better.
+    /// Preferred planes.
     pub preference: Preference,
-    /// A bound that grows with the distance from the viewer, where it is below ε.
+    /// View-dependent bound; it applies where it is below ε.
     pub image: Option<ImageBound>,
 }
 
-/// Texels that ε is long in a texture that fits its cloud: a level takes over where its deviation is seen smaller than as many pixels.
+/// Texels per ε in a texture that suits its cloud: a level takes over when its deviation appears smaller than this many pixels.
 pub const TEXELS_PER_EPSILON: f64 = 8.0;
 
 impl Default for FitSettings {
@@ -180,19 +181,21 @@ impl Default for FitSettings {
     }
 }
 
-/// Below this, f64 cannot tell whether a triangle lies on its own plane.
+/// Least ε: below it, f64 cannot decide whether a triangle lies on its own plane.
 pub const MIN_EPSILON: f64 = 1e-9;
 
-/// Costs in f32 must stay finite.
+/// Greatest weight: costs in f32 must stay finite.
 const LARGEST_WEIGHT: f64 = 1e6;
 
 impl FitSettings {
-    /// How much of each triangle counts as opaque: all of it unless `trim` asks for a look at the textures.
+    /// Returns the opaque part of each triangle; all of it without `trim`.
     #[must_use]
     pub fn opacity(&self, foliage: &Foliage) -> Opacity {
         if self.trim { Opacity::of(foliage) } else { Opacity::ignored() }
     }
 
+    /// Checks all settings.
+    ///
     /// # Errors
     /// The first setting that is outside its range.
     pub fn check(&self) -> Result<()> {
@@ -227,14 +230,14 @@ impl FitSettings {
             self.preference.views.iter().chain(&self.preference.up).find(|v| v.try_normalize().is_none())
         {
             return Err(Error::invalid(format!(
-                "the direction {:?} has no finite length above 0; it shows nowhere",
+                "the direction {:?} has no finite length above 0; give another direction",
                 view.to_array()
             )));
         }
         if self.method == Method::KMeans { self.check_clusters() } else { Ok(()) }
     }
 
-    /// Clusters have a number, and no bound.
+    /// Checks the settings of k-means, which needs a number of billboards and cannot keep a bound.
     fn check_clusters(&self) -> Result<()> {
         if self.max_billboards.is_none() {
             return Err(Error::invalid(
@@ -249,7 +252,7 @@ impl FitSettings {
         ];
         match given.into_iter().find(|(_, given)| *given) {
             Some((name, _)) => Err(Error::invalid(format!(
-                "the method kmeans cannot keep {name}; leave it out or choose another method"
+                "the method kmeans does not support {name}; leave it out or choose another method"
             ))),
             None => Ok(()),
         }
@@ -264,7 +267,7 @@ fn within(name: &str, value: f64, least: f64, most: f64) -> Result<()> {
 }
 
 impl Preference {
-    /// What a plane's score counts, in (0, 1], by its unit normal in the caller's axes.
+    /// Returns the factor of a plane's score, in (0, 1], by its unit normal in the caller's axes.
     #[must_use]
     pub fn factor(&self, normal: DVec3) -> f64 {
         let seen = self.views.iter().filter_map(|v| v.try_normalize()).map(|v| v.dot(normal).abs()).fold(0.0, f64::max);

@@ -1,7 +1,7 @@
-//! The stochastic method, by effort: the published search, a greedy one over all offsets, and a descent behind it.
+//! The stochastic method, by effort: the published search, or a greedy search over all offsets followed by a descent.
 //!
-//! Large soups are fitted by a core-set: a sample, held a little closer than it must be. All pieces are checked against its answer;
-//! some of those that are missed join it, and in the end what is still missed gets planes of its own.
+//! Large foliage is fitted through a core-set: a sample with slightly tighter bounds. All pieces are tested against the core-set's slabs;
+//! some of the missed pieces join it for the next round. Finally, a greedy search covers the pieces that are still missed.
 
 use super::descent::{DescentPlan, descend};
 use super::greedy::{self, GreedyPlan};
@@ -13,34 +13,34 @@ use super::{Fitter, assign, literal};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Random search and what grew from it.
+/// The stochastic method.
 pub struct Stochastic {
-    /// N of the paper.
+    /// Planes tried per billboard (N of the paper).
     pub candidates: usize,
     pub effort: Effort,
 }
 
-/// More pieces than this are fitted by a core-set.
+/// Greatest number of pieces that are fitted without a core-set.
 const MOST_PIECES: usize = 40_000;
 
-/// Pieces of a core-set at first, and how many join it in each round.
+/// Initial pieces of a core-set, number of pieces that join it in each round, and number of rounds.
 const CORE: usize = 12_000;
 const JOINING: usize = 4_000;
 const ROUNDS: usize = 3;
 
-/// The share of a whole descent's steps in each round.
+/// Share of a full descent's steps in each round.
 const STEPS_SHARE: f64 = 0.38;
 
-/// The share of its bound that a piece of a core-set is held to.
+/// Factor of the bounds of pieces in a core-set.
 const TIGHTER: f32 = 0.97;
 
-/// Pieces from which on the steps of a descent are proportional to the slabs that it begins with; smaller foliage needs fewer.
+/// Number of pieces at which a descent takes half of its full steps per slab; smaller foliage needs fewer.
 const FEW_PIECES: f64 = 6000.0;
 
-/// Of the area that the greedy answer loses, what a quick search may lose.
+/// Area that a descent with default effort may lose, relative to the loss of the greedy answer.
 const QUICK_LOSS: f64 = 1.1;
 
-/// How far a long search may go from the share of the greedy answer to the published algorithm's.
+/// Share of the way from the greedy answer's kept area to the published algorithm's that longer searches may go.
 const TOWARDS_LITERAL: f64 = 0.4;
 
 impl Fitter for Stochastic {
@@ -89,8 +89,8 @@ impl Stochastic {
         descend(pieces, slabs, plan, search, progress, answer)
     }
 
-    /// What share of their area the pieces must keep: between what they keep in the greedy answer and in the published algorithm, which is
-    /// less; a quick search stays near the former.
+    /// Returns the share of their area that the pieces must keep: between the shares of the greedy answer and of the published algorithm,
+    /// which is lower; with default effort near the greedy answer's.
     fn wanted_share(&self, pieces: &Pieces, slabs: &[Slab], search: &Search) -> Result<f64> {
         let greedy = assign::kept_share(pieces, slabs);
         if self.effort == Effort::Default {
@@ -127,7 +127,8 @@ impl Stochastic {
     }
 }
 
-/// Ascending numbers below `count`, one drawn from each of `size` equal parts: in spatial order, spread over the whole.
+/// Returns ascending numbers below `count`, one from each of `size` equal parts: spread over the whole, because pieces are in spatial
+/// order.
 fn sample(count: usize, size: usize, seed: u64) -> Vec<u32> {
     let mut stream = Stream::new(seed, 0, 1 << 22);
     let part = count as f64 / size as f64;

@@ -1,16 +1,16 @@
-//! The sweep: for a direction, the best of all offsets in one pass.
+//! Sweep: finds the best of all offsets for a direction in one pass.
 //!
-//! For a fixed unit normal n, a piece with bound ε is held by the planes whose offset lies in `[max − ε, min + ε]`, where max and min are
-//! those of n·p over its points. Each piece adds its weight to a difference histogram at the interval's first bin and takes it away behind
-//! the last; the prefix sum is the weight held by the plane in the middle of each bin. So a search over planes falls from three
-//! dimensions to two. (It is the density of Décoret et al. 2003, exact in ρ and sparse in direction.)
+//! For a fixed unit normal n, the planes that hold a piece with bound ε have offsets in `[max − ε, min + ε]`, where max and min are the
+//! extremes of n·p over its points. Each piece adds its weight to a difference histogram at the interval's first bin and subtracts it after
+//! the last. The prefix sum at a bin is the weight held by the plane in the middle of the bin. This reduces the search over planes from
+//! three dimensions to two. (It is the density of Décoret et al. 2003, exact in ρ and sparse in direction.)
 //!
-//! Eight directions go at once, a piece at a time: points are broadcast, nothing is padded, lanes never meet in a bin. Per piece and direction:
-//! 5 flops and a minimum and maximum a point, 6 an area vector, some 12 for the interval, and two read-modify-writes.
-//! Weights are whole numbers, so sums do not depend on their order, and what was added can be taken away exactly.
+//! Eight directions are swept at once, piece by piece: points are broadcast, nothing is padded, lanes never share a bin. Per piece and
+//! direction: 5 flops, a minimum and a maximum per point, 6 flops per area vector, some 12 for the interval, and two read-modify-writes.
+//! Weights are integers, so sums do not depend on their order and added weights can be subtracted exactly.
 //!
-//! Error bound: a height is within [`HEIGHT_ERROR`] of its value in f64, and intervals are shorter by that on both sides: a sweep never counts
-//! a piece that the plane does not hold, and may miss one that it just holds.
+//! Error bound: a height is within [`HEIGHT_ERROR`] of its value in f64, and intervals are shorter by that on both sides. So a sweep never
+//! counts a piece that the plane does not hold, and may miss one that it just holds.
 
 use glam::{DVec3, Vec3};
 
@@ -19,52 +19,52 @@ use super::lanes::{Eight, Kernel, dispatch};
 use super::pieces::{HEIGHT_ERROR, Pieces, SMALLEST_AREA, Slab};
 use crate::geometry::Plane;
 
-/// Bins of a histogram, at most.
+/// Greatest number of bins in a histogram.
 const MOST_BINS: usize = 4096;
 
-/// Eight unit normals, and where their offsets are looked for.
+/// Eight unit normals and the ranges of their offsets.
 #[derive(Clone, Copy, Debug)]
 pub struct Octet {
     x: [f32; LANES],
     y: [f32; LANES],
     z: [f32; LANES],
-    /// The offset at which the first bin begins.
+    /// Offset at the start of the first bin.
     low: [f32; LANES],
-    /// What a normal's score counts; 1 unless some directions are preferred.
+    /// Factor of a normal's score; 1 unless some directions are preferred.
     favour: [f32; LANES],
 }
 
-/// The bins of offsets.
+/// Bins of offsets.
 #[derive(Clone, Copy, Debug)]
 pub struct Bins {
     pub width: f32,
     pub count: usize,
 }
 
-/// Weight differences by bin; a row of directions each.
+/// Weight differences; one row per bin, with eight directions each.
 #[derive(Clone, Debug)]
 pub struct Histogram(Vec<[i32; LANES]>);
 
-/// A plane's place in a histogram.
+/// Position of a plane in a histogram.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Peak {
-    /// The weight that it holds, times its direction's favour.
+    /// Held weight times the direction's factor.
     pub score: f32,
     pub lane: usize,
     bin: usize,
 }
 
-/// What keeps the search from planes that see leaves edge-on.
+/// Limits that keep the search from planes that see leaves edge-on.
 #[derive(Clone, Copy, Debug)]
 pub struct Guard {
-    /// The least share of its area that a piece keeps on a plane that serves it.
+    /// Least share of its area that a piece must keep on a plane that serves it.
     pub facing: f32,
-    /// The share of a piece's weight that counts only as far as its area is kept, in [0, 1].
+    /// Share of a piece's weight that is scaled by its kept area, in [0, 1].
     pub slope: f32,
 }
 
 impl Octet {
-    /// Eight normals; the offsets of each are looked for around the plane through `centre`, `range` to either side.
+    /// Makes an octet of eight normals. Offsets range around the plane through `centre`, by `range` to either side.
     pub fn new(normals: &[Vec3; LANES], centre: Vec3, range: f32, favour: impl Fn(Vec3) -> f32) -> Self {
         Self {
             x: normals.map(|n| n.x),
@@ -79,7 +79,7 @@ impl Octet {
         Vec3::new(self.x[lane], self.y[lane], self.z[lane])
     }
 
-    /// The plane of a peak.
+    /// Returns the plane of a peak.
     pub fn plane(&self, peak: &Peak, bins: Bins) -> Plane {
         let normal = self.normal(peak.lane).as_dvec3();
         let distance = f64::from(self.low[peak.lane] + (peak.bin as f32 + 0.5) * bins.width);
@@ -89,13 +89,13 @@ impl Octet {
 }
 
 impl Bins {
-    /// Bins of `width` over `range` to either side; wider ones where there would be more than [`MOST_BINS`].
+    /// Returns bins of `width` over `range` to either side; wider ones if there would be more than [`MOST_BINS`].
     pub fn over(range: f32, width: f32) -> Self {
         let width = width.max(2.0 * range / MOST_BINS as f32);
         Self { width, count: (2.0 * range / width).ceil().max(1.0) as usize }
     }
 
-    /// Whether [`Self::over`] keeps the width.
+    /// Returns whether [`Self::over`] keeps the width.
     pub fn are_enough(range: f32, width: f32) -> bool {
         2.0 * range <= width * MOST_BINS as f32
     }
@@ -110,12 +110,12 @@ impl Histogram {
         self.0.fill([0; LANES]);
     }
 
-    /// Adds the weights of pieces, each as (piece, weight).
+    /// Adds the weights of pieces, given as (piece, weight).
     pub fn add(&mut self, octet: &Octet, pieces: &Pieces, bins: Bins, guard: Guard, members: &[(u32, i32)]) {
         dispatch(Add { rows: &mut self.0, octet, pieces, bins, guard, members });
     }
 
-    /// Where the most is held.
+    /// Returns the position of the greatest score.
     pub fn peak(&self, octet: &Octet) -> Peak {
         let (sum, bin) = dispatch(Highest(&self.0));
         let mut best = Peak::default();
@@ -131,14 +131,14 @@ impl Histogram {
         best
     }
 
-    /// The middle of the run of bins that begins at `first` and holds as much: the farther from its ends, the less the pieces deviate.
+    /// Returns the middle of the run of equal bins that starts at `first`: far from its ends, pieces deviate less.
     fn middle_of_plateau(&self, lane: usize, first: usize) -> usize {
         let longer = self.0[first + 1..].iter().take_while(|row| row[lane] == 0).count();
         (first + longer / 2).min(self.0.len() - 2)
     }
 }
 
-/// Adds pieces to the rows of a histogram.
+/// Kernel that adds pieces to the rows of a histogram.
 pub struct Add<'a> {
     pub rows: &'a mut [[i32; LANES]],
     pub octet: &'a Octet,
@@ -174,12 +174,13 @@ impl Kernel for Add<'_> {
             }
             let reach = e.splat(pieces.bound(piece) - HEIGHT_ERROR);
             let wanted = e.splat(guard.facing * pieces.area(piece));
-            // Bin b stands for its middle, so that the nearest whole numbers are the first middle in the interval and the first behind it.
+            // Bin b represents its middle, so rounding to the nearest integers gives the first middle in the interval and the first after
+            // it.
             let from = e.mul(e.sub(e.sub(greatest, reach), low), scale);
             let to = e.mul(e.sub(e.add(least, reach), low), scale);
             let (from, to) = (e.nearest(e.min(e.max(from, zero), limit)), e.nearest(e.min(e.max(to, zero), limit)));
             let size = weight.abs() as f32;
-            // A piece without area has nothing to lose.
+            // A piece without area cannot lose any.
             let slope = if pieces.area(piece) > SMALLEST_AREA { guard.slope } else { 0.0 };
             let sloped = e.mul(projected, e.splat(size * slope / pieces.area(piece).max(SMALLEST_AREA)));
             let value = e.nearest(e.add(sloped, e.splat(size * (1.0 - slope))));
@@ -196,14 +197,14 @@ impl Kernel for Add<'_> {
     }
 }
 
-/// n·v for eight normals.
+/// Returns n·v for eight normals.
 #[inline(always)]
 #[allow(clippy::inline_always)] // see `lanes`
 fn dot<E: Eight>(e: E, [x, y, z]: [E::Floats; 3], v: &Vec3) -> E::Floats {
     e.add(e.add(e.mul(x, e.splat(v.x)), e.mul(y, e.splat(v.y))), e.mul(z, e.splat(v.z)))
 }
 
-/// For each lane the greatest prefix sum and the first bin that has it.
+/// Kernel that finds the greatest prefix sum of each lane, and its first bin.
 pub struct Highest<'a>(pub &'a [[i32; LANES]]);
 
 #[allow(clippy::inline_always)] // see `lanes`
@@ -224,7 +225,7 @@ impl Kernel for Highest<'_> {
     }
 }
 
-/// Directions spread evenly over a hemisphere (a Fibonacci lattice), eight at a time.
+/// Returns directions spread evenly over a hemisphere (a Fibonacci lattice), in groups of eight.
 pub fn hemisphere(octets: usize) -> Vec<[Vec3; LANES]> {
     let count = octets * LANES;
     let direction = |i: usize| {
@@ -233,11 +234,11 @@ pub fn hemisphere(octets: usize) -> Vec<[Vec3; LANES]> {
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * cos, r * sin, z).as_vec3()
     };
-    // Neighbours in number are far apart in direction.
+    // Directions with successive numbers are far apart.
     (0..octets).map(|o| std::array::from_fn(|l| direction(l * octets + o))).collect()
 }
 
-/// Directions in a cone around `axis`, denser towards it: a disc of Vogel's spiral, whose farthest lies at `spread` (tangent), turned by `turn`.
+/// Returns directions in a cone around `axis`: a disc of Vogel's spiral with its farthest point at `spread` (tangent), turned by `turn`.
 pub fn cone(axis: DVec3, spread: f64, turn: f64, octets: usize) -> Vec<[Vec3; LANES]> {
     let (u, v) = axis.any_orthonormal_pair();
     let count = (octets * LANES) as f64;
@@ -252,7 +253,8 @@ pub fn cone(axis: DVec3, spread: f64, turn: f64, octets: usize) -> Vec<[Vec3; LA
 /// π (3 − √5).
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
-/// Looks for the plane around `slab` that holds the most weight: in all of the `normals`, offsets up to `range` off the plane's centre.
+/// Returns the plane near `slab` that holds the most weight, with its score. Tries all `normals`, with offsets up to `range` from the
+/// plane through the slab's center.
 pub fn best_near(
     pieces: &Pieces,
     members: &[(u32, i32)],
@@ -276,27 +278,27 @@ pub fn best_near(
     best
 }
 
-/// How planes are looked for.
+/// Settings of the search for planes.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     pub guard: Guard,
     /// Width of a bin.
     pub bin: f32,
-    /// How far from where it was found a slab holds pieces.
+    /// Greatest distance of a slab's pieces from the place where it was found.
     pub reach: f32,
-    /// What a plane's score counts, by its normal.
+    /// Factor of a plane's score, by its normal.
     pub favour: &'a (dyn Fn(Vec3) -> f32 + Sync),
-    /// Of all randomness.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Search<'_> {
-    /// The pieces that a slab holds and may serve, in ascending order.
+    /// Returns the pieces that a slab holds and may serve, in ascending order.
     pub fn served(&self, pieces: &Pieces, slab: &Slab) -> Vec<u32> {
         self.served_in(pieces, slab, 0..pieces.len())
     }
 
-    /// Those whose number lies in `range`; see [`Pieces::held_in`].
+    /// Returns the served pieces with numbers in `range`; see [`Pieces::held_in`].
     pub fn served_in(&self, pieces: &Pieces, slab: &Slab, range: std::ops::Range<usize>) -> Vec<u32> {
         let mut served = pieces.held_in(slab, range);
         if self.guard.facing > 0.0 {
@@ -347,7 +349,7 @@ mod tests {
                 reach: f32::INFINITY,
             };
             let (score, slab) = best_near(&pieces, &members, &origin, &normals, 1.1, &search);
-            // From the definition, in f64: what the plane in the middle of each bin holds, by its own sums.
+            // From the definition, in f64: the weight that the plane in the middle of each bin holds, summed directly.
             let weight = |normal: Vec3, distance: f64, margin: f64| -> f64 {
                 let held = |&&(i, _): &&(u32, i32)| {
                     let high = pieces.points(i as usize).iter().map(|p| (normal.as_dvec3().dot(p.as_dvec3()) - distance).abs());

@@ -5,7 +5,7 @@ use super::*;
 use crate::Error;
 use crate::foliage::Attributes;
 
-/// A foliage from a soup: nine numbers a triangle.
+/// Makes a foliage from separate triangles.
 fn soup(corners: &[[DVec3; 3]]) -> Foliage {
     let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
     let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -17,7 +17,7 @@ fn triangle_at(place: DVec3, normal: DVec3) -> [DVec3; 3] {
     [place, place + x * 0.1, place + y * 0.1]
 }
 
-/// The promise, from its definition: f64, caller's coordinates.
+/// Asserts the guaranteed bound from its definition: f64, caller's coordinates.
 fn assert_held(foliage: &Foliage, cloud: &Cloud, bound: f64) {
     let frame = foliage.frame();
     for (t, &parent) in cloud.parents.iter().enumerate() {
@@ -80,7 +80,7 @@ fn every_piece_takes_the_nearest_plane_without_facing() {
 
 #[test]
 fn a_leaf_stays_whole_when_a_plane_can_hold_it_and_parts_when_none_can() {
-    // Two triangles of one leaf, folded by 90° along a shared edge, and one far away that sets the scale.
+    // Two triangles of one leaf, folded by 90° along a shared edge, and a third far away that sets the scale.
     let folded = |size: f64| {
         let [a, b] = [DVec3::ZERO, DVec3::X * size];
         let positions = [
@@ -118,7 +118,7 @@ fn triangles_without_area_find_a_plane() {
 
 #[test]
 fn slivers_in_any_direction_find_a_plane() {
-    // The midpoint of an edge, at coordinates that are exact: no area at all, or one of rounding noise in the local frame.
+    // The third corner is the midpoint of an edge, at exact coordinates: the area is 0, or rounding noise in the local frame.
     let place = |i: u32| {
         DVec3::new(f64::from(i * 577 % 1024), f64::from(i * 331 % 1024), f64::from(i * 769 % 1024)) / 256.0 - 2.0
     };
@@ -149,7 +149,7 @@ fn one_leaf_of_many_directions_is_no_trouble() {
 
 #[test]
 fn seeds_are_independent() {
-    // The first numbers of neighbouring seeds and candidates share nothing.
+    // The first numbers of neighboring seeds and candidates must differ.
     let first = |seed: u64, candidate: usize| Stream::new(seed, 0, candidate).signed();
     for candidate in 1..1000 {
         for other in 1..4 {
@@ -183,7 +183,7 @@ fn cancelling_ends_the_fit() {
     assert!(matches!(fit(&foliage, &settings(0.1), Progress::new(&stop)), Err(Error::Cancelled)));
 }
 
-/// Random soups: some hundreds of triangles of any size and direction, anywhere.
+/// Random triangles: up to 60, of any size and direction, anywhere.
 fn random_soup() -> impl Strategy<Value = Vec<[DVec3; 3]>> {
     let point = (-1.0..1.0, -1.0..1.0, -1.0..1.0).prop_map(|(x, y, z): (f64, f64, f64)| DVec3::new(x, y, z));
     let corner = (point.clone(), point).prop_map(|(place, offset)| (place, offset));

@@ -1,9 +1,9 @@
-//! The plane that holds a piece.
+//! The thinnest plane around a piece.
 //!
-//! Whether one plane can hold a leaf is the question of its width: the least distance of two parallel planes that enclose it.
-//! The optimum's normal is perpendicular to a hull face or to two hull edges, so the normals perpendicular to two differences of
-//! vertices contain it: tried in full for leaves of up to [`EXACT_VERTICES`] vertices. Larger leaves try their
-//! triangles' normals and a sample of edge pairs: a known limit, which can part a large curved leaf that a plane could just hold.
+//! One plane can hold a leaf if the leaf's width is small enough: the least distance of two parallel planes that enclose it. The optimum's
+//! normal is perpendicular to a hull face or to two hull edges, so it is among the normals perpendicular to two differences of vertices.
+//! Leaves of up to [`EXACT_VERTICES`] vertices try all of these. Larger leaves try their triangles' normals and a sample of edge pairs.
+//! Known limit: that can split a large curved leaf that a plane could just hold.
 
 use glam::DVec3;
 
@@ -11,11 +11,11 @@ use crate::geometry::Plane;
 
 const EXACT_VERTICES: usize = 12;
 
-/// How many area vectors are looked at.
+/// Greatest number of area vectors to try.
 const MOST_DIRECTIONS: usize = 64;
 
-/// The plane in the middle of a slab around the points: the first look at the area vectors when that holds them within
-/// `bound`, else the thinnest that was found.
+/// Returns the middle plane of a slab around the points: the best along an area vector if that holds them within
+/// `bound`, else the thinnest found.
 pub fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
     let stride = areas.len().div_ceil(MOST_DIRECTIONS).max(1);
     let from_areas = areas.iter().step_by(stride).filter_map(|a| a.try_normalize());
@@ -40,7 +40,7 @@ pub fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
                     reached = consider(normal);
                 }
             }
-            // A sliver's cross products are rounding noise; a plane along its longest edge holds what is as thin as that.
+            // A sliver's cross products are rounding noise; a plane along its longest edge holds it.
             if let Some(along) = a.try_normalize() {
                 reached = consider(along.any_orthonormal_vector());
             }
@@ -52,7 +52,7 @@ pub fn thin_enough(points: &[DVec3], areas: &[DVec3], bound: f64) -> Plane {
     best
 }
 
-/// Differences of vertices: all of them for few, a regular sample for many.
+/// Returns differences of vertices: all for few vertices, of a regular sample for many.
 fn differences(points: &[DVec3]) -> Vec<DVec3> {
     let stride = points.len().div_ceil(EXACT_VERTICES).max(1);
     let chosen: Vec<DVec3> = points.iter().step_by(stride).copied().collect();

@@ -1,8 +1,8 @@
-//! Leaves as connected components.
+//! Leaves as connected components of the triangles.
 //!
-//! Two triangles belong together when they share a vertex, as in an artist's mesh, or an edge whose two ends
-//! coincide exactly, as where an exporter split vertices along a texture seam. Sharing only a place is not enough:
-//! leaves that touch at their stems stay apart. Union-find with path halving, O(t α(t)); the edges go through a hash map.
+//! Two triangles belong together if they share a vertex, as in an artist's mesh, or an edge with exactly coinciding
+//! ends, as after an exporter splits vertices along a texture seam. One common position is not enough:
+//! leaves that touch at their stems stay separate. Union-find with path halving, O(t α(t)); edges go through a hash map.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::groups::number_by_appearance;
 
-/// The component of each triangle, numbered by first appearance, and how many there are.
+/// Returns the component of each triangle, numbered by first appearance, and the number of components.
 pub fn components(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     let mut sets = DisjointSets::new(positions.len());
     for &[a, b, c] in triangles {
@@ -23,7 +23,7 @@ pub fn components(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<u32>, usi
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             let ends = (places[a as usize], places[b as usize]);
             if ends.0 == ends.1 {
-                continue; // an edge without length is a place, not an edge
+                continue; // an edge without length is a point: sharing it does not join
             }
             let other = *edges.entry((ends.0.min(ends.1), ends.0.max(ends.1))).or_insert(a);
             sets.join(a, other);
@@ -32,9 +32,9 @@ pub fn components(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<u32>, usi
     number_by_appearance(triangles.iter().map(|t| sets.find(t[0])))
 }
 
-/// Equal numbers for vertices at exactly the same place.
+/// Numbers the vertices; exactly equal positions share a number.
 fn number_places(positions: &[DVec3]) -> Vec<u32> {
-    // Adding 0 turns −0 into +0, which compare equal but have other bits.
+    // Adding 0 turns −0 into +0: the two are equal but differ in their bits.
     number_by_appearance(positions.iter().map(|p| (*p + DVec3::ZERO).to_array().map(f64::to_bits))).0
 }
 
@@ -56,7 +56,7 @@ impl DisjointSets {
 
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
-        // The lower index stays the root, so that the result does not depend on the order of the joins.
+        // The lower index stays the root: the result does not depend on the order of the joins.
         self.0[a.max(b) as usize] = a.min(b);
     }
 }
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn a_split_edge_joins_and_a_common_place_does_not() {
         let [a, b, c, d] = SQUARE;
-        // Two triangles that share the diagonal through vertices of their own, one that only touches the corner c.
+        // Two triangles share the diagonal through separate vertices; a third only touches the corner c.
         let positions = [a, b, c, a, c, d, c, c + DVec3::X, c + DVec3::Z];
         assert_eq!(components(&positions, &[[0, 1, 2], [3, 4, 5], [6, 7, 8]]), (vec![0, 0, 1], 2));
     }

@@ -1,17 +1,17 @@
-//! How much a mask draws: the area where alpha, bilinear between the middles of texels, reaches the cutoff.
+//! Drawn area of an alpha mask: the area where alpha, bilinear between texel centers, reaches the cutoff.
 //!
-//! Texels that pass are not that area: one that stands alone covers less than itself (at a cutoff of ½ 0.61 of it, if it is opaque), a gap of
-//! one is less than a texel wide. Counted texels make needles wider than they are seen. Exact along rows, of which each texel
-//! has four; O(texels). Planes of alpha are rows of codes from the top, and repeat.
+//! Counting texels above the cutoff gives another area. A single opaque texel covers less than its square (0.61 of it at a cutoff of ½),
+//! and a gap of one texel is narrower than a texel. Counting would make needles too wide. The area is exact along rows, four per texel;
+//! O(texels). Alpha comes as rows of 8-bit codes from the top, and repeats at its edges.
 
 use rayon::prelude::*;
 
 use crate::color::quantise;
 
-/// Rows on which each texel is looked at.
+/// Sampled rows per texel.
 const ROWS: usize = 4;
 
-/// How much of each texel's square is drawn, in codes.
+/// Returns the drawn share of each texel's square, as 8-bit codes.
 pub fn shares(alpha: &[u8], width: usize, cutoff: f32) -> Vec<u8> {
     let mut shares = Vec::with_capacity(alpha.len());
     for y in 0..alpha.len() / width {
@@ -20,7 +20,7 @@ pub fn shares(alpha: &[u8], width: usize, cutoff: f32) -> Vec<u8> {
     shares
 }
 
-/// The share of the plane that is drawn, by every so many of its rows.
+/// Returns the drawn share of the image, from every `every`-th row.
 pub fn area(alpha: &[u8], width: usize, cutoff: f32, every: usize) -> f64 {
     let rows: Vec<usize> = (0..alpha.len() / width).step_by(every).collect();
     let of_row = |&y: &usize| {
@@ -53,7 +53,7 @@ fn add_row(alpha: &[u8], width: usize, cutoff: f32, y: usize, mut add: impl FnMu
     }
 }
 
-/// The share of the middle texel's square where what is bilinear between nine texels is at least `cutoff`.
+/// Returns the share of the middle texel's square where bilinear interpolation of 3 × 3 texels reaches `cutoff`.
 fn share(texels: [[f32; 3]; 3], cutoff: f32) -> f32 {
     let share_of = |j: usize| {
         let down = (j as f32 + 0.5) / ROWS as f32 - 0.5;
@@ -64,7 +64,7 @@ fn share(texels: [[f32; 3]; 3], cutoff: f32) -> f32 {
     (0..ROWS).map(share_of).sum::<f32>() / ROWS as f32
 }
 
-/// The share of a way on which what goes evenly from `a` to `b` is at least `least`.
+/// Returns the share of a segment on which linear interpolation from `a` to `b` is at least `least`.
 fn share_above(a: f32, b: f32, least: f32) -> f32 {
     let (low, high) = (a.min(b), a.max(b));
     if low >= least {

@@ -1,4 +1,4 @@
-//! How a triangle's surface looks: base colour, alpha and sides.
+//! Materials: base color, alpha and the other surface properties of a triangle, and their images.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,32 +8,32 @@ use super::pyramid::{self, Encoding, Pyramid, Texel};
 
 use crate::error::{Error, Result, number};
 
-/// What alpha means, as in glTF.
+/// Meaning of alpha, as in glTF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     Opaque,
-    /// Drawn where alpha ≥ the cutoff.
+    /// Alpha at or above the cutoff is drawn.
     Mask(f32),
     /// Alpha is coverage.
     Blend,
 }
 
-/// A picture with straight alpha, sRGB where it shows colours; row 0 on top.
+/// An image with straight alpha; color images are sRGB. Row 0 is at the top.
 #[derive(Clone, Debug)]
 pub struct Image {
     width: usize,
     height: usize,
     pixels: Arc<[[u8; 4]]>,
-    /// The least code of alpha that is drawn, and then whole.
+    /// Least drawn alpha code if a mask cuts the image; texels at or above it count fully.
     whole_from: Option<u8>,
     pyramids: Pyramids,
 }
 
-/// Each made when it is first asked for; on one thread, for whoever waits for it may be a worker whose help it would need.
+/// Mip pyramids, each built on first use and on one thread: a thread that waits may be a worker that a parallel build would need.
 #[derive(Clone, Debug, Default)]
 struct Pyramids {
-    /// As sRGB and as linear codes.
+    /// Color pyramids, decoded as sRGB and as linear codes.
     colors: Arc<[OnceLock<Pyramid<Texel>>; 2]>,
     greatest_alpha: Arc<OnceLock<Pyramid<u8>>>,
 }
@@ -45,10 +45,10 @@ impl PartialEq for Image {
 }
 
 impl Image {
-    /// A picture of `width` × `height` pixels.
+    /// Makes an image of `width` × `height` pixels.
     ///
     /// # Errors
-    /// A side of 0, or another number of pixels.
+    /// A side of 0, or a number of pixels other than `width` × `height`.
     pub fn new(width: usize, height: usize, pixels: impl Into<Arc<[[u8; 4]]>>) -> Result<Self> {
         let pixels = pixels.into();
         if width == 0 || height == 0 || width.checked_mul(height) != Some(pixels.len()) {
@@ -60,58 +60,58 @@ impl Image {
         Ok(Self { width, height, pixels, whole_from: None, pyramids: Pyramids::default() })
     }
 
-    /// Pixels in a row.
+    /// Returns the width in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the height in pixels.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// All pixels, row by row from the top.
+    /// Returns all pixels, row by row from the top.
     #[must_use]
     pub fn pixels(&self) -> &[[u8; 4]] {
         &self.pixels
     }
 
-    /// The alpha of all pixels.
+    /// Returns the alpha of all pixels.
     pub(crate) fn alpha(&self) -> Vec<u8> {
         self.pixels.iter().map(|pixel| pixel[3]).collect()
     }
 
-    /// The picture with another alpha, one for each pixel.
+    /// Replaces the alpha of all pixels.
     pub(crate) fn with_alpha(self, alpha: Vec<u8>) -> Self {
         let pixels = self.pixels.iter().zip(alpha).map(|(&[r, g, b, _], a)| [r, g, b, a]).collect();
         Self { pixels, pyramids: Pyramids::default(), ..self }
     }
 
-    /// The picture with every pixel changed.
+    /// Returns the image with `change` applied to every pixel.
     #[must_use]
     pub fn mapped(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
         let pixels = self.pixels.iter().map(|&pixel| change(pixel)).collect();
         Self { pixels, pyramids: Pyramids::default(), ..*self }
     }
 
-    /// The same, of which a mask draws what has at least this alpha: from far, no more and no less than that colours it.
+    /// Marks the image as a mask with this cutoff: seen from afar, drawn texels alone set its color, all with the same weight.
     fn masked(self, cutoff: f32) -> Self {
         let code = (cutoff * 255.0).ceil().clamp(0.0, 255.0) as u8;
         if self.whole_from == Some(code) {
             return self;
         }
-        // What a texel counts changes, its alpha does not.
+        // The color weights of texels change; their alpha does not.
         let pyramids = Pyramids { colors: Arc::default(), ..self.pyramids };
         Self { whole_from: Some(code), pyramids, ..self }
     }
 
-    /// What a texel of this alpha counts in the colour of a place that is seen from far, in [0, 1].
+    /// Returns the weight, in [0, 1], of a texel with this alpha in a filtered color.
     pub(super) fn weight(&self, alpha: u8) -> f32 {
         match self.whole_from {
             Some(least) if alpha >= least => 1.0,
-            // So little that it colours only what has nothing else: between texels a mask may draw where none of them is drawn.
+            // So small that it matters only without heavier texels: between texels a mask may be drawn where no texel reaches the cutoff.
             Some(_) => f32::from(alpha) / 255.0 / 64.0,
             None => f32::from(alpha) / 255.0,
         }
@@ -121,7 +121,7 @@ impl Image {
         if self.pixels.iter().all(|p| p[3] == 255) { self } else { self.mapped(|[r, g, b, _]| [r, g, b, 255]) }
     }
 
-    /// The level of its pyramid for points `footprint` texels apart; `None` is the image itself.
+    /// Returns the color pyramid's level for points `footprint` texels apart; `None` means the image itself.
     pub(super) fn pyramid(&self, encoding: Encoding, footprint: f32) -> Option<&pyramid::Level<Texel>> {
         if pyramid::is_near(footprint) {
             return None;
@@ -130,45 +130,45 @@ impl Image {
         colors.get_or_init(|| pyramid::of_colors(self, encoding)).level(footprint)
     }
 
-    /// The greatest alpha near places of which none lies farther than half of `length` texels from where it is looked up.
+    /// Returns a level that holds the greatest alpha around each place: all texels within half of `length` texels count.
     pub(super) fn greatest_alpha(&self, length: f32) -> Option<&pyramid::Level<u8>> {
         self.pyramids.greatest_alpha.get_or_init(|| pyramid::of_greatest_alpha(self)).wider_than(length)
     }
 }
 
-/// Base colour, alpha and sides.
+/// Surface properties of triangles: color, alpha, sides, and optional images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
     /// Linear RGBA that multiplies the image.
     pub base_color: Vec4,
-    /// Repeats outside [0, 1].
+    /// Base color and alpha; repeats outside [0, 1].
     pub image: Option<Image>,
-    /// What alpha means.
+    /// Meaning of alpha.
     pub alpha_mode: AlphaMode,
-    /// Otherwise only the side from which triangles wind counter-clockwise is drawn.
+    /// Whether both sides are drawn. If not, only the side with counter-clockwise winding is.
     pub double_sided: bool,
-    /// A tangent-space normal map laid like `image`, as in glTF: red to the right, green up, codes linear.
+    /// Tangent-space normal map with the UVs of `image`, as in glTF: red to the right, green up, linear codes.
     pub normal: Option<Image>,
-    /// In [0, 1].
+    /// Roughness in [0, 1].
     pub roughness: f32,
-    /// In [0, 1].
+    /// Metallic in [0, 1].
     pub metallic: f32,
-    /// Occlusion, roughness and metallic in red, green and blue that multiply the factors, laid like `image`, codes linear.
+    /// Occlusion, roughness and metallic in red, green and blue; multiplies the factors. UVs of `image`, linear codes.
     pub gloss: Option<Image>,
-    /// Linear colour of the light that shines through; black where none does.
+    /// Linear color of transmitted light; black without translucency.
     pub translucency: Vec3,
-    /// Multiplies it, laid like `image`.
+    /// Multiplies `translucency`; UVs of `image`.
     pub translucency_image: Option<Image>,
-    /// Of billboards: which part of which leaf's texture each texel shows, and which leaf; as `textures` codes them. Laid like `image`.
+    /// For billboards: UVs into the leaf's texture for each texel, coded as in `textures`. UVs of `image`.
     pub leaf_uv: Option<Image>,
-    /// Which leaf.
+    /// For billboards: the leaf that each texel shows, coded as in `textures`. UVs of `image`.
     pub leaf_id: Option<Image>,
 }
 
 impl Default for Material {
-    /// White, opaque, double-sided, rough.
+    /// Returns a white, opaque, double-sided, rough material.
     fn default() -> Self {
         Self {
             name: "leaf".to_owned(),
@@ -189,7 +189,7 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Alpha counts in the base colour alone, and there only when the mode says so: elsewhere it is made full, so that nothing is weighted by it.
+    /// Sets alpha to full wherever it has no meaning: in all images but the base color, and there in opaque mode. So it weights nothing.
     pub(super) fn settled(mut self) -> Self {
         for image in [&mut self.normal, &mut self.gloss, &mut self.translucency_image] {
             *image = image.take().map(Image::opaque);
@@ -202,7 +202,7 @@ impl Material {
         self
     }
 
-    /// The share of its texels that is drawn; `None` without an image.
+    /// Returns the pyramid of the drawn share of each texel; `None` without an image.
     pub(super) fn coverage(&self) -> Option<Pyramid<u8>> {
         self.image.as_ref().map(|image| pyramid::of_coverage(image, self.alpha_mode, self.base_color.w))
     }
@@ -215,7 +215,7 @@ impl Material {
         let within = |x: f32| (0.0..=1.0).contains(&x);
         if !self.base_color.to_array().into_iter().all(within) {
             return Err(Error::invalid(format!(
-                "material {:?} has the base colour {:?}; each part must lie in [0, 1]",
+                "material {:?} has the base color {:?}; each part must lie in [0, 1]",
                 self.name,
                 self.base_color.to_array()
             )));

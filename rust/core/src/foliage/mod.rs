@@ -1,4 +1,4 @@
-//! What comes in: triangles, the leaves they form, and how they look, in a local frame.
+//! Input of the core: triangles, their leaves and their materials, in a local frame.
 
 mod leaves;
 pub(crate) mod mask;
@@ -21,27 +21,27 @@ use crate::geometry::Frame;
 use crate::groups::{Groups, number_by_appearance};
 use pyramid::Pyramid;
 
-/// What each triangle's corners carry beside their positions; each array is empty or as long as the triangles.
+/// Attributes of the triangles; each array is empty or has one entry per triangle.
 #[derive(Clone, Debug, Default)]
 pub struct Attributes {
-    /// Texture coordinates: origin in the lower left corner, v up.
+    /// UVs: origin in the lower left corner, v up.
     pub uvs: Vec<[Vec2; 3]>,
-    /// Corner normals, caller's orientation.
+    /// Corner normals, in the caller's orientation.
     pub normals: Vec<[Vec3; 3]>,
-    /// Linear RGBA that multiplies the material's base colour.
+    /// Linear RGBA that multiplies the material's base color.
     pub colors: Vec<[Vec4; 3]>,
-    /// Linear RGB in its place where a triangle is seen to wind clockwise, as light differs on the two sides of a leaf; empty: no other.
+    /// Linear RGB that replaces `colors` on the back (the side that winds clockwise), for baked light; empty: the same on both sides.
     pub back_colors: Vec<[Vec3; 3]>,
-    /// Index into the materials; empty means the first.
+    /// Index into the materials; empty: the first for all.
     pub material_ids: Vec<u32>,
-    /// Any values, equal within a leaf; empty means connected components.
+    /// Leaf of each triangle, by arbitrary values; empty: leaves are connected components.
     pub leaf_ids: Vec<i64>,
-    /// Whether a triangle's leaf is never pruned; one triangle of a leaf is enough.
+    /// Whether a triangle's leaf is never pruned; one such triangle protects the leaf.
     pub protected: Vec<bool>,
 }
 
 impl Attributes {
-    /// Those of some triangles.
+    /// Returns the attributes of some triangles.
     fn at(&self, triangles: &[u32]) -> Self {
         fn chosen<T: Copy>(values: &[T], triangles: &[u32]) -> Vec<T> {
             if values.is_empty() { Vec::new() } else { triangles.iter().map(|&t| values[t as usize]).collect() }
@@ -58,7 +58,7 @@ impl Attributes {
     }
 }
 
-/// Foliage in its local frame (centre of the bounding sphere at the origin, R = 1).
+/// Foliage in its local frame (center of the bounding box at the origin, R = 1).
 #[derive(Clone, Debug)]
 pub struct Foliage {
     frame: Frame,
@@ -66,20 +66,21 @@ pub struct Foliage {
     triangles: Vec<[u32; 3]>,
     attributes: Attributes,
     materials: Arc<[Material]>,
-    /// How much of each material's texels is drawn, made when it is first looked at from far.
+    /// Pyramids of the drawn share of each material's texels, built on first use from afar.
     coverage: Arc<[OnceLock<Pyramid<u8>>]>,
     leaf_ids: Vec<u32>,
     leaf_count: usize,
-    /// Whether it is leaves, which are told apart on a page.
+    /// Whether the foliage is leaves, which get labels on an atlas page. Trunks have none.
     labelled: bool,
 }
 
 impl Foliage {
-    /// Checks everything and moves it into the local frame.
+    /// Checks the input and moves it into the local frame.
     ///
     /// # Errors
-    /// No triangles; an index out of range; a coordinate that is not finite; an attribute of the wrong length; all
-    /// triangles of zero area.
+    /// No triangles; too many triangles or vertices for 32 bits; an index out of range; a coordinate that is not finite or beyond 10³⁷; an
+    /// attribute of the wrong length or with values that are not finite; UVs beyond 2²⁰; all triangles of zero area; a stray triangle of
+    /// zero area.
     pub fn new(
         positions: &[DVec3],
         triangles: Vec<[u32; 3]>,
@@ -91,7 +92,7 @@ impl Foliage {
         let materials = if materials.is_empty() { vec![Material::default()] } else { materials };
         let materials: Arc<[Material]> = materials.into_iter().map(Material::settled).collect();
         check_attributes(&attributes, triangles.len(), materials.len())?;
-        // Only what triangles use counts: a stray vertex must not set the scale.
+        // Only used vertices count: a stray vertex must not set the scale.
         let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
         let degenerate = || {
             let far = corners.clone().map(DVec3::length).fold(0.0, f64::max);
@@ -127,72 +128,72 @@ impl Foliage {
         })
     }
 
-    /// Where the foliage lies in the caller's coordinates.
+    /// Returns the local frame in the caller's coordinates.
     #[must_use]
     pub fn frame(&self) -> &Frame {
         &self.frame
     }
 
-    /// How many triangles there are; at least one.
+    /// Returns the number of triangles; at least one.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
     }
 
-    /// The local positions of a triangle's corners.
+    /// Returns the local positions of a triangle's corners.
     #[must_use]
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    /// A triangle's vertex indices.
+    /// Returns a triangle's vertex indices.
     #[must_use]
     pub fn triangle(&self, triangle: usize) -> [u32; 3] {
         self.triangles[triangle]
     }
 
-    /// The local area vector of a triangle: unit normal × area, by the winding.
+    /// Returns the local area vector of a triangle: unit normal × area, oriented by the winding.
     #[must_use]
     pub fn area_vector(&self, triangle: usize) -> DVec3 {
         area_vector(self.corners(triangle))
     }
 
-    /// The leaf of each triangle, 0 … [`Self::leaf_count`] − 1 in order of first appearance.
+    /// Returns the leaf of each triangle, 0 … [`Self::leaf_count`] − 1 in order of first appearance.
     #[must_use]
     pub fn leaf_ids(&self) -> &[u32] {
         &self.leaf_ids
     }
 
-    /// How many leaves there are.
+    /// Returns the number of leaves.
     #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.leaf_count
     }
 
-    /// The triangles of each leaf.
+    /// Returns the triangles of each leaf.
     #[must_use]
     pub fn leaves(&self) -> Groups {
         Groups::by_key(&self.leaf_ids, self.leaf_count)
     }
 
-    /// What the corners carry.
+    /// Returns the attributes of the triangles.
     #[must_use]
     pub fn attributes(&self) -> &Attributes {
         &self.attributes
     }
 
-    /// How a triangle looks.
+    /// Returns a triangle's material.
     #[must_use]
     pub fn material(&self, triangle: usize) -> &Material {
         &self.materials[self.material_id(triangle)]
     }
 
-    /// The number of a triangle's material; `None` for what is no leaf.
+    /// Returns the index of a triangle's material; `None` for a trunk.
     pub(crate) fn label_of_material(&self, triangle: usize) -> Option<usize> {
         self.labelled.then(|| self.material_id(triangle))
     }
 
-    /// The same as something that is no leaf: wood.
+    /// Returns the same triangles as a trunk, without leaf labels.
     pub(crate) fn without_labels(&self) -> Self {
         Self { labelled: false, ..self.clone() }
     }
@@ -201,36 +202,36 @@ impl Foliage {
         self.attributes.material_ids.get(triangle).map_or(0, |&m| m as usize)
     }
 
-    /// The pyramid of how much of the texels of a triangle's material is drawn. Made on one thread: whoever waits for it may be a worker
-    /// whose help it would need.
+    /// Returns the pyramid of the drawn share of the texels of a triangle's material. Built on one thread: a thread that waits may be a
+    /// worker that a parallel build would need.
     ///
     /// # Panics
-    /// When its material has no image.
+    /// If the material has no image.
     fn coverage(&self, triangle: usize) -> &Pyramid<u8> {
         let material = self.material_id(triangle);
         self.coverage[material].get_or_init(|| self.materials[material].coverage().expect("a material with an image"))
     }
 
-    /// The same leaves with their corners elsewhere; `corners` are local, one entry a triangle.
+    /// Returns the same leaves with other corners; `corners` are local, one entry per triangle.
     ///
     /// # Errors
-    /// All triangles have zero area there.
+    /// All triangles have zero area.
     ///
     /// # Panics
-    /// When there are not as many entries as triangles.
+    /// If the number of entries is not the number of triangles.
     pub fn with_corners(&self, corners: &[[DVec3; 3]]) -> Result<Self> {
         assert_eq!(corners.len(), self.triangles.len(), "an entry for each triangle");
         let all: Vec<u32> = (0..corners.len() as u32).collect();
         self.part(&all, corners)
     }
 
-    /// Some of the triangles, with their corners elsewhere; `corners` are local, one entry for each of `triangles`.
+    /// Returns some of the triangles with other corners; `corners` are local, one entry for each of `triangles`.
     ///
     /// # Errors
-    /// No triangles; all have zero area there.
+    /// No triangles; all have zero area.
     ///
     /// # Panics
-    /// When there are not as many entries as triangles.
+    /// If the numbers of entries differ.
     pub fn part(&self, triangles: &[u32], corners: &[[DVec3; 3]]) -> Result<Self> {
         assert_eq!(corners.len(), triangles.len(), "an entry for each triangle");
         let positions: Vec<DVec3> = corners.iter().flatten().map(|&p| self.frame.to_caller(p)).collect();
@@ -241,13 +242,13 @@ impl Foliage {
         Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved })
     }
 
-    /// The same leaves, seen from either side.
+    /// Returns the same leaves with double-sided materials.
     #[must_use]
     pub fn double_sided(&self) -> Self {
         self.with_materials(|material| Material { double_sided: true, ..material.clone() })
     }
 
-    /// The same foliage with other materials: `change` sees each.
+    /// Returns the same foliage with `change` applied to each material.
     #[must_use]
     pub fn with_materials(&self, change: impl Fn(&Material) -> Material) -> Self {
         let materials: Arc<[Material]> = self.materials.iter().map(change).collect();
@@ -259,7 +260,7 @@ fn unmade(materials: &[Material]) -> Arc<[OnceLock<Pyramid<u8>>]> {
     materials.iter().map(|_| OnceLock::new()).collect()
 }
 
-/// Unit normal × area, in the units of the corners.
+/// Returns unit normal × area, in the units of the corners.
 #[must_use]
 pub fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
@@ -276,20 +277,20 @@ fn check_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
     }
 }
 
-/// Corners are numbered in 32 bits, three to a triangle; vertices, too.
+/// Checks that corners, three per triangle, and vertices can be numbered in 32 bits.
 fn check_counts(triangles: usize, vertices: usize) -> Result<()> {
     let corners = triangles.checked_mul(3).and_then(|corners| u32::try_from(corners).ok());
     if corners.is_some() && u32::try_from(vertices).is_ok() {
         return Ok(());
     }
     Err(Error::invalid(format!(
-        "{triangles} triangles of {vertices} vertices; there may be {} and {}: split the foliage",
+        "{triangles} triangles of {vertices} vertices; at most {} and {} are allowed: split the foliage",
         u32::MAX / 3,
         u32::MAX
     )))
 }
 
-/// Coordinates beyond this would overflow single precision where files and Blender hold them.
+/// Greatest coordinate: larger ones would overflow single precision in files and in Blender.
 const FARTHEST: f64 = 1e37;
 
 fn check_finite(positions: &[DVec3]) -> Result<()> {
@@ -308,10 +309,10 @@ fn check_finite(positions: &[DVec3]) -> Result<()> {
     }
 }
 
-/// How many times larger than what has an area a triangle without one may make the foliage.
+/// Greatest distance of a triangle without area, in radii of the triangles with an area.
 const STRAY: f64 = 1000.0;
 
-/// A collapsed triangle far away must not set the scale: nothing of it can be seen, and ε is a share of R.
+/// Refuses a collapsed triangle far away: it would set the scale although it is invisible, and ε is a share of R.
 fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> Result<()> {
     let corners = |t: &[u32; 3]| t.map(|v| frame.to_local(positions[v as usize]));
     let has_area = |t: &[u32; 3]| area_vector(corners(t)).length() > 0.0;
@@ -321,12 +322,12 @@ fn check_strays(positions: &[DVec3], triangles: &[[u32; 3]], frame: &Frame) -> R
     let stray = triangles.iter().position(|t| !has_area(t) && distance(t) > STRAY * seen.radius);
     let Some(stray) = stray else { return Ok(()) };
     Err(Error::invalid(format!(
-        "triangle {stray} has zero area and lies {:.1e} times the radius of the others away, where at most {STRAY} is taken; remove it",
+        "triangle {stray} has zero area and lies {:.1e} times the radius of the others away; the limit is {STRAY}; remove it",
         distance(&triangles[stray]) / seen.radius
     )))
 }
 
-/// Texture coordinates beyond this are no longer told apart to a texel of a texture of 16 texels.
+/// Greatest UV: beyond it, single precision cannot resolve a texel of a 16-texel texture.
 const FARTHEST_UV: f32 = 1_048_576.0;
 
 fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize) -> Result<()> {
@@ -349,7 +350,7 @@ fn check_attributes(attributes: &Attributes, triangles: usize, materials: usize)
     }
     if let Some(uv) = uvs.iter().flatten().find(|uv| uv.abs().max_element() > FARTHEST_UV) {
         return Err(Error::invalid(format!(
-            "uvs has the value {:?}; a texture may repeat at most {FARTHEST_UV} times, for beyond that single precision misses texels",
+            "uvs has the value {:?}; a texture may repeat at most {FARTHEST_UV} times, because single precision misses texels beyond that",
             uv.to_array()
         )));
     }

@@ -1,10 +1,9 @@
-//! What of a triangle can be seen: the share of it that its alpha test lets through, and the convex hull of that.
+//! Visible part of each triangle: the share that passes its alpha test, and the convex hull of that part.
 //!
-//! A leaf card is mostly transparent. What a card covers is what its texels cover, not its area. A triangle is cut into
-//! [`FINE`]² equal small ones; triangles of the same texture coordinates and material are looked at once. The share asks each small one in its
-//! middle. The hull takes every small one whose box of texels has an opaque one: it never leaves out what a picture would show (but for blended
-//! alpha below [`FAINTEST`], and see `texel_mask` for an image's edge), and is
-//! too large by up to one small triangle's box.
+//! Leaf cards are mostly transparent: the drawn texels count, not the card's area. A triangle is cut into [`FINE`]² equal small triangles;
+//! triangles with the same UVs and material are evaluated once. The share samples the middle of each small triangle. The hull takes every
+//! small triangle with an opaque texel in its texel box. So it never omits a drawn texel, except for blended alpha below [`FAINTEST`] and
+//! at an image's edge (see `texel_mask`). It is too large by at most one small triangle's box.
 
 use std::collections::HashMap;
 
@@ -16,46 +15,46 @@ use super::texel_mask::TexelMask;
 use super::{AlphaMode, Foliage, Material};
 use crate::geometry::convex_hull;
 
-/// Cuts of a triangle's side where few triangles differ, and where many do.
+/// Cuts of a triangle's side: `FINE`, or `COARSE` for more than `MANY` different triangles.
 const FINE: usize = 32;
 const COARSE: usize = 4;
 const MANY: usize = 8192;
 
-/// Blended alpha above this lies inside the hull; above ½ it counts as seen.
+/// Blended alpha at or above this lies inside the hull; above ½ it counts as visible.
 const FAINTEST: f32 = 0.02;
 
-/// What of a triangle can be seen.
+/// The visible part of a triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visible {
-    /// The share of its area.
+    /// Visible share of the area, in [0, 1].
     pub share: f32,
-    /// Barycentric weights of the corners of the convex hull; none when nothing can be seen.
+    /// Corners of the convex hull as barycentric weights; empty if nothing is visible.
     pub hull: Vec<DVec3>,
 }
 
 impl Visible {
-    /// All of it.
+    /// Returns a fully visible triangle.
     fn whole() -> Self {
         Self { share: 1.0, hull: vec![DVec3::X, DVec3::Y, DVec3::Z] }
     }
 }
 
-/// What can be seen of each triangle of a foliage.
+/// The visible part of each triangle of a foliage.
 #[derive(Clone, Debug)]
 pub struct Opacity {
     kinds: Vec<Visible>,
-    /// The kind of each triangle; empty when all are of the first.
+    /// Index into `kinds` for each triangle; empty if all triangles use the first.
     kind: Vec<u32>,
 }
 
 impl Opacity {
-    /// Every triangle is taken to be opaque.
+    /// Treats every triangle as opaque.
     #[must_use]
     pub fn ignored() -> Self {
         Self { kinds: vec![Visible::whole()], kind: Vec::new() }
     }
 
-    /// Looks at the triangles' texels.
+    /// Evaluates the alpha of the triangles.
     #[must_use]
     pub fn of(foliage: &Foliage) -> Self {
         let tested = |t: usize| {
@@ -85,20 +84,20 @@ impl Opacity {
         Self { kinds: std::iter::once(Visible::whole()).chain(looked.collect::<Vec<_>>()).collect(), kind }
     }
 
-    /// Whether nothing can be seen of any triangle.
+    /// Returns whether no triangle has a visible part.
     #[must_use]
     pub fn shows_nothing(&self) -> bool {
         !self.kind.is_empty() && self.kind.iter().all(|&kind| self.kinds[kind as usize].hull.is_empty())
     }
 
-    /// What can be seen of a triangle.
+    /// Returns the visible part of a triangle.
     #[must_use]
     pub fn get(&self, triangle: usize) -> &Visible {
         &self.kinds[self.kind.get(triangle).map_or(0, |&k| k as usize)]
     }
 }
 
-/// Equal for triangles that look alike: material, texture coordinates, alpha of the corners.
+/// Returns a key of material, UVs and corner alpha; triangles with equal keys look alike.
 fn look_of(foliage: &Foliage, triangle: usize) -> (u32, [u32; 6], [u32; 3]) {
     let attributes = foliage.attributes();
     let [a, b, c] = attributes.uvs.get(triangle).copied().unwrap_or_default();
@@ -107,21 +106,21 @@ fn look_of(foliage: &Foliage, triangle: usize) -> (u32, [u32; 6], [u32; 3]) {
     (material, [a.x, a.y, b.x, b.y, c.x, c.y].map(f32::to_bits), alphas)
 }
 
-/// Where the images of the materials can be seen.
+/// Opacity tables of the materials' images.
 struct Masks<'a> {
     foliage: &'a Foliage,
-    /// By material; `None` without an image.
+    /// One per material; `None` without an image.
     masks: Vec<Option<TexelMask>>,
 }
 
 impl<'a> Masks<'a> {
     fn of(foliage: &'a Foliage) -> Self {
-        // What corners multiply alpha with, at most.
+        // The greatest corner alpha bounds the factor.
         let corners = foliage.attributes().colors.iter().flatten().map(|c| c.w);
         let factor = if foliage.attributes().colors.is_empty() { 1.0 } else { corners.fold(0.0, f32::max) };
         let mask = |material: &Material| {
             let least = least_alpha(material) / (material.base_color.w * factor);
-            // A factor of 0 shows nothing, which corners decide.
+            // With a factor of 0 the corners' own test decides.
             material.image.as_ref().map(|image| TexelMask::new(image, if least.is_nan() { 0.0 } else { least }))
         };
         Self { foliage, masks: foliage.materials.par_iter().map(mask).collect() }
@@ -141,7 +140,7 @@ impl<'a> Masks<'a> {
     }
 }
 
-/// The least alpha that belongs to the hull.
+/// Returns the least alpha inside the hull.
 fn least_alpha(material: &Material) -> f32 {
     match material.alpha_mode {
         AlphaMode::Opaque => 0.0,
@@ -150,7 +149,7 @@ fn least_alpha(material: &Material) -> f32 {
     }
 }
 
-/// A triangle that is looked at.
+/// A triangle to evaluate.
 struct Look<'a> {
     surface: Surface<'a>,
     least: f32,
@@ -161,13 +160,13 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// Whether anything within a small triangle, given by the weights of its corners, can be seen.
+    /// Returns whether any part of a small triangle, given by its corners, may be visible.
     fn may_show(&self, small: &[DVec2; 3]) -> bool {
         let at = |[a, b, c]: [f32; 3], p: &DVec2| {
             let w = barycentric(*p).as_vec3();
             a * w.x + b * w.y + c * w.z
         };
-        // Alpha of the corners is linear: its greatest value is at a corner.
+        // Corner alpha is linear: its maximum is at a corner.
         let factor = self.alphas.map_or(1.0, |alphas| small.iter().map(|p| at(alphas, p)).fold(0.0, f32::max));
         let Some(mask) = self.mask else { return self.base * factor >= self.least };
         let places = small.map(|p| Vec2::new(at(self.uvs.map(|uv| uv.x), &p), at(self.uvs.map(|uv| uv.y), &p)));
@@ -182,7 +181,7 @@ fn look(looked: &Look, cuts: usize) -> Visible {
     let at = |i: usize, j: usize| DVec2::new(i as f64, j as f64) / cuts as f64;
     for i in 0..cuts {
         for j in 0..cuts - i {
-            // Two small triangles share a square; the last of a row has one.
+            // Each grid square has two small triangles; the last of a row has one.
             let lower = [at(i, j), at(i + 1, j), at(i, j + 1)];
             let upper = [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
             let small_ones = [lower, upper];
@@ -203,7 +202,7 @@ fn barycentric(p: DVec2) -> DVec3 {
     DVec3::new(1.0 - p.x - p.y, p.x, p.y)
 }
 
-/// The place with barycentric weights `w` on a triangle.
+/// Returns the point with barycentric weights `w` on a triangle.
 #[must_use]
 pub fn place(corners: &[DVec3; 3], w: DVec3) -> DVec3 {
     corners[0] * w.x + corners[1] * w.y + corners[2] * w.z
@@ -214,7 +213,7 @@ mod tests {
     use super::*;
     use crate::foliage::{Attributes, Image};
 
-    /// A right triangle whose texture coordinates are its coordinates, opaque where `opaque` says.
+    /// A right triangle with UVs equal to its coordinates, opaque where `opaque` returns true.
     fn seen(side: usize, opaque: impl Fn(usize, usize) -> bool) -> Visible {
         let pixels: Vec<[u8; 4]> = (0..side * side)
             .map(|i| [255, 255, 255, if opaque(i % side, side - 1 - i / side) { 255 } else { 0 }])
@@ -243,7 +242,7 @@ mod tests {
         let strip = seen(64, |x, _| x < 16);
         assert!((f64::from(strip.share) - 7.0 / 16.0).abs() < 0.03, "{}", strip.share);
         let farthest = strip.hull.iter().map(|w| w.y).fold(0.0, f64::max);
-        // Up to a texel of the filter, a texel of the box and a small triangle more.
+        // The tolerance: a texel of the filter, a texel of the box, and a small triangle.
         assert!((0.25..=0.25 + 2.0 / 64.0 + 2.0 / FINE as f64).contains(&farthest), "{farthest}");
     }
 

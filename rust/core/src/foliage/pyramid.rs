@@ -1,25 +1,25 @@
-//! Mip pyramids of leaf textures, so that a texture seen small is filtered and not merely hit (Williams, "Pyramidal Parametrics", 1983).
+//! Mip pyramids of leaf textures: small textures are filtered, not sampled at single points (Williams, "Pyramidal Parametrics", 1983).
 //!
-//! Each level has half the texels of the one before along both axes (rounded up), means of 2 × 2; the last column or row of an odd side
-//! stands for itself. Level 0 is not kept: it is the image. O(texels) time, a third of the image's texels in memory.
+//! Each level has half the texels of the previous level along both axes (rounded up), as means of 2 × 2. The last column or row of an odd
+//! side is averaged with itself. Level 0 is the image and is not stored. O(texels) time, a third of the image's texels in memory.
 
 use glam::Vec2;
 
 use super::{AlphaMode, Image, mask};
 use crate::color::{decode_table, quantise};
 
-/// One level: `width` × `height` texels, row 0 on top.
+/// One level of `width` × `height` texels, row 0 on top.
 #[derive(Debug)]
 pub struct Level<T> {
     pub width: usize,
     pub height: usize,
-    /// The image's sides in texels of this level: up to one less than there are, for the last of an odd side stands for itself.
+    /// The image's sides in texels of this level: less than `width` and `height`, by less than one, if a side was odd.
     pub scale: Vec2,
     pub texels: Vec<T>,
 }
 
 impl<T: Copy> Level<T> {
-    /// The texel that holds a place on an image that repeats: both coordinates in [0, 1), rows down.
+    /// Returns the texel at a place on a repeating image; both coordinates in [0, 1), rows down.
     pub fn at(&self, column: f32, row: f32) -> T {
         let x = ((column * self.scale.x) as usize).min(self.width - 1);
         let y = ((row * self.scale.y) as usize).min(self.height - 1);
@@ -27,31 +27,31 @@ impl<T: Copy> Level<T> {
     }
 }
 
-/// Levels 1, 2 … down to one texel; none for an image of one.
+/// Levels 1, 2 … down to one texel; empty for an image of one texel.
 #[derive(Debug)]
 pub struct Pyramid<T>(Vec<Level<T>>);
 
-/// Colour times what it counts, and what it counts (alpha; of a mask, all or nothing), in 1/65535: linear light in 8 bits would lose the dark.
+/// Weighted color and its weight (alpha; for a mask, 1 or nearly 0), in 1/65535: 8-bit linear codes would lose dark colors.
 pub type Texel = [u16; 4];
 
 const FULL: f32 = 65_535.0;
 
-/// Whether points so many texels apart are near enough for the image itself.
+/// Returns whether points `footprint` texels apart sample the image itself.
 pub fn is_near(footprint: f32) -> bool {
     footprint.is_nan() || footprint < std::f32::consts::SQRT_2
 }
 
 impl<T> Pyramid<T> {
-    /// The first level whose texels are at least `length` texels of the image wide; the last one where none is. `None` for an image of one texel.
+    /// Returns the first level with texels at least `length` image texels wide, or else the last; `None` for an image of one texel.
     pub fn wider_than(&self, length: f32) -> Option<&Level<T>> {
-        // Casts take what is not a number as 0.
+        // Casts turn NaN into 0.
         let level = (libm::log2f(length.max(2.0)).ceil() as usize).clamp(1, self.0.len().max(1));
         self.0.get(level - 1)
     }
 
-    /// The level whose texels are nearest in size to `footprint` texels of the image; `None` is the image itself.
+    /// Returns the level with the texel size nearest to `footprint` image texels; `None` means the image itself.
     pub fn level(&self, footprint: f32) -> Option<&Level<T>> {
-        // Level k has texels of 2^k: nearest in ratio. What is not a number is taken as near.
+        // Level k has texels of 2^k: the nearest in ratio. NaN counts as near.
         if is_near(footprint) {
             return None;
         }
@@ -61,7 +61,7 @@ impl<T> Pyramid<T> {
 }
 
 impl<T: Copy> Pyramid<T> {
-    /// From the image's own texels, as `of` reads them, and the mean of four.
+    /// Builds all levels from the image's texels, read with `of`, and the mean of four.
     fn new<S: Copy>(width: usize, height: usize, source: &[S], of: impl Fn(S) -> T, mean: fn([T; 4]) -> T) -> Self {
         let mut levels: Vec<Level<T>> = Vec::new();
         let mut scale = Vec2::new(width as f32, height as f32);
@@ -97,16 +97,16 @@ fn halved<T: Copy>(
     Level { width: columns, height: rows, scale, texels: (0..rows).flat_map(row).collect() }
 }
 
-/// How codes of a texture's colours are meant.
+/// Encoding of an image's codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
-    /// Colours, as sRGB.
+    /// Colors, as sRGB.
     Srgb,
-    /// Directions, shares: the code over 255.
+    /// Directions and shares: the code over 255.
     Linear,
 }
 
-/// A code as a share in [0, 1].
+/// Decodes a code to a share in [0, 1].
 pub fn decoded(code: u8, encoding: Encoding) -> f32 {
     match encoding {
         Encoding::Srgb => decode_table()[code as usize],
@@ -114,14 +114,14 @@ pub fn decoded(code: u8, encoding: Encoding) -> f32 {
     }
 }
 
-/// What lies between two codes as a share in [0, 1]: on the line between theirs, which is within 10⁻⁵ of the curve.
+/// Decodes a fractional code to a share in [0, 1] by linear interpolation, within 10⁻⁵ of the curve.
 pub fn decoded_between(code: f32, encoding: Encoding) -> f32 {
     let below = code as u8;
     let above = below.saturating_add(1);
     decoded(below, encoding) + (code - f32::from(below)) * (decoded(above, encoding) - decoded(below, encoding))
 }
 
-/// Of an image's colours, weighted by what each texel counts.
+/// Builds the pyramid of an image's colors, weighted by each texel's weight.
 pub fn of_colors(image: &Image, encoding: Encoding) -> Pyramid<Texel> {
     let table: [f32; 256] = std::array::from_fn(|code| decoded(code as u8, encoding));
     let weights: [f32; 256] = std::array::from_fn(|alpha| image.weight(alpha as u8));
@@ -135,7 +135,7 @@ pub fn of_colors(image: &Image, encoding: Encoding) -> Pyramid<Texel> {
     Pyramid::new(image.width(), image.height(), image.pixels(), of, mean)
 }
 
-/// Of the share of each texel that is drawn, in codes: its alpha times `factor`, or, of a mask, how much of it passes the cutoff.
+/// Builds the pyramid of the drawn share of each texel, in codes: alpha times `factor`, or for a mask the share above the cutoff.
 pub fn of_coverage(image: &Image, mode: AlphaMode, factor: f32) -> Pyramid<u8> {
     let shares: Vec<u8> = match mode {
         AlphaMode::Opaque => vec![255; image.pixels().len()],
@@ -149,14 +149,15 @@ pub fn of_coverage(image: &Image, mode: AlphaMode, factor: f32) -> Pyramid<u8> {
     Pyramid::new(image.width(), image.height(), &shares, |share| share, mean)
 }
 
-/// Of the greatest alpha anywhere near: on a texel of a level and those around it, also across the edges of an image that repeats.
+/// Builds the pyramid of the greatest alpha on each texel and its neighbors, also across the edges of a repeating image.
 pub fn of_greatest_alpha(image: &Image) -> Pyramid<u8> {
     let greatest = |t: [u8; 4]| t.into_iter().max().unwrap_or(0);
     let Pyramid(levels) = Pyramid::new(image.width(), image.height(), image.pixels(), |p: [u8; 4]| p[3], greatest);
     Pyramid(levels.into_iter().map(|level| spread(&spread(&level, true), false)).collect())
 }
 
-/// The greatest of each texel and its neighbours along one axis, around the edge, too; where the last of them is cut by the edge, of two.
+/// Returns the maximum of each texel and its neighbors along one axis, across the edge. If the edge cuts the last texel, two neighbors
+/// count.
 fn spread(level: &Level<u8>, along_rows: bool) -> Level<u8> {
     let (width, height) = (level.width as isize, level.height as isize);
     let whole = if along_rows { level.scale.x == level.width as f32 } else { level.scale.y == level.height as f32 };
@@ -196,7 +197,7 @@ mod tests {
     fn transparent_texels_do_not_tint() {
         let half = image(2, 2, |i| if i == 0 { [200, 0, 0, 255] } else { [0, 255, 0, 0] });
         let top = &of_colors(&half, Encoding::Linear).0[0].texels[0];
-        // 200/255 of 65535 is 51400; a quarter of it beside a quarter of alpha.
+        // 200/255 of 65535 is 51400; a quarter of it, with a quarter of alpha.
         assert_eq!(*top, [12_850, 0, 0, 16_384]);
     }
 
@@ -208,7 +209,7 @@ mod tests {
         let [r, g, b, whole] = of_colors(&material.settled().image.unwrap(), Encoding::Linear).0[0].texels[0];
         let share = |part: u16| f32::from(part) / f32::from(whole) * 255.0;
         assert!((share(r) - 100.0).abs() < 1.0 && (share(g) - 50.0).abs() < 1.0, "{} {}", share(r), share(g));
-        assert!(share(b) < 1.0, "what fails counts for nothing beside what passes: {}", share(b));
+        assert!(share(b) < 1.0, "texels below the cutoff count for nothing beside drawn ones: {}", share(b));
     }
 
     #[test]

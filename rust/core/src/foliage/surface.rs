@@ -1,42 +1,41 @@
-//! What a point of a triangle looks like: whether it is drawn, and what each channel shows of it.
+//! Surface of a triangle at a point: the alpha test and the value of each channel.
 //!
-//! Textures are filtered over the distance at which the points lie: bilinearly where that is about a texel or less, from the nearest level of
-//! a pyramid beyond. An alpha mask seen from far is no mask any more, but the share that the cutoff lets through. What is not filtered at all is
-//! looked up as renderers look leaves up that stand near.
+//! Textures are filtered over the spacing of the points: bilinearly up to about a texel, from the nearest pyramid level beyond. From afar,
+//! an alpha mask is the share of texels above the cutoff. Unfiltered lookups sample textures like renderers do for nearby leaves.
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::pyramid::{self, Encoding, Texel};
 use super::{AlphaMode, Foliage, Image, Material};
 
-/// A triangle's surface, ready to be sampled at points some distance apart.
+/// A triangle's surface, prepared for samples at a fixed spacing.
 pub struct Surface<'a> {
     material: &'a Material,
     uvs: [Vec2; 3],
     colors: Option<[Vec4; 3]>,
     back_colors: Option<[Vec3; 3]>,
     normals: Option<[Vec3; 3]>,
-    /// From point to point of a row, in texture space.
+    /// UV step between neighboring points of a row.
     across: Vec2,
-    /// How much of texture space a sample covers; `None` where textures are looked at in points.
+    /// UV area of a sample; `None` for unfiltered lookups.
     sample: Option<f32>,
     alpha: Alpha<'a>,
     near: Option<Near<'a>>,
 }
 
-/// Where a triangle is looked at.
+/// A sample position on a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot {
-    /// Barycentric.
+    /// Barycentric weights.
     pub weights: Vec3,
-    /// Of so many samples it is the middle: what they cover is looked at as one, and no more of the texture around it.
+    /// Number of samples around this middle that are filtered as one area.
     pub samples: f32,
 }
 
-/// Points along a side of a block, and in a run of one row, that are looked at together.
+/// Points along the side of a block, and in a run within a row; blocks and runs are tested together.
 pub const BLOCK: usize = 8;
 
-/// Where the greatest alpha near the middle of many points is less than the least, none of them is drawn.
+/// Early rejection: if the greatest alpha around the middle of a block or run is below `least`, none of its points is drawn.
 #[derive(Clone, Copy)]
 struct Near<'a> {
     least: f32,
@@ -44,26 +43,27 @@ struct Near<'a> {
     of_run: &'a pyramid::Level<u8>,
 }
 
-/// Which points are drawn. Shares are compared with a threshold: thresholds spread evenly over [0, 1) make them coverage.
+/// Alpha test. Shares are compared with a threshold; thresholds spread evenly over [0, 1) turn them into coverage.
 enum Alpha<'a> {
     All,
-    /// From the image's own texels; above the cutoff, or as a share.
+    /// From the image's own texels: above a cutoff, or as a share.
     Cut(&'a Image, f32),
     Share(&'a Image),
-    /// The shares that a mask or a blend has on texels of a level.
+    /// Drawn shares from a pyramid level.
     Level(&'a pyramid::Level<u8>),
     /// Without an image.
     Flat,
 }
 
 impl<'a> Surface<'a> {
-    /// For single points.
+    /// Prepares a surface for single points.
     pub fn new(foliage: &'a Foliage, triangle: usize) -> Self {
         Self { near: None, ..Self::spread(foliage, triangle, [Vec3::ZERO; 2], 1.0) }
     }
 
-    /// For points on a grid, whose barycentric weights change by `steps` along its two axes: alpha is asked for at each point, what else is seen
-    /// once for what a pixel shows of the triangle. Textures are filtered over a share of the steps, `filter`.
+    /// Prepares a surface for points on a grid, where barycentric weights change by `steps` along the two axes. Alpha is tested at each
+    /// point; other channels are sampled once for the part of the triangle in a pixel. `filter` is the filter width as a share of the
+    /// steps.
     pub fn spread(foliage: &'a Foliage, triangle: usize, steps: [Vec3; 2], filter: f32) -> Self {
         let attributes = foliage.attributes();
         let material = foliage.material(triangle);
@@ -72,7 +72,7 @@ impl<'a> Surface<'a> {
         let back_colors = attributes.back_colors.get(triangle).copied();
         let [across, down] = steps.map(|w| uvs[0] * w.x + uvs[1] * w.y + uvs[2] * w.z);
         let spread = across.perp_dot(down).abs() * filter * filter;
-        // Corners of different alpha move the edge of a mask: no pyramid knows it.
+        // Corner alpha moves the edge of a mask, and pyramids ignore corners.
         let even = colors.is_none_or(|colors| colors.iter().all(|c| c.w == 1.0));
         let alpha = match (&material.image, material.alpha_mode) {
             (_, AlphaMode::Opaque) => Alpha::All,
@@ -91,7 +91,7 @@ impl<'a> Surface<'a> {
         let near = near.and_then(|(image, least)| {
             let size = Vec2::new(image.width() as f32, image.height() as f32);
             let [across, down] = [across, down].map(|step| (step * size).abs() * BLOCK as f32);
-            // A share from far is that of a whole texel of its level, up to √2 footprints wide: it reaches that far to either side.
+            // A filtered share belongs to a whole texel of its level, up to √2 footprints wide: it reaches that far to either side.
             let reach = 3.0 * footprint(image, spread);
             let greatest = |length: Vec2| image.greatest_alpha(length.max_element() + reach);
             Some(Near { least, of_block: greatest(across + down)?, of_run: greatest(across)? })
@@ -110,27 +110,27 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// Whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, by the weights of their middle.
+    /// Returns whether any of at most [`BLOCK`] × [`BLOCK`] points may be drawn, from the barycentric weights of their middle.
     pub fn block_may_pass(&self, middle: Vec3) -> bool {
         self.near.is_none_or(|near| f32::from(nearest(near.of_block, self.uv(middle))) >= near.least)
     }
 
-    /// Whether any of at most [`BLOCK`] points in a row may be drawn, by the weights of their middle.
+    /// Returns whether any of at most [`BLOCK`] points in a row may be drawn, from the barycentric weights of their middle.
     pub fn run_may_pass(&self, middle: Vec3) -> bool {
         self.near.is_none_or(|near| f32::from(nearest(near.of_run, self.uv(middle))) >= near.least)
     }
 
-    /// Whether the side that winds clockwise is drawn, too.
+    /// Returns whether the back, which winds clockwise, is drawn, too.
     pub fn double_sided(&self) -> bool {
         self.material.double_sided
     }
 
-    /// Whether the point at barycentric weights is drawn; what is drawn in part is where its share is above `threshold`.
+    /// Returns whether the point at the barycentric weights is drawn; partial alpha is drawn if its share is above `threshold`.
     pub fn passes(&self, weights: Vec3, threshold: f32) -> bool {
         self.passes_at(self.uv(weights), weights, threshold)
     }
 
-    /// The same for the point `steps` behind another in its row, which lies at `first` in texture space.
+    /// Like [`Self::passes`], for the point `steps` after the point of the same row with the UV `first`.
     pub fn passes_behind(&self, first: Vec2, steps: usize, weights: Vec3, threshold: f32) -> bool {
         self.passes_at(first + self.across * steps as f32, weights, threshold)
     }
@@ -148,7 +148,7 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// The linear base colour there, of the side that winds counter-clockwise (the front) or of the other.
+    /// Returns the linear base color on the front (counter-clockwise winding) or the back.
     pub fn base_color(&self, spot: Spot, front: bool) -> Vec3 {
         let factor = match self.back_colors {
             Some(colors) if !front => self.material.base_color.truncate() * between_corners(colors, spot.weights),
@@ -157,18 +157,18 @@ impl<'a> Surface<'a> {
         factor * self.texture(self.material.image.as_ref(), spot, Encoding::Srgb)
     }
 
-    /// Occlusion, roughness and metallic there.
+    /// Returns occlusion, roughness and metallic.
     pub fn gloss(&self, spot: Spot) -> Vec3 {
         let factors = Vec3::new(1.0, self.material.roughness, self.material.metallic);
         factors * self.texture(self.material.gloss.as_ref(), spot, Encoding::Linear)
     }
 
-    /// The linear colour of the light that shines through there.
+    /// Returns the linear color of transmitted light.
     pub fn translucency(&self, spot: Spot) -> Vec3 {
         self.material.translucency * self.texture(self.material.translucency_image.as_ref(), spot, Encoding::Srgb)
     }
 
-    /// The unit normal on the side that winds counter-clockwise, in the foliage's axes; `corners` are the triangle's. `None` without an area.
+    /// Returns the unit normal on the front, in the foliage's axes; `corners` are the triangle's. `None` for a triangle without area.
     pub fn normal(&self, spot: Spot, corners: &[Vec3; 3]) -> Option<Vec3> {
         let weights = spot.weights;
         let [a, b, c] = *corners;
@@ -176,10 +176,10 @@ impl<'a> Surface<'a> {
         let flat = u.cross(v).try_normalize()?;
         let smooth = self.normals.map_or(flat, |normals| between_corners(normals, weights));
         let smooth = smooth.try_normalize().unwrap_or(flat);
-        // Normals against the winding, as mirrored meshes have them, mean the same surface.
+        // Mirrored meshes may have normals against the winding; they describe the same surface.
         let smooth = if smooth.dot(flat) < 0.0 { -smooth } else { smooth };
         let Some(image) = &self.material.normal else { return Some(smooth) };
-        // Along which the texture's columns run (glTF: the green of a normal points up the texture, v is up here).
+        // The direction of the texture's rows; bitangents point up the texture, as the green of glTF normals does.
         let (s, t) = (self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]);
         let across = (u * t.y - v * s.y) * s.perp_dot(t).signum();
         let Some(tangent) = (across - smooth * smooth.dot(across)).try_normalize() else { return Some(smooth) };
@@ -188,7 +188,7 @@ impl<'a> Surface<'a> {
         (tangent * mapped.x + bitangent * mapped.y + smooth * mapped.z).try_normalize().or(Some(smooth))
     }
 
-    /// The nearest texel of one of its material's images, without alpha, as codes over 255.
+    /// Returns the nearest texel of one of the material's images, without alpha, as codes over 255.
     pub fn label(&self, image: impl Fn(&Material) -> Option<&Image>, uv: Vec2) -> Option<Vec3> {
         let image = image(self.material)?;
         let within =
@@ -198,7 +198,7 @@ impl<'a> Surface<'a> {
         Some(Vec3::new(f32::from(r), f32::from(g), f32::from(b)) / 255.0)
     }
 
-    /// Where in texture space, v up.
+    /// Returns the UV of a point, v up.
     pub fn uv(&self, weights: Vec3) -> Vec2 {
         let [a, b, c] = self.uvs;
         a * weights.x + b * weights.y + c * weights.z
@@ -211,7 +211,7 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// What an image shows there; white without one.
+    /// Samples an image; white without one.
     fn texture(&self, image: Option<&Image>, spot: Spot, encoding: Encoding) -> Vec3 {
         let Some(image) = image else { return Vec3::ONE };
         let uv = self.uv(spot.weights);
@@ -227,7 +227,7 @@ fn between_corners([a, b, c]: [Vec3; 3], weights: Vec3) -> Vec3 {
     a * weights.x + b * weights.y + c * weights.z
 }
 
-/// The image that decides what is drawn, and the least code of alpha that is; none where everything is.
+/// Returns the image of the alpha test and its least drawn alpha code; `None` if everything is drawn.
 fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
     let image = material.image.as_ref()?;
     match material.alpha_mode {
@@ -238,24 +238,24 @@ fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
     }
 }
 
-/// A cutoff below which nothing is drawn: the weights of filters and corners sum to 1 only nearly, and what is as opaque as the cutoff
-/// everywhere has no holes.
+/// Lowers a cutoff slightly: the weights of filters and corners sum to 1 only nearly, and a surface with exactly the cutoff's alpha must
+/// not get holes.
 pub(super) fn a_hair_less(cutoff: f32) -> f32 {
     cutoff * (1.0 - 1e-5)
 }
 
-/// How many texels of an image lie between neighbouring points, the geometric mean of both axes.
+/// Returns the texels between neighboring points, as the geometric mean of both axes.
 fn footprint(image: &Image, spread: f32) -> f32 {
     (spread * image.width() as f32 * image.height() as f32).sqrt()
 }
 
-/// The texel that holds the place; the level repeats.
+/// Returns the texel at a UV of a repeating level.
 fn nearest(level: &pyramid::Level<u8>, uv: Vec2) -> u8 {
     let (column, row) = (uv.x, 1.0 - uv.y);
     level.at(column - floor(column), row - floor(row))
 }
 
-/// The colour between the four texels around the place, weighted by their alpha; of premultiplied colours. Plain black where all are transparent.
+/// Returns the bilinear color of four premultiplied texels; black if all are transparent.
 fn between(level: &pyramid::Level<Texel>, uv: Vec2) -> Vec3 {
     let (x0, x1, fx) = neighbours(uv.x, level.width, level.scale.x);
     let (y0, y1, fy) = neighbours(1.0 - uv.y, level.height, level.scale.y);
@@ -264,10 +264,10 @@ fn between(level: &pyramid::Level<Texel>, uv: Vec2) -> Vec3 {
     if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO }
 }
 
-/// The four texels around a point and their bilinear weights; the image repeats.
+/// The four texels around a point and their bilinear weights, on a repeating image.
 ///
-/// Error bound: a coordinate in [0, 1) times the image's side s is rounded twice, so the place is off by up to s · 2⁻²³ of a texel, and alpha
-/// by as much in either direction, and by three roundings.
+/// Error bound: a coordinate in [0, 1) times the image's side s is rounded twice, so the place is off by up to s · 2⁻²³ of a texel. Alpha
+/// is off by as much along either axis, plus three roundings.
 struct Texels {
     texels: [[u8; 4]; 4],
     weights: [f32; 4],
@@ -275,7 +275,7 @@ struct Texels {
 
 impl Texels {
     fn at(image: &Image, uv: Vec2) -> Self {
-        // Texel centres lie at half-integers; v is up, rows go down.
+        // Texel centers lie at half-integers; v is up, rows go down.
         let (x0, x1, fx) = neighbours(uv.x, image.width(), image.width() as f32);
         let (y0, y1, fy) = neighbours(1.0 - uv.y, image.height(), image.height() as f32);
         let pixels = image.pixels();
@@ -291,7 +291,7 @@ impl Texels {
         sum / 255.0
     }
 
-    /// Weighted by alpha, so that the colour under transparent texels does not bleed in; plain where all four are transparent.
+    /// Returns the color weighted by alpha: colors under transparent texels do not bleed in. Unweighted if all four are transparent.
     fn color(&self, encoding: Encoding) -> Vec3 {
         let linear = |t: &[u8; 4]| Vec3::from_array([t[0], t[1], t[2]].map(|code| pyramid::decoded(code, encoding)));
         let mean = |alpha: fn(&[u8; 4]) -> f32| {
@@ -304,8 +304,8 @@ impl Texels {
         if total > 0.0 { sum / total } else { mean(|_| 1.0).0 }
     }
 
-    /// As renderers show it near by, whatever its alpha: the mean of what a graphics card makes of it, which interpolates light, and of what Cycles
-    /// does, which interpolates codes. On pines these are 3 % apart, and what is weighted by alpha is brighter than either.
+    /// Returns the color as renderers show it from nearby, regardless of alpha: the mean of GPU filtering, which interpolates linear light,
+    /// and Cycles' filtering, which interpolates codes. On pines the two differ by 3 %, and weighting by alpha is brighter than either.
     fn shown(&self, encoding: Encoding) -> Vec3 {
         let between = |value: &dyn Fn(u8) -> f32| {
             let part = |i: usize| self.texels.iter().zip(self.weights).map(|(t, w)| value(t[i]) * w).sum::<f32>();
@@ -317,16 +317,16 @@ impl Texels {
     }
 }
 
-/// The two texels around a coordinate of an axis that repeats after `scale` texels, and the weight of the second.
+/// Returns the two texels around a coordinate on an axis that repeats after `scale` texels, and the weight of the second.
 fn neighbours(coordinate: f32, size: usize, scale: f32) -> (usize, usize, f32) {
     let place = (coordinate - floor(coordinate)) * scale - 0.5;
-    // `place` lies in [−½, size − ½]: one texel before the first is the last. What is not a number is taken as 0.
+    // `place` lies in [−½, size − ½]: before the first texel comes the last. NaN becomes 0.
     let (first, below) = if place < 0.0 { (size - 1, -1.0) } else { ((place as usize).min(size - 1), floor(place)) };
     let second = if first + 1 == size { 0 } else { first + 1 };
     (first, second, place - below)
 }
 
-/// As `f32::floor`, for texture coordinates and places on images: without SSE 4.1, which not every processor has, that is a call.
+/// Replaces `f32::floor` for UVs and places on images: `f32::floor` is a function call without SSE 4.1, which not every processor has.
 fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
     if whole > x { whole - 1.0 } else { whole }
@@ -341,7 +341,7 @@ mod tests {
     use crate::common::stability::{case, worse};
     use crate::foliage::Attributes;
 
-    /// Bilinear alpha by its definition, in f64.
+    /// Bilinear alpha from its definition, in f64.
     fn alpha(image: &Image, u: f64, v: f64) -> f64 {
         let (width, height) = (image.width(), image.height());
         let (x, y) = (u.rem_euclid(1.0) * width as f64 - 0.5, (1.0 - v).rem_euclid(1.0) * height as f64 - 0.5);
@@ -364,7 +364,7 @@ mod tests {
             let bound = (width + height) as f64 * 2f64.powi(-23) + 4.0 * 2f64.powi(-24);
             for _ in 0..5000 {
                 let (u, v) = (random.signed() as f32 * 3.0, random.signed() as f32 * 3.0);
-                // Wrapping is exact in f64; in f32 a coordinate of 3 has lost two bits, which are its own.
+                // Wrap before the lookup: in f32 a coordinate of 3 has lost two bits, which is not the filter's error.
                 let (u, v) = (u.rem_euclid(1.0), v.rem_euclid(1.0));
                 let found = f64::from(Texels::at(&image, Vec2::new(u, v)).alpha());
                 worst = worse(worst, (found - alpha(&image, f64::from(u), f64::from(v))).abs() / bound);
@@ -376,7 +376,7 @@ mod tests {
 
     #[test]
     fn in_points_a_colour_lies_between_light_and_codes_whatever_its_alpha() {
-        // Between black and a white that is transparent: 0.5 of the light, and the light of code 127.5, by the standard's formula.
+        // Between black and a transparent white: 0.5 of the light, and the light of code 127.5, by the standard's formula.
         let image = Image::new(2, 1, vec![[0, 0, 0, 255], [255, 255, 255, 0]]).unwrap();
         let material = Material { image: Some(image), alpha_mode: AlphaMode::Blend, ..Material::default() };
         let attributes = Attributes { uvs: vec![[Vec2::new(0.5, 0.5); 3]], ..Attributes::default() };
@@ -387,7 +387,7 @@ mod tests {
         let of_code = ((0.5f64 + 0.055) / 1.055).powf(2.4);
         let between = f64::midpoint(0.5, of_code);
         assert!((f64::from(color(0.0).x) - between).abs() < 1e-4, "{} instead of {between}", color(0.0));
-        assert_eq!(color(1.0), Vec3::ZERO, "filtered, what is transparent does not count");
+        assert_eq!(color(1.0), Vec3::ZERO, "transparent texels do not count when filtered");
     }
 
     #[test]
@@ -396,7 +396,7 @@ mod tests {
         let mut lost = 0;
         let mut left_out = 0;
         for draw in 0..10_000 {
-            // Sparse images of any size, laid in any way and at any density, plain and repeating.
+            // Sparse images of any size and UV layout, at any density, with and without repeats.
             let (width, height) = (1 + random.below(150), 1 + random.below(150));
             let opaque = |_| [9, 9, 9, if random.below(500) == 0 { 255 } else { 0 }];
             let image = Image::new(width, height, (0..width * height).map(opaque).collect::<Vec<_>>()).unwrap();

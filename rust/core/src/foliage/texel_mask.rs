@@ -1,8 +1,9 @@
-//! Whether any texel of a rectangle is opaque enough, in constant time: a summed-area table (Crow 1984) of a yes or no for each texel.
+//! Constant-time test for opaque texels in a rectangle: a summed-area table (Crow 1984) with a flag for each texel.
 //!
-//! It never says no where bilinear filtering would find something: what a place shows comes from the four texels around it, so a rectangle
-//! is asked for with one texel more on every side. Only what a repeating image blends in from its opposite edge, half a texel wide, does not
-//! count: no one means it, and a leaf whose stalk touches the lower edge would reach to the upper one. Large images are asked for in blocks of texels, which only finds more.
+//! The test never misses anything that bilinear filtering finds: a point depends on the four texels around it, so the rectangle grows by
+//! one texel on every side. The one exception is the strip, half a texel wide, into which a repeating image blends its opposite edge.
+//! Nobody intends that blending, and a leaf with its stalk at the lower edge would otherwise extend to the upper edge. Large images are
+//! tested in blocks of texels, which only adds false positives.
 
 use std::ops::Range;
 
@@ -10,15 +11,15 @@ use glam::Vec2;
 
 use super::Image;
 
-/// Coordinates that lie this little beyond an image's edge lie at it.
+/// Tolerance, in texture coordinates, for places on an image's edge.
 const WHOLE_PERIOD: f32 = 2e-6;
 
-/// Blocks along each side of an image, at most.
+/// Greatest number of blocks along each side of an image.
 const MOST_BLOCKS: usize = 1024;
 
-/// Sums over the blocks above and left of each place.
+/// Summed-area table of the blocks with an opaque texel.
 pub struct TexelMask {
-    /// Texels of the image.
+    /// Width and height of the image, in texels.
     size: [usize; 2],
     /// Texels along the side of a block.
     block: usize,
@@ -28,7 +29,7 @@ pub struct TexelMask {
 }
 
 impl TexelMask {
-    /// Of the texels whose alpha, in [0, 1], is at least `least`.
+    /// Builds the table of texels with an alpha, in [0, 1], of at least `least`.
     pub fn new(image: &Image, least: f32) -> Self {
         let size = [image.width(), image.height()];
         let block = size[0].max(size[1]).div_ceil(MOST_BLOCKS);
@@ -52,14 +53,14 @@ impl TexelMask {
         Self { size, block, columns, rows, sums }
     }
 
-    /// Whether filtering can find one anywhere between two texture coordinates, v up, of an image that repeats.
+    /// Returns whether filtering can find an opaque texel between two texture coordinates (v up) of a repeating image.
     pub fn any_within(&self, low: Vec2, high: Vec2) -> bool {
         let columns = self.blocks(low.x, high.x, self.size[0], self.columns);
         let rows = self.blocks(1.0 - high.y, 1.0 - low.y, self.size[1], self.rows);
         columns.iter().any(|c| rows.iter().any(|r| self.count(c.clone(), r.clone()) > 0))
     }
 
-    /// The blocks of an axis that an interval of it touches, with a texel more on both sides: one range, and another where it wraps around.
+    /// Returns the blocks of an axis that touch an interval, extended by a texel on both sides: one range, and a second after a wrap.
     fn blocks(&self, low: f32, high: f32, size: usize, blocks: usize) -> [Range<usize>; 2] {
         let (start, texels) = ((low + WHOLE_PERIOD).floor(), size as f32);
         let first = ((low - start) * texels - 1.5).floor().max(0.0);
@@ -70,7 +71,7 @@ impl TexelMask {
         } else if last - first < texels {
             [part(first as usize, size - 1), part(0, last as usize % size)]
         } else {
-            [0..blocks, 0..0] // all of it, and what is not a number
+            [0..blocks, 0..0] // the whole axis, also for NaN
         }
     }
 
@@ -81,7 +82,7 @@ impl TexelMask {
     }
 }
 
-/// The least code that stands for a share of at least `share`; 256 stands for more than any.
+/// Returns the least code with a share of at least `share`; 256 if there is none.
 fn code_of(share: f32) -> u16 {
     (0..=255).find(|&code| f32::from(code) / 255.0 >= share).unwrap_or(256)
 }
@@ -106,11 +107,11 @@ mod tests {
         assert!(at(40.0, 5.0) && at(39.1, 5.0) && at(40.0, 5.9));
         assert!(!at(36.0, 5.0) && !at(44.0, 5.0) && !at(40.0, 9.0));
         assert!(at(40.0 - 64.0, 5.0) && at(40.0 + 128.0, 5.0 + 32.0), "the image repeats");
-        assert!(mask.any_within(Vec2::splat(f32::NAN), Vec2::ONE), "what is unknown is not denied");
+        assert!(mask.any_within(Vec2::splat(f32::NAN), Vec2::ONE), "unknown places count as opaque");
     }
 
     proptest! {
-        /// By definition: a texel of the right colour within reach of the filter.
+        /// From the definition: an opaque texel within reach of the filter.
         #[test]
         fn never_denies_what_filtering_finds(
             (width, height) in (1usize..40, 1usize..40), place in (0.0f32..1.0, 0.0f32..1.0),

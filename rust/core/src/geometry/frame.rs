@@ -1,35 +1,35 @@
-//! The local frame: centred on the bounding sphere in f64, scaled to R = 1, so that everything behind it works at
-//! one scale, in f32 where it is hot, without loss.
+//! The local frame: centered on the bounding box in f64 and scaled to R = 1. All later stages work at
+//! one scale, with f32 in hot loops, without loss.
 
 use glam::DVec3;
 
-/// Where the foliage lies: a point `p` of the caller is `(p − centre) / radius` in the local frame.
+/// Position and scale of the foliage: a point `p` of the caller is `(p − centre) / radius` in the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// The centre of the axis-aligned bounding box, caller's coordinates.
+    /// The center of the axis-aligned bounding box, in the caller's coordinates.
     pub centre: DVec3,
-    /// The distance of the farthest vertex from the centre, caller's units; above 0.
+    /// The distance of the farthest vertex from the center, in the caller's units; above 0.
     pub radius: f64,
 }
 
 impl Frame {
-    /// The frame of `points`; `None` without points, or when all points coincide (no scale can be had from them).
+    /// Returns the frame of `points`; `None` without points, if all points coincide, or if the radius is not finite.
     pub fn of(points: impl Iterator<Item = DVec3> + Clone) -> Option<Self> {
         let bounds = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
         let (low, high) = points.clone().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), bounds);
-        // Half of each first: the sum of two coordinates near the largest float must not overflow.
+        // Halve both first: the sum of two coordinates near the largest float must not overflow.
         let centre = low * 0.5 + high * 0.5;
         let radius = points.map(|p| p.distance(centre)).fold(0.0, f64::max);
         (radius > 0.0 && radius.is_finite()).then_some(Self { centre, radius })
     }
 
-    /// From the caller's coordinates to the local ones.
+    /// Converts a point from the caller's coordinates to local ones.
     #[must_use]
     pub fn to_local(&self, p: DVec3) -> DVec3 {
         (p - self.centre) / self.radius
     }
 
-    /// From local coordinates back to the caller's.
+    /// Converts a point from local coordinates to the caller's.
     #[must_use]
     pub fn to_caller(&self, p: DVec3) -> DVec3 {
         self.centre + p * self.radius

@@ -1,4 +1,4 @@
-//! The local frame, planes and outlines.
+//! Local frame, planes and outlines.
 
 pub mod frame;
 pub mod outline;

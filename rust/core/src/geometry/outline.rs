@@ -1,16 +1,16 @@
 //! Outlines: the rectangle of least area around points of a plane, or a convex polygon of few corners.
 //!
-//! One side of the least rectangle lies on an edge of the convex hull (Freeman and Shapira, 1975), so the hull (Andrew's monotone chain,
-//! O(n log n)) and a look at each of its edges (O(h²), h is small) find it exactly. A polygon comes from the hull by taking away edges: the
-//! two beside one are prolonged until they meet, and the edge goes that adds the least area, until few enough are left (O(h²)). That is
+//! One side of the least rectangle lies on an edge of the convex hull (Freeman and Shapira, 1975). Testing each edge of the hull (Andrew's
+//! monotone chain, O(n log n); then O(h²) for a small h) finds it exactly. A polygon starts as the hull and loses edges until few enough
+//! are left (O(h²)): removing an edge extends its two neighbors until they meet, and the edge that adds the least area goes first. This is
 //! greedy: the least polygon can be smaller.
 
 use glam::DVec2;
 
-/// A convex polygon in a plane and the rectangle that its texture fills: `x` and its left normal are the axes.
+/// A convex polygon in a plane and the rectangle that its texture fills. The axes are `x` and its left normal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
-    /// Unit vector of the first axis; the second is it turned by +90°.
+    /// Unit vector of the first axis. The second axis is the first turned by +90°.
     pub x: DVec2,
     /// Least coordinates along the axes.
     pub low: DVec2,
@@ -21,19 +21,19 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Width and height of the rectangle; either may be 0 (points on a line, a single point).
+    /// Returns width and height of the rectangle; either may be 0 (points on a line, a single point).
     #[must_use]
     pub fn size(&self) -> DVec2 {
         self.high - self.low
     }
 
-    /// The area of the polygon.
+    /// Returns the area of the polygon.
     #[must_use]
     pub fn area(&self) -> f64 {
         polygon_area(&self.corners)
     }
 
-    /// The same outline with the other side first: turned by 90°.
+    /// Returns the same outline with axes turned by 90°, which swaps width and height.
     #[must_use]
     pub fn turned(&self) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl Outline {
         }
     }
 
-    /// The rectangle around `points` whose first axis is the unit vector `x`.
+    /// Returns the rectangle around `points` with the unit vector `x` as first axis.
     #[must_use]
     pub fn along(points: &[DVec2], x: DVec2) -> Self {
         let (low, high) = bounds(points, x);
@@ -52,7 +52,7 @@ impl Outline {
         Self { x, low, high, corners }
     }
 
-    /// The polygon `corners` in the least rectangle around it.
+    /// Returns the outline of the polygon `corners`, with the least rectangle around it.
     fn around(corners: &[DVec2]) -> Self {
         let mut outline = minimum_rectangle(corners);
         let x = outline.x;
@@ -72,10 +72,10 @@ fn polygon_area(corners: &[DVec2]) -> f64 {
     corners.windows(2).map(|pair| (pair[0] - first).perp_dot(pair[1] - first)).sum::<f64>() / 2.0
 }
 
-/// The rectangle of least area that holds `points`, at least one, all finite. Of equal ones, the first along the hull.
+/// Returns the rectangle of least area around `points` (at least one, all finite). Among equals, the first along the hull wins.
 ///
 /// # Panics
-/// Without points: a billboard without primitives is never made.
+/// Without points: a billboard always has triangles.
 #[must_use]
 pub fn minimum_rectangle(points: &[DVec2]) -> Outline {
     assert!(!points.is_empty(), "an outline needs a point");
@@ -88,8 +88,8 @@ pub fn minimum_rectangle(points: &[DVec2]) -> Outline {
         .unwrap_or_else(|| Outline::along(&hull, DVec2::X))
 }
 
-/// A convex outline with exactly `corners` corners (at least 3) that holds `points`; for 4, the rectangle of least area. Where points
-/// need fewer corners, an edge is cut into several.
+/// Returns a convex outline around `points` with exactly `corners` corners (at least 3); with 4, the rectangle of least area. If the points
+/// need fewer corners, edges are split.
 ///
 /// # Panics
 /// Without points.
@@ -105,7 +105,7 @@ pub fn convex_outline(points: &[DVec2], corners: usize) -> Outline {
     }
     while polygon.len() > corners {
         let Some(at) = cheapest_edge(&polygon) else { break };
-        let (corner, next) = (beyond(&polygon, at).expect("it was found to meet").0, (at + 1) % polygon.len());
+        let (corner, next) = (beyond(&polygon, at).expect("its neighbors meet").0, (at + 1) % polygon.len());
         polygon[at] = corner;
         polygon.remove(next);
     }
@@ -115,7 +115,7 @@ pub fn convex_outline(points: &[DVec2], corners: usize) -> Outline {
     if better { with_corners(outline, corners) } else { simple }
 }
 
-/// The rectangle with more corners, or the right triangle around it.
+/// Returns the rectangle with extra corners, or for 3 corners a right triangle around it.
 fn simple(rectangle: Outline, corners: usize) -> Outline {
     if corners >= 4 {
         return with_corners(rectangle, corners);
@@ -125,7 +125,8 @@ fn simple(rectangle: Outline, corners: usize) -> Outline {
     Outline { high: low + 2.0 * size, corners: triangle, ..rectangle }
 }
 
-/// Cuts the longest edge that does not end in the first corner, again and again: a fan from there has no triangle without area.
+/// Splits the longest edge that does not touch the first corner until the polygon has enough corners. A fan from the first corner then has
+/// no triangle without area.
 fn with_corners(mut outline: Outline, corners: usize) -> Outline {
     let polygon = &mut outline.corners;
     while polygon.len() < corners {
@@ -137,14 +138,15 @@ fn with_corners(mut outline: Outline, corners: usize) -> Outline {
     outline
 }
 
-/// Where the edges beside edge `at` (from corner `at` to the next) meet when it is taken away, and the area that this adds.
+/// Returns the intersection of the neighbors of edge `at` (from corner `at` to the next), extended as if the edge was removed, and the area
+/// that this adds. `None` if they do not meet.
 fn beyond(polygon: &[DVec2], at: usize) -> Option<(DVec2, f64)> {
     let count = polygon.len();
     let corner = |i: usize| polygon[i % count];
     let (a, b) = (corner(at), corner(at + 1));
     let (before, after) = (a - corner(at + count - 1), b - corner(at + 2));
     let turn = before.perp_dot(after);
-    // The two must run towards each other beyond the edge: the outer angles at both ends together are below 180°.
+    // The neighbors must converge beyond the edge: the outer angles at both ends sum to less than 180°.
     if turn >= -1e-12 * before.length() * after.length() {
         return None;
     }
@@ -157,7 +159,7 @@ fn cheapest_edge(polygon: &[DVec2]) -> Option<usize> {
     costs.reduce(|a, b| if b.0 < a.0 { b } else { a }).map(|(_, at)| at)
 }
 
-/// The convex hull, counter-clockwise, without collinear points.
+/// Returns the convex hull, counter-clockwise, without collinear points.
 #[must_use]
 pub fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
@@ -218,10 +220,10 @@ mod tests {
         let area = |corners| convex_outline(&hexagon, corners).area();
         let whole = 1.5 * 3f64.sqrt();
         assert!((area(6) - whole).abs() < 1e-12);
-        // An edge goes: a triangle of its sixth is added.
+        // Removing an edge adds a triangle: a sixth of the hexagon.
         assert!((area(5) - whole * 7.0 / 6.0).abs() < 1e-12);
         assert!((area(4) - 2.0 * 3f64.sqrt()).abs() < 1e-12, "the rectangle");
-        assert!((area(8) - whole).abs() < 1e-12, "edges are cut");
+        assert!((area(8) - whole).abs() < 1e-12, "edges are split");
     }
 
     #[test]

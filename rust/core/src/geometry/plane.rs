@@ -1,4 +1,4 @@
-//! Planes as unit normal and signed distance: a point `p` lies at `n·p − d`.
+//! Planes as unit normal and signed distance: a point `p` has the height `n·p − d`.
 
 use glam::{DMat3, DVec3};
 
@@ -7,21 +7,21 @@ use super::Frame;
 /// A plane, in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Unit length.
+    /// Unit normal.
     pub normal: DVec3,
-    /// From the origin along the normal.
+    /// Signed distance from the origin along the normal.
     pub distance: f64,
 }
 
 impl Plane {
-    /// The plane through a point.
+    /// Returns the plane through a point.
     #[must_use]
     pub fn through(point: DVec3, normal: DVec3) -> Self {
         Self { normal, distance: normal.dot(point) }
     }
 
-    /// The plane through three points; `None` when they are collinear to f64's precision (their area vector is too
-    /// short to give a direction: below 1e-12 of the square of the longest edge).
+    /// Returns the plane through three points; `None` if they are collinear to f64's precision (an area vector
+    /// shorter than 1e-12 of the squared longest edge).
     #[must_use]
     pub fn through_points([a, b, c]: [DVec3; 3]) -> Option<Self> {
         let cross = (b - a).cross(c - a);
@@ -29,39 +29,39 @@ impl Plane {
         (cross.length() > 1e-12 * longest).then(|| Self::through(a, cross.normalize()))
     }
 
-    /// The signed distance of a point.
+    /// Returns the signed distance of a point from the plane.
     #[must_use]
     pub fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.distance
     }
 
-    /// The orthogonal projection of a point.
+    /// Returns the orthogonal projection of a point.
     #[must_use]
     pub fn project(&self, point: DVec3) -> DVec3 {
         point - self.normal * self.height(point)
     }
 
-    /// The same plane, of a local frame, in the caller's coordinates.
+    /// Converts the plane from local to the caller's coordinates.
     #[must_use]
     pub fn to_caller(&self, frame: &Frame) -> Self {
         Self { normal: self.normal, distance: self.normal.dot(frame.centre) + self.distance * frame.radius }
     }
 
-    /// Two unit vectors in the plane, `x × y = normal`, the same for the same normal.
+    /// Returns two unit vectors in the plane with `x × y = normal`; equal normals give equal axes.
     #[must_use]
     pub fn axes(&self) -> (DVec3, DVec3) {
         axes(self.normal)
     }
 }
 
-/// Two unit vectors perpendicular to the unit vector `normal`, `x × y = normal`
+/// Returns two unit vectors perpendicular to the unit vector `normal`, with `x × y = normal`
 /// (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017: branch-free, no pole).
 #[must_use]
 pub fn axes(normal: DVec3) -> (DVec3, DVec3) {
     normal.any_orthonormal_pair()
 }
 
-/// The eigenvector of the least eigenvalue of a symmetric matrix that is not negative, by inverse iteration from `start`.
+/// Returns the eigenvector of the least eigenvalue of a symmetric positive semi-definite matrix, by inverse iteration from `start`.
 #[must_use]
 pub fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
     let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;

@@ -1,18 +1,18 @@
-//! Accessors that may be read: of the types that an attribute may have, and inside their buffers.
+//! Validation of accessors: allowed types, and values inside their buffers.
 //!
-//! The crate `gltf` checks that indices point to something. It trusts types, counts and offsets, and panics or
-//! reads what it should not where they lie, so they are checked here first.
+//! The crate `gltf` checks that indices refer to existing entries. It trusts types, counts and offsets; wrong ones make it panic
+//! or read wrong bytes. So they are checked here first.
 
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Semantic};
 
 use super::source::Source;
 
-/// Whether the attributes of all primitives refer to accessors that are there, and all images say where they lie: the crate `gltf` looks at
-/// positions before it looks whether they exist, and takes an image's URI or type for granted.
+/// Checks that the attributes of all primitives refer to existing accessors, and that all images have a location. The crate `gltf` reads
+/// positions before it checks that they exist, and expects an image's URI or type.
 ///
 /// # Errors
-/// The first that does not exist, in words.
+/// Describes the first missing reference.
 pub fn check_references(root: &gltf::json::Root) -> Result<(), String> {
     let count = root.accessors.len();
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
@@ -25,10 +25,10 @@ pub fn check_references(root: &gltf::json::Root) -> Result<(), String> {
     lost.map_or(Ok(()), |image| Err(format!("image {image} has neither a URI nor a buffer view with its type")))
 }
 
-/// Checks everything that will be read of a primitive, with this set of texture coordinates.
+/// Checks all accessors that will be read of a primitive, with the UV set `set`.
 ///
 /// # Errors
-/// The first accessor that cannot be read, in words.
+/// Describes the first accessor that cannot be read.
 pub fn check(primitive: &gltf::Primitive, set: u32, source: &Source) -> Result<(), String> {
     use DataType::{F32, U8, U16, U32};
     use Dimensions::{Scalar, Vec2, Vec3, Vec4};
@@ -52,7 +52,7 @@ pub fn check(primitive: &gltf::Primitive, set: u32, source: &Source) -> Result<(
     Ok(())
 }
 
-/// Whether all values lie inside their buffer views.
+/// Checks that all values of an accessor lie inside their buffer views.
 fn fits(accessor: &Accessor, source: &Source) -> Result<(), String> {
     let count = accessor.count();
     if u32::try_from(count).is_err() || count == 0 {
@@ -60,7 +60,7 @@ fn fits(accessor: &Accessor, source: &Source) -> Result<(), String> {
     }
     match accessor.view() {
         Some(view) => inside(&view, accessor.offset(), count, accessor.size(), source)?,
-        // All zeros by the specification. Nobody writes such geometry, and a count alone could ask for any amount of memory.
+        // The specification reads these as zeros. No exporter writes such geometry, and a bare count could request any amount of memory.
         None => return Err("no buffer view; store its values".to_owned()),
     }
     let Some(sparse) = accessor.sparse() else { return Ok(()) };
@@ -77,12 +77,12 @@ fn fits(accessor: &Accessor, source: &Source) -> Result<(), String> {
     };
     let rising = (1..sparse.count()).all(|i| index(i - 1) < index(i));
     if !rising || index(sparse.count() - 1) >= count {
-        return Err(format!("sparse indices that do not rise, or reach {count}"));
+        return Err(format!("sparse indices do not rise, or reach {count}; they must rise and stay below it"));
     }
     inside(&values.view(), values.offset(), sparse.count(), accessor.size(), source)
 }
 
-/// Whether `count` values of `size` bytes from `offset` lie inside a view, and the view inside its buffer.
+/// Checks that `count` values of `size` bytes from `offset` lie inside a view, and the view inside its buffer.
 fn inside(view: &gltf::buffer::View, offset: usize, count: usize, size: usize, source: &Source) -> Result<(), String> {
     let bytes = source.view(view)?.len();
     let stride = view.stride().unwrap_or(size);

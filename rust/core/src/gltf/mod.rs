@@ -1,4 +1,4 @@
-//! glTF without Blender: foliage for benches, tests and programs that have none.
+//! glTF reading without Blender: foliage for benchmarks, tests and programs.
 
 mod accessors;
 mod read;

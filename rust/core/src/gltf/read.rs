@@ -1,10 +1,11 @@
-//! Reads the foliage of a .glb or .gltf file: positions, normals, the texture coordinates of base colours, and textures of colour, and of
-//! gloss and normals that use the same set of them.
+//! Foliage from a .glb or .gltf file: positions, normals, vertex colors, UVs of the base color, and the textures of base color, roughness
+//! and metallic, and normals. The latter two are read only if they use the base color's UV set.
 //!
-//! A part is foliage when its node's, mesh's or material's name contains one of the names asked for. Y up becomes Z up:
-//! (x, y, z) → (x, −z, y), as Blender's importer does, and v is turned to point up.
+//! A part is foliage if the name of its node, mesh or material contains one of the requested names. Y up becomes Z up:
+//! (x, y, z) → (x, −z, y), like in Blender's importer, and v is flipped to point up.
 //!
-//! The document may be broken or hostile: it is checked before it is read (`source`, `accessors`), and only images that foliage uses are decoded.
+//! The document may be broken or hostile. It is checked before it is read (`source`, `accessors`), and only images that foliage uses are
+//! decoded.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -17,13 +18,13 @@ use super::source::{Source, read_file};
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 
-/// What names foliage when nothing else was asked for.
+/// Default name parts of foliage.
 pub const DEFAULT_NAMES: [&str; 5] = ["leaf", "leaves", "foliage", "needle", "frond"];
 
-/// Reads the parts whose names contain one of `names`, whatever their case.
+/// Reads the parts whose names contain one of `names`, ignoring case.
 ///
 /// # Errors
-/// The file cannot be read or is not glTF; no part has such a name; what [`Foliage::new`] refuses.
+/// The file cannot be read or is not glTF; no part has such a name; an error of [`Foliage::new`].
 pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     let fail = |reason: String| Error::File { path: path.display().to_string(), reason };
     let bytes = read_file(path).map_err(fail)?;
@@ -34,10 +35,10 @@ pub fn read<S: AsRef<str>>(path: &Path, names: &[S]) -> Result<Foliage> {
     })
 }
 
-/// The same from memory. `folder` is where files that the document names lie; without one, it may name none.
+/// Reads foliage from memory, like [`read`]. `folder` is the folder of external files; without one, the document may not refer to any.
 ///
 /// # Errors
-/// As [`read`], without the file's name.
+/// Those of [`read`], without the file's name.
 pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) -> Result<Foliage> {
     check_header(bytes)?;
     let gltf::Gltf { document, blob } =
@@ -94,7 +95,7 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
     soup.into_foliage(materials)
 }
 
-/// Whether a binary file says that it is at least as long as its header, which the crate `gltf` takes for granted.
+/// Checks that a binary file's length field covers its header; the crate `gltf` does not.
 fn check_header(bytes: &[u8]) -> Result<()> {
     const HEADER: usize = 12;
     let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<HEADER>() else { return Ok(()) };
@@ -103,16 +104,16 @@ fn check_header(bytes: &[u8]) -> Result<()> {
         return Ok(());
     }
     Err(Error::invalid(format!(
-        "the binary header says that the file has {length} bytes; the header alone has {HEADER}"
+        "the binary header gives the file a length of {length} bytes; the header alone has {HEADER}"
     )))
 }
 
-/// The set of texture coordinates that a material's leaves are read with: its base colour's.
+/// Returns the UV set of a material's leaves: the set of its base color.
 fn set_of(material: &gltf::Material) -> u32 {
     material.pbr_metallic_roughness().base_color_texture().map_or(0, |texture| texture.tex_coord())
 }
 
-/// Triangles as they are gathered from the primitives.
+/// Triangles gathered from all primitives.
 #[derive(Default)]
 struct Soup {
     positions: Vec<DVec3>,
@@ -144,12 +145,12 @@ impl Soup {
         let to_z_up = |p: DVec3| DVec3::new(p.x, -p.z, p.y);
         let place = |p: &[f32; 3]| to_z_up(matrix.transform_point3(DVec3::from_array(p.map(f64::from))));
         self.positions.extend(positions.iter().map(place));
-        // Missing or short arrays read as zeros (texture coordinates, normals: then the triangle's own counts) and white (colours).
+        // Missing or short arrays give UVs of 0, zero normals (the triangle's own normal is used instead) and white.
         let uv =
             |i: u32| uvs.as_ref().and_then(|u| u.get(i as usize)).map_or(Vec2::ZERO, |u| Vec2::new(u[0], 1.0 - u[1]));
         let color =
             |i: u32| colors.as_ref().and_then(|c| c.get(i as usize)).map_or(Vec4::ONE, |&c| Vec4::from_array(c));
-        // A matrix that flattens has no inverse: what it makes of normals is nothing, like its triangles' areas.
+        // A singular matrix has no inverse. It gives zero normals, so the triangles' own normals are used.
         let across = glam::DMat3::from_mat4(matrix).inverse().transpose();
         let turned = |n: &[f32; 3]| {
             let normal = to_z_up(across * DVec3::from_array(n.map(f64::from)));
@@ -158,13 +159,13 @@ impl Soup {
         let normal = |i: u32| normals.as_ref().and_then(|n| n.get(i as usize)).map_or(Vec3::ZERO, turned);
         let mirrored = matrix.determinant() < 0.0;
         for &[a, b, c] in indices.as_chunks::<3>().0 {
-            // A mirrored node shows the front of its triangles where they wind the other way.
+            // Mirroring reverses the winding; swapping two corners keeps the front side.
             let corners = if mirrored { [a, c, b] } else { [a, b, c] };
             self.triangles.push(corners.map(|i| first + i));
             self.attributes.uvs.push(corners.map(uv));
             self.attributes.colors.push(corners.map(color));
             self.attributes.normals.push(corners.map(normal));
-            // A primitive without a material has the default one, behind all others.
+            // A primitive without a material uses the default material, appended after all others.
             self.attributes.material_ids.push(primitive.material().index().map_or(u32::MAX, |i| i as u32));
         }
         Ok(())
@@ -204,9 +205,9 @@ fn material(
         },
         double_sided: source.double_sided(),
         roughness: source.pbr_metallic_roughness().roughness_factor(),
-        // The factor is 1 where a texture says the rest: without the texture, leaves are no metal.
+        // With a texture, the factor is 1. If the texture is not read, leaves are not metallic.
         metallic: if unread { 0.0 } else { source.pbr_metallic_roughness().metallic_factor() },
-        // Its red is not occlusion, which is a texture of its own.
+        // Red is not read as occlusion: glTF stores occlusion in a texture of its own.
         gloss: gloss.map(|image| image.mapped(|[_, g, b, a]| [255, g, b, a])),
         normal,
         ..Material::default()

@@ -1,7 +1,7 @@
-//! The files behind a glTF document: its buffers and images, read only from where they may lie.
+//! Files of a glTF document: its buffers and images, read only from allowed locations.
 //!
-//! A document may come from anyone. What it names is read only from its own folder or below (no absolute path, no `..`, no other scheme),
-//! and no image is decoded that claims to be larger than [`LARGEST_IMAGE`].
+//! A document may come from anyone. Its files are read only from its own folder or below (no absolute path, no `..`, no other scheme).
+//! Images larger than [`LARGEST_IMAGE`] are not decoded.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -12,16 +12,16 @@ use image::{ImageReader, Limits};
 
 use crate::foliage::Image;
 
-/// Pixels along the side of an image.
+/// Greatest width and height of an image, in pixels.
 const LARGEST_IMAGE: u32 = 16_384;
 
-/// Memory for decoding one image: four 8-bit channels of the largest, and as much again.
+/// Memory limit for decoding one image: twice the largest image with four 8-bit channels.
 const DECODING_BYTES: u64 = 2 << 30;
 
-/// Pixels of all images together.
+/// Limit of pixels of all images together.
 const MOST_PIXELS: usize = 1 << 30;
 
-/// A document's folder, the bytes of its buffers, and the images that were asked for.
+/// A document's folder, the bytes of its buffers, and its decoded images.
 pub struct Source {
     folder: Option<PathBuf>,
     buffers: Vec<Vec<u8>>,
@@ -29,10 +29,10 @@ pub struct Source {
 }
 
 impl Source {
-    /// Reads all buffers. `folder` is where the document lies; without one, it may name no files.
+    /// Reads all buffers. `folder` is the document's folder; without one, the document may not refer to files.
     ///
     /// # Errors
-    /// What is wrong with a buffer, in words.
+    /// Describes the first invalid buffer.
     pub fn of(document: &gltf::Document, mut blob: Option<Vec<u8>>, folder: Option<&Path>) -> Result<Self, String> {
         let mut source = Self { folder: folder.map(Path::to_owned), buffers: Vec::new(), images: HashMap::new() };
         for buffer in document.buffers() {
@@ -42,7 +42,7 @@ impl Source {
             };
             if bytes.len() < buffer.length() {
                 return Err(format!(
-                    "buffer {} has {} bytes and says {}",
+                    "buffer {} has {} bytes, but declares {}",
                     buffer.index(),
                     bytes.len(),
                     buffer.length()
@@ -53,22 +53,22 @@ impl Source {
         Ok(source)
     }
 
-    /// The bytes of a buffer.
+    /// Returns the bytes of a buffer.
     pub fn buffer(&self, index: usize) -> Option<&[u8]> {
         self.buffers.get(index).map(Vec::as_slice)
     }
 
-    /// The bytes that a view shows.
+    /// Returns the bytes of a buffer view.
     pub fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], String> {
         let end = view.offset().checked_add(view.length());
         let bytes = self.buffer(view.buffer().index()).zip(end).and_then(|(b, end)| b.get(view.offset()..end));
         bytes.ok_or_else(|| {
             let (from, length, buffer) = (view.offset(), view.length(), view.buffer().index());
-            format!("buffer view {} shows {length} bytes from {from} of buffer {buffer}, which has fewer", view.index())
+            format!("buffer view {} spans {length} bytes from {from} of buffer {buffer}, which has fewer", view.index())
         })
     }
 
-    /// An image as 8-bit RGBA; decoded once.
+    /// Returns an image as 8-bit RGBA; decodes it once.
     pub fn image(&mut self, image: &gltf::Image) -> Result<Image, String> {
         if let Some(known) = self.images.get(&image.index()) {
             return Ok(known.clone());
@@ -81,7 +81,7 @@ impl Source {
         self.images.insert(image.index(), decoded.clone());
         let pixels: usize = self.images.values().map(|image| image.pixels().len()).sum();
         if pixels > MOST_PIXELS {
-            return Err(format!("images of {pixels} pixels together; there may be {MOST_PIXELS}"));
+            return Err(format!("the images have {pixels} pixels in total; the limit is {MOST_PIXELS}"));
         }
         Ok(decoded)
     }
@@ -95,11 +95,12 @@ impl Source {
         read_file(&path).map_err(|reason| format!("{}: {reason}", path.display()))
     }
 
-    /// The path of a file in the document's folder.
+    /// Returns the path of a file in the document's folder; refuses any other location.
     fn inside(&self, uri: &str) -> Result<PathBuf, String> {
         let decoded = urlencoding::decode(uri).map_err(|_| format!("the URI {uri:?} is not UTF-8"))?;
         let path = Path::new(decoded.as_ref());
-        // A backslash separates folders on Windows, a colon a drive or a scheme: neither belongs into a relative URI.
+        // On Windows a backslash separates folders and a colon follows a drive; a colon may also follow a scheme. A relative URI has
+        // neither.
         let plain = path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         if !plain || decoded.contains(['\\', ':', '\0']) || decoded.is_empty() {
             return Err(format!(
@@ -109,7 +110,7 @@ impl Source {
         match &self.folder {
             Some(folder) => {
                 let path = folder.join(path);
-                // A link inside the folder may lead out of it, too. What does not exist is told when it is read.
+                // A link inside the folder may also lead out of it. Missing files are reported when they are read.
                 let real = path.canonicalize().ok().zip(folder.canonicalize().ok());
                 if real.is_some_and(|(path, folder)| !path.starts_with(folder)) {
                     return Err(format!(
@@ -118,15 +119,15 @@ impl Source {
                 }
                 Ok(path)
             }
-            None => Err(format!("the URI {uri:?} names a file, but the document lies in no folder")),
+            None => Err(format!("the URI {uri:?} refers to a file, but the document has no folder")),
         }
     }
 }
 
-/// The bytes of a regular file: a pipe would never end, a device may have no end.
+/// Reads a regular file. Refuses pipes and devices, which may be endless.
 ///
 /// # Errors
-/// What the system says, or that it is no regular file.
+/// The operating system's error, or that it is not a regular file.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, String> {
     let regular = std::fs::metadata(path).map_err(|e| e.to_string())?.is_file();
     if !regular {

@@ -1,43 +1,43 @@
-//! How far two pictures of the same view differ: coverage, silhouettes, and FLIP (Andersson et al., "FLIP: A Difference Evaluator
-//! for Alternating Images", 2020; the crate `nv-flip` wraps NVIDIA's own).
+//! Image metrics of two renders of the same view: coverage, silhouette overlap, and FLIP (Andersson et al., "FLIP: A Difference Evaluator
+//! for Alternating Images", 2020; through the crate `nv-flip`, a wrapper of NVIDIA's code).
 
 use crate::color::decode_table;
 use crate::foliage::Image;
 
-/// FLIP counts only this close to a silhouette, so that empty ground does not dilute it.
+/// FLIP counts within this many pixels of a silhouette: empty background must not dilute the mean.
 const REACH: usize = 4;
 
-/// What one picture is beside another.
+/// Metrics of an image against a base image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// Sum of alpha over that of the base, the mean over the views; 1 when the base is empty.
+    /// Sum of alpha over the base's sum, as the mean over the views; 1 if the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha > ½.
     pub overlap: f64,
-    /// Mean FLIP over mid-grey, within 4 pixels of either silhouette; in [0, 1]. The mean over the views has three digits: FLIP's own
-    /// arithmetic uses the platform's `pow`, so that more would differ between machines.
+    /// Mean FLIP over mid-gray, within 4 pixels of either silhouette; in [0, 1]. The mean over views is rounded to three digits, because
+    /// FLIP's code uses the platform's `pow` and further digits would differ between machines.
     pub error: f64,
 }
 
 impl Judgement {
-    /// The mean of each figure.
+    /// Returns the mean of each metric.
     ///
     /// # Panics
-    /// Without judgements.
+    /// If `of` is empty.
     #[must_use]
     pub fn mean(of: &[Self]) -> Self {
-        assert!(!of.is_empty(), "the judge looks at least once");
+        assert!(!of.is_empty(), "metrics need at least one view");
         let mean = |figure: fn(&Self) -> f64| of.iter().map(figure).sum::<f64>() / of.len() as f64;
         let error = (mean(|j| j.error) * 1000.0).round() / 1000.0;
         Self { coverage: mean(|j| j.coverage), overlap: mean(|j| j.overlap), error }
     }
 }
 
-/// A view in which less is seen of the base than this share of what is seen where most is says nothing: flat things on edge.
+/// Least alpha sum of a base image, as a share of the greatest among the views. Smaller ones are ignored: flat foliage seen edge-on.
 const LEAST_SEEN: f64 = 0.05;
 
-/// Sum of alpha over that of the base, the mean over the pictures: what stands denser from above and thinner from the side is right where
-/// both balance, however much more is seen from above. 1 when all bases are empty.
+/// Returns the ratio of summed alpha to the base's, as the mean over the images; 1 if all bases are empty. The mean of ratios weighs all
+/// views alike: too dense from above and too thin from the side cancel out, however much more is visible from above.
 pub fn coverage<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
     let alpha = |image: &Image| image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>() as f64;
     let sums: Vec<(f64, f64)> = pairs.map(|(base, other)| (alpha(base), alpha(other))).collect();
@@ -47,7 +47,7 @@ pub fn coverage<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 
     if ratios.is_empty() { 1.0 } else { ratios.iter().sum::<f64>() / ratios.len() as f64 }
 }
 
-/// Intersection over union of alpha > ½, all pictures together; 1 when all are empty.
+/// Returns the intersection over union of alpha > ½ over all images together; 1 if all are empty.
 pub fn overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
     let inside = |p: &[u8; 4]| p[3] > 127;
     let pixels = pairs.flat_map(|(a, b)| a.pixels().iter().zip(b.pixels()));
@@ -57,7 +57,7 @@ pub fn overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
-/// The same of alpha itself: the sum of what both cover over that of what either does, so that foliage too thin for silhouettes counts, too.
+/// Returns the intersection over union of alpha itself: Σ min / Σ max. It also counts foliage that is too thin for silhouettes.
 pub fn soft_overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
     let pixels = pairs.flat_map(|(a, b)| a.pixels().iter().zip(b.pixels()));
     let (both, either) = pixels.fold((0u64, 0u64), |(both, either), (a, b)| {
@@ -66,7 +66,7 @@ pub fn soft_overlap<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> 
     if either == 0 { 1.0 } else { both as f64 / either as f64 }
 }
 
-/// The mean linear colour of what is covered, all pictures together; black when they are empty.
+/// Returns the mean linear color, weighted by alpha, of all images together; black if they are empty.
 pub fn mean_color(pictures: &[Image]) -> [f64; 3] {
     let table = decode_table();
     let (mut sums, mut covered) = ([0.0; 3], 0.0);
@@ -80,7 +80,7 @@ pub fn mean_color(pictures: &[Image]) -> [f64; 3] {
     sums.map(|sum| if covered > 0.0 { sum / covered } else { 0.0 })
 }
 
-/// The standard deviation of the linear luminance of pixels that are covered by more than half, all pictures together; 0 without any.
+/// Returns the standard deviation of linear luminance over pixels with alpha > ½, all images together; 0 without such pixels.
 pub fn spread(pictures: &[Image]) -> f64 {
     let table = decode_table();
     let luminance = |&[r, g, b, _]: &[u8; 4]| {
@@ -94,13 +94,13 @@ pub fn spread(pictures: &[Image]) -> f64 {
     (seen.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// A code laid over mid-grey with its alpha.
+/// Composites a color code over mid-gray by its alpha.
 fn over_grey(code: u8, alpha: u8) -> u8 {
     let (code, alpha) = (u32::from(code), u32::from(alpha));
     ((code * alpha + 128 * (255 - alpha) + 127) / 255) as u8
 }
 
-/// Compares two pictures of one size.
+/// Compares two images of the same size.
 #[must_use]
 pub fn compare(base: &Image, other: &Image) -> Judgement {
     let pair = || std::iter::once((base, other));
@@ -125,7 +125,7 @@ fn flip_near(base: &Image, other: &Image) -> f64 {
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
 
-/// All pixels within [`REACH`] steps (along rows and columns) of one inside.
+/// Dilates a mask by [`REACH`] steps along rows and columns.
 fn grown(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
     let mut grown = inside.to_vec();
     for _ in 0..REACH {

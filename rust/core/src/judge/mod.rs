@@ -1,4 +1,4 @@
-//! The judge: what a level looks like beside the leaves.
+//! Renderer for metrics: compares a level with the leaves in flat-lit views.
 
 mod measure;
 mod render;
@@ -17,24 +17,24 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::textures::Samples;
 
-/// From where, how large and how finely the judge looks.
+/// Set of views for metrics: number, orientation and resolution.
 #[derive(Clone, Copy, Debug)]
 pub struct Views {
-    /// How many directions.
+    /// Number of directions.
     pub count: usize,
-    /// Side of each picture in pixels.
+    /// Width and height of each image, in pixels.
     pub size: usize,
     /// Sub-samples along each side of a pixel.
     pub samples: Samples,
-    /// What is up; any length above 0.
+    /// Up direction; any length above 0.
     pub up: DVec3,
-    /// Turns the whole set, in golden angles: sets of different turns share no direction.
+    /// Rotation of the whole set about `up`, in golden angles. Sets with different turns share no direction.
     pub turn: f64,
 }
 
 impl Views {
-    /// Directions from the centre to the eye: a spiral over the upper three quarters of the sphere, since trees are rarely seen from
-    /// straight below.
+    /// Returns the directions from the center to the eye: a spiral over the upper three quarters of the sphere, because trees are rarely
+    /// seen from straight below.
     fn directions(&self) -> impl Iterator<Item = DVec3> + '_ {
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let upright = DQuat::from_rotation_arc(DVec3::Z, self.up.normalize());
@@ -45,7 +45,7 @@ impl Views {
         })
     }
 
-    /// The views that the sphere of `frame` fills.
+    /// Returns the views, sized to the sphere of `frame`.
     fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
         let (centre, radius) = (frame.centre, frame.radius * 1.025);
         let Self { size, samples, up, .. } = self;
@@ -60,61 +60,61 @@ impl Views {
     }
 }
 
-/// Pictures of one thing from all views, to compare others with.
+/// Rendered views of a base, for comparison with levels.
 pub struct Judge {
     views: Vec<View>,
     pictures: Vec<Image>,
 }
 
 impl Judge {
-    /// Looks at the parts of the base; the sphere of `frame` fills the pictures.
+    /// Renders the parts of the base; the sphere of `frame` fills the images.
     ///
     /// # Errors
-    /// A picture without pixels.
+    /// Those of [`render()`].
     pub fn new(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
         let views: Vec<View> = views.around(frame).collect();
         let pictures = views.iter().map(|v| render(base, v)).collect::<Result<_>>()?;
         Ok(Self { views, pictures })
     }
 
-    /// What can be decided by: coverage and overlap over all views, exact on any machine.
+    /// Returns coverage and overlap over all views. Both are exact on any machine, so decisions may depend on them.
     ///
     /// # Errors
-    /// A picture without pixels.
+    /// Those of [`render()`].
     pub fn glance(&self, level: &Foliage) -> Result<Glance> {
         let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
     }
 
-    /// The standard deviation of the base's luminance over that of `level`; 1 where either does not vary.
+    /// Returns the standard deviation of the base's luminance over the level's; 1 if either hardly varies (10⁻³ or less).
     ///
     /// # Errors
-    /// A picture without pixels.
+    /// Those of [`render()`].
     pub fn contrast(&self, level: &Foliage) -> Result<f64> {
         let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.look_at(level)?));
         Ok(if base > 1e-3 && other > 1e-3 { base / other } else { 1.0 })
     }
 
-    /// The mean linear colour of the base over that of `level`, channel by channel; 1 where either has none.
+    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
     ///
     /// # Errors
-    /// A picture without pixels.
+    /// Those of [`render()`].
     pub fn tone(&self, level: &Foliage) -> Result<Vec3> {
         let (base, other) = (measure::mean_color(&self.pictures), measure::mean_color(&self.look_at(level)?));
         let ratio = |(a, b): (f64, f64)| if a > 0.0 && b > 0.0 { (a / b) as f32 } else { 1.0 };
         Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
     }
 
-    /// What is reported of `level`, as means over the views.
+    /// Returns all metrics of `level`, as means over the views.
     ///
     /// # Errors
-    /// A picture without pixels.
+    /// Those of [`render()`].
     pub fn judge(&self, level: &Foliage) -> Result<Judgement> {
         let pictures = self.look_at(level)?;
         let judged: Vec<Judgement> =
             self.pictures.par_iter().zip(&pictures).map(|(base, other)| compare(base, other)).collect();
-        // A view in which next to nothing is seen has no say.
+        // Views with next to no foliage do not count.
         let coverage = measure::coverage(self.pictures.iter().zip(&pictures));
         Ok(Judgement { coverage, ..Judgement::mean(&judged) })
     }
@@ -124,10 +124,10 @@ impl Judge {
     }
 }
 
-/// Two exact figures of one thing beside another.
+/// The two exact metrics of a level against a base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glance {
-    /// Sum of alpha over that of the base, the mean over the views; 1 when the base is empty.
+    /// Sum of alpha over the base's sum, as the mean over the views; 1 if the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha.
     pub overlap: f64,

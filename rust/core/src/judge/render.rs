@@ -1,4 +1,4 @@
-//! An orthographic, flat-lit picture: base colours and alpha only, so that what differs is geometry and texture, not light.
+//! Orthographic, flat-lit renderings of base color and alpha only: differences come from geometry and textures, not from light.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -7,36 +7,36 @@ use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::textures::{Channel, Samples, ScreenTriangle, Window, count_seen, rasterise};
 
-/// Where the picture is taken from.
+/// An orthographic camera.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// From the centre to the eye; any length but 0.
+    /// Direction from the center to the eye; any length but 0.
     pub direction: DVec3,
-    /// What is up in the picture; the view may look along it, then it is replaced.
+    /// Up direction in the image. If the view is parallel to it, another direction replaces it.
     pub up: DVec3,
-    /// What lies in the middle, caller's coordinates.
+    /// Center of the image, in the caller's coordinates.
     pub centre: DVec3,
-    /// Half the picture's side, caller's units.
+    /// Half of the image's side, in the caller's units.
     pub radius: f64,
-    /// Side in pixels.
+    /// Width and height in pixels.
     pub size: usize,
     /// Sub-samples along each side of a pixel.
     pub samples: Samples,
 }
 
-/// Renders all parts into one picture; pixels that nothing covers are transparent.
+/// Renders all parts into one image; uncovered pixels are transparent.
 ///
 /// # Errors
-/// No parts; a direction without length; a centre or "up" that is not finite; a radius or a size that is not above 0; parts so much larger
-/// than the picture that single precision cannot place them.
+/// No parts; a direction without length; a center or up direction that is not finite; a radius that is not above 0; a size outside 1 to
+/// 16384; parts so large against the image that single precision cannot place them.
 pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
     rendered(parts, view, Channel::BaseColor)
 }
 
-/// The same on black, of alpha alone.
+/// Renders alpha alone, on black.
 ///
 /// # Errors
-/// As [`render`].
+/// Those of [`render()`].
 pub fn silhouette(parts: &[&Foliage], view: &View) -> Result<Image> {
     rendered(parts, view, Channel::Alpha)
 }
@@ -46,15 +46,15 @@ fn rendered(parts: &[&Foliage], view: &View, channel: Channel) -> Result<Image> 
     Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
 }
 
-/// At how many samples of the picture each triangle is seen.
+/// Returns the number of samples that show each triangle.
 ///
 /// # Errors
-/// As [`render`].
+/// Those of [`render()`].
 pub fn seen_samples(foliage: &Foliage, view: &View) -> Result<Vec<u32>> {
     Ok(count_seen(&on_screen(&[foliage], view)?, view.size, view.size, view.samples))
 }
 
-/// All triangles as the view shows them.
+/// Returns all triangles in screen coordinates.
 fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangle<'a>>> {
     let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
         Error::invalid(format!(
@@ -65,7 +65,7 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
     let radius_counts = view.radius > 0.0 && view.radius.is_finite();
     if !radius_counts || !(1..=16_384).contains(&view.size) {
         return Err(Error::invalid(format!(
-            "a picture of radius {:?} and {} pixels a side; the radius must be above 0, the pixels between 1 and 16384",
+            "an image with the radius {:?} and {} pixels per side; the radius must be above 0, the pixels between 1 and 16384",
             view.radius, view.size
         )));
     }
@@ -91,12 +91,12 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
     Ok(triangles)
 }
 
-/// How many radii of the picture its parts may reach from its centre.
+/// Greatest extent of the parts from the image's center, in radii of the image.
 const REACH: f64 = 1e6;
 
 fn check_place(parts: &[&Foliage], view: &View) -> Result<()> {
     if parts.is_empty() {
-        return Err(Error::invalid("there are no parts to render; give one foliage at least"));
+        return Err(Error::invalid("there are no parts to render; give at least one foliage"));
     }
     if let Some((name, v)) = [("centre", view.centre), ("up", view.up)].into_iter().find(|(_, v)| !v.is_finite()) {
         return Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array())));
@@ -104,7 +104,7 @@ fn check_place(parts: &[&Foliage], view: &View) -> Result<()> {
     let reach = |part: &&Foliage| (part.frame().centre.distance(view.centre) + part.frame().radius) / view.radius;
     match parts.iter().map(reach).find(|reach| reach.is_nan() || *reach > REACH) {
         Some(reach) => Err(Error::invalid(format!(
-            "a part reaches {reach:.1e} radii from the picture's centre; it may reach {REACH:e}: move the centre or raise the radius"
+            "a part reaches {reach:.1e} radii from the image's center; the limit is {REACH:e}: move the center or raise the radius"
         ))),
         None => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! How much of each leaf is seen from outside: what lies within a crown is hidden by what lies about it.
+//! Visible share of each leaf from outside: the crown hides its inner leaves.
 
 use glam::DVec3;
 
@@ -7,14 +7,15 @@ use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::textures::Samples;
 
-/// At how many pixels: from 16 directions some hundred samples of a leaf among ten thousand.
+/// Width and height of the images, in pixels: from 16 directions, some hundred samples of a leaf among ten thousand.
 const SIZE: usize = 128;
 
-/// The share of each leaf that is seen, in the mean over `count` directions all around, nothing of 0: samples that see it, over what of its area faces the eye.
-/// In [0, 1]; parts that its texture cuts out are never seen, so only ratios between leaves mean anything. Counts of samples, the same on any machine.
+/// Returns the visible share of each leaf, in [0, 1], as the mean over `count` directions all around; an empty list for a count of 0. The
+/// share is the number of samples that see the leaf, over the samples of its area as it faces the eye. Parts that the texture cuts out
+/// never count as visible, so only ratios between leaves are meaningful. Counts are the same on any machine.
 ///
 /// # Errors
-/// An `up` without length.
+/// An `up` without a finite length above 0.
 pub fn visibility(foliage: &Foliage, up: DVec3, count: usize) -> Result<Vec<f64>> {
     if count == 0 {
         return Ok(Vec::new());
@@ -40,7 +41,7 @@ mod tests {
     use super::*;
     use crate::foliage::Attributes;
 
-    /// Squares of a side about a place, across one axis, each a leaf.
+    /// Squares given as center, perpendicular axis and side; each is a leaf.
     fn squares(places: &[(DVec3, usize, f64)]) -> Foliage {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let corners = |&(place, across, side): &(DVec3, usize, f64)| {
@@ -73,7 +74,7 @@ mod tests {
         let seen = visibility(&squares(&places), DVec3::Z, 16).unwrap();
         assert_eq!(seen[6], 0.0);
         assert_eq!(seen[..6], outside);
-        // Of two opposite sides one is seen from anywhere.
+        // One of two opposite sides is visible from anywhere.
         for (front, back) in [(0, 3), (1, 4), (2, 5)] {
             assert!((seen[front] + seen[back] - 1.0).abs() < 0.03, "{seen:?}");
         }

@@ -1,6 +1,6 @@
-//! The last level: two perpendicular billboards that stand along "up" through the centre of the bounding sphere, each showing the whole
-//! tree, wood and all. It promises no ε and is not morphed to. Leaves that lie, as on water or on tiers of boughs, would not be seen on what
-//! stands: they get a billboard that lies, too, and what stands is left out where it shows nothing.
+//! The last level, the cross impostor: two perpendicular upright billboards through the center of the bounding sphere. Each shows the whole
+//! tree, trunk included. It keeps no ε, and no level morphs to it. Upright billboards do not show horizontal leaves, as on water or on
+//! tiers of boughs; such trees also get a horizontal billboard. Billboards that show almost nothing are left out.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::sheet::{PageSize, Sheet, SheetSettings};
 use crate::textures::{Channels, Drawn, Samples, Sky, bake_timed};
 
-/// The leaves are the first of the parts; the page has at most the sides of `most`.
+/// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`.
 pub(super) fn build(
     parts: &[&Foliage],
     most: PageSize,
@@ -29,7 +29,7 @@ pub(super) fn build(
     progress.tell("pack", 0.0)?;
     let leaves = parts[0];
     let frame = *leaves.frame();
-    // Each side hides what the other shows, but from where a cross is seen nobody can tell: one texture, unless leaves show one side only.
+    // Front and back differ, but not visibly at the distance of a cross impostor: one texture serves both, unless leaves are single-sided.
     let one_sided = || (0..leaves.triangle_count()).any(|t| !leaves.material(t).double_sided);
     let two_sided = settings.back_sides.unwrap_or_else(one_sided);
     let shown: Vec<Foliage> =
@@ -93,14 +93,14 @@ pub(super) fn build(
     })
 }
 
-/// Texels on a pixel's side where the cross takes over, at least.
+/// Least number of texels along a pixel where the cross impostor takes over.
 const TEXELS_PER_PIXEL: f64 = 2.0;
 
-/// The least side of a page, a multiple of 2 to the mip levels that keep coverage.
+/// Least side of an atlas page, a multiple of 2 to the power of the mip levels that keep coverage.
 const LEAST_SIDE: usize = 64;
 
-/// The outlines on the smallest page, with sides that are powers of two, whose texels have at most the side `texel`; on the largest within
-/// `most` if none has.
+/// Packs the outlines on the smallest page with power-of-two sides and texels at most `texel` wide. If there is none, packs them on the
+/// largest page within `most`.
 fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, two_sided: bool) -> Result<Sheet> {
     let (mut width, mut height) = (LEAST_SIDE, LEAST_SIDE);
     loop {
@@ -114,16 +114,17 @@ fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, t
     }
 }
 
-/// As many samples on the page as a page of the size `most` would have, within the limit of a texel: leaves are as thin as they were.
+/// Returns the samples with which the page has as many in all as a page of the size `most`, within the limit for a texel. The leaves are
+/// the same on a smaller page, so each texel needs more samples.
 fn finer_samples(samples: Samples, page: PageSize, most: PageSize) -> Samples {
     let finer = (most.width.max(most.height) / page.width.max(page.height)).max(1);
     Samples::new((samples.side() * finer).min(MOST_SAMPLES)).expect("within the limit")
 }
 
-/// Samples along the side of a texel, at most.
+/// Greatest number of samples along the side of a texel.
 const MOST_SAMPLES: usize = 16;
 
-/// The triangles of a part in the leaves' frame.
+/// Returns the triangles of a part in the leaves' frame.
 fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usize, [DVec3; 3])> {
     (0..part.triangle_count()).map(move |t| {
         let corners = part.corners(t).map(|p| frame.to_local(part.frame().to_caller(p)));
@@ -131,13 +132,13 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
     })
 }
 
-/// How many times more of the leaves' area a plane that lies must show than those that stand, to be there, too.
+/// A horizontal plane is added if it shows this many times the leaf area that an upright plane shows.
 const LYING: f64 = 4.0;
 
-/// What shows less than this share of what another shows is left out.
+/// A plane is left out if it shows less than this share of the area that the best plane shows.
 const LEAST: f64 = 1.0 / 64.0;
 
-/// The two planes that stand, the one that lies, as what they show calls for them.
+/// Returns the planes of the cross impostor: two upright ones and a horizontal one, each only if it shows enough area.
 fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
     let standing = perpendicular_planes(up);
     let seen_along =
@@ -150,7 +151,7 @@ fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3]
     planes.into_iter().filter(|plane| shows(plane) >= enough).collect()
 }
 
-/// The mean height of the leaves' area.
+/// Returns the area-weighted mean height of the leaves.
 fn middle_height(up: DVec3, leaves: &Foliage) -> f64 {
     let weighted = |t: usize| {
         let corners = leaves.corners(t);
@@ -161,7 +162,7 @@ fn middle_height(up: DVec3, leaves: &Foliage) -> f64 {
     moment / area
 }
 
-/// Two planes through the origin that contain `up`; facing −y and x when up is z, as front and side views do.
+/// Returns two perpendicular planes through the origin that contain `up`. For up = z they face −y and x, as front and side views do.
 fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
     let first = [DVec3::NEG_Y, DVec3::NEG_Z]
         .map(|axis| axis - up * axis.dot(up))
@@ -172,10 +173,10 @@ fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
     [first, up.cross(first)].map(|normal| Plane { normal, distance: 0.0 })
 }
 
-/// The rectangle around all triangles with one side along `up`.
+/// Returns the rectangle around all triangles with one side along `up`.
 fn upright(plane: &Plane, up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Outline {
     let (x, y) = plane.axes();
-    // A plane that lies has no side along "up": any will do.
+    // A horizontal plane has no side along "up": any direction will do.
     let across = up.cross(plane.normal).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let points = in_plane(plane, triangles.iter().flat_map(|t| t.2));
     Outline::along(&points, DVec2::new(x.dot(across), y.dot(across)))

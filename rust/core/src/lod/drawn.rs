@@ -1,8 +1,8 @@
-//! Which triangles a plane's billboard shows.
+//! The triangles that a plane's billboard shows.
 //!
-//! Those that morph onto it; or, as Décoret et al. draw them (2003, §4.4) to close the cracks between neighbouring billboards, beside them
-//! every other triangle as far as it lies within ε of the plane, clipped to that slab and to the billboard. Those are not stretched and do
-//! not morph: each leaf still has one parent. Crowns become denser by it, which the cutoff takes back in part.
+//! A billboard shows the triangles that morph onto it. To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
+//! show the parts of all other triangles within ε of its plane, clipped to that slab and to the billboard. These extra triangles are not
+//! stretched and do not morph: each leaf still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ use crate::groups::Groups;
 use crate::textures::Drawn;
 use crate::transition::Projection;
 
-/// Each plane's own.
+/// Returns a function that lists a plane's own triangles, those that morph onto it.
 pub fn own_triangles<'a>(
     foliage: &'a Foliage,
     cloud: &'a Cloud,
@@ -30,7 +30,7 @@ pub fn own_triangles<'a>(
     }
 }
 
-/// Its own, and the parts of others in its slab. O(planes · triangles).
+/// Returns a function that lists a plane's own triangles and the others that reach into its slab. O(planes · triangles).
 pub fn all_triangles<'a>(
     foliage: &'a Foliage,
     cloud: &'a Cloud,
@@ -56,7 +56,7 @@ pub fn all_triangles<'a>(
     }
 }
 
-/// Whether any of a triangle lies within `reach` of the plane.
+/// Returns whether any part of a triangle lies within `reach` of the plane.
 fn crosses(plane: &Plane, corners: &[DVec3; 3], reach: f64) -> bool {
     let heights = corners.map(|corner| plane.height(corner));
     let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
@@ -75,7 +75,7 @@ mod tests {
 
     const EPSILON: f64 = 0.25;
 
-    /// Two red squares at z = 0 with a gap between them, and through it a blue one that rises by 45°.
+    /// Two red squares at z = 0 with a gap between them, and a blue one through the gap that rises at 45°.
     fn crossing() -> Foliage {
         let square = |[x0, z0]: [f64; 2], [x1, z1]: [f64; 2]| {
             [DVec3::new(x0, -1.0, z0), DVec3::new(x1, -1.0, z1), DVec3::new(x1, 1.0, z1), DVec3::new(x0, 1.0, z0)]
@@ -88,7 +88,7 @@ mod tests {
         Foliage::new(&squares.concat(), triangles, attributes, vec![plain(1.0, 0.0), plain(0.0, 1.0)]).unwrap()
     }
 
-    /// The shares of the first plane's region that are red and blue.
+    /// Returns the shares of the first plane's region that are red and blue.
     fn shares(close_cracks: bool) -> [f64; 2] {
         let foliage = crossing();
         let rising = DVec3::new(-1.0, 0.0, 1.0).normalize();
@@ -116,11 +116,11 @@ mod tests {
     }
 
     #[test]
-    fn what_crosses_a_slab_is_drawn_as_far_as_it_lies_in_it() {
+    fn crossing_triangles_are_clipped_to_the_slab() {
         let [red, blue] = shares(false);
         assert!((red - 0.5).abs() < 0.02 && blue == 0.0, "{red} {blue}");
         let [red, blue] = shares(true);
-        // z = x there: of a width of 4 it lies within ε on 2 ε.
+        // z = x on the blue square: of the region's width of 4, a strip of 2 ε lies within ε.
         assert!((red - 0.5).abs() < 0.02 && (blue - 2.0 * EPSILON / 4.0).abs() < 0.02, "{red} {blue}");
     }
 }

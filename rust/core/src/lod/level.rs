@@ -1,4 +1,4 @@
-//! One level: fitted to the one before, packed, baked, and judged against the leaves.
+//! One level: fitted to the level before it, packed, baked, and measured against the leaves.
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -23,101 +23,102 @@ use crate::textures::{
 };
 use crate::transition::{HAND_OVER, Projection};
 
-/// Where the time went.
+/// Seconds for each stage of a level.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seconds {
-    /// Finding planes and parents.
+    /// Planes and the parent plane of each triangle.
     pub fit: f64,
     /// Outlines and atlas.
     pub pack: f64,
     /// Textures.
     pub bake: f64,
-    /// Judging by looks: the stretch, the cutoff, the tone, the report.
+    /// Metrics: stretch limit, alpha cutoff, tone, report.
     pub look: f64,
 }
 
 impl Seconds {
-    /// All of it.
+    /// Returns the sum of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {
         self.fit + self.pack + self.bake + self.look
     }
 }
 
-/// A cloud or cross with its page. Lengths are in the caller's units unless they are said to be shares of R.
+/// A billboard cloud or cross impostor with its atlas page. Lengths are in the caller's units unless noted as shares of R.
 #[derive(Clone, Debug)]
 pub struct Level {
     /// The fitter's name, or "cross".
     pub method: &'static str,
-    /// ε as a share of the leaves' R; `None` for the cross.
+    /// ε as a share of the leaves' R; `None` for the cross impostor.
     pub epsilon: Option<f64>,
-    /// The planes and parents of the level before; `None` for the cross.
+    /// The planes, and the parent plane of each triangle of the level before; `None` for the cross impostor.
     pub cloud: Option<Cloud>,
-    /// Where the level before lies at a = 1; `None` for the cross.
+    /// Positions of the level before at a = 1; `None` for the cross impostor.
     pub projection: Option<Projection>,
-    /// The local frame of planes, projection and sheet.
+    /// The local frame of planes, projection and atlas layout.
     pub frame: Frame,
-    /// Where each billboard lies on the page.
+    /// Atlas layout of the billboards.
     pub sheet: Sheet,
-    /// What the billboards show.
+    /// Images of the atlas page.
     pub page: Page,
-    /// Texels of at least this alpha are drawn; 0 where alpha is coverage, and nothing is cut out.
+    /// Least alpha that is drawn; 0 if alpha is coverage and nothing is cut out.
     pub alpha_cutoff: f32,
-    /// Whether the sides have textures of their own, as pairs of single-sided billboards.
+    /// Whether front and back have separate textures, as pairs of single-sided billboards.
     pub two_sided: bool,
-    /// Each billboard's place in the pruning order; pairs share theirs.
+    /// Each billboard's rank in the pruning order; the two of a pair share one.
     pub ranks: Vec<f32>,
-    /// Area-weighted mean deviation from the level before.
+    /// Area-weighted mean deviation from the level before; for the cross impostor, the mean distance of corners from the nearest plane.
     pub mean_deviation: f64,
     /// The greatest motion within a plane.
     pub in_plane_motion: f64,
-    /// Bound of the deviation from the leaves: the deviations of all levels so far, added.
+    /// Bound on the deviation from the leaves: the sum of the deviations of all levels so far; for the cross impostor, the greatest
+    /// distance of a corner from the nearest plane.
     pub max_deviation_leaves: f64,
-    /// What it looks like beside the leaves.
+    /// Metrics against the leaves.
     pub judgement: Judgement,
-    /// Where the time went.
+    /// Seconds for each stage.
     pub seconds: Seconds,
-    /// What each image of the page took of `seconds.bake`.
+    /// Share of `seconds.bake` that each image took.
     pub channel_seconds: ChannelSeconds,
-    /// Of all trees that share the page, with the cutoffs that engines draw them at; empty where none does.
+    /// Parts of all trees on a shared page, with their engine cutoffs; empty for a page of one tree.
     pub(super) sharers: Arc<[Part]>,
     pub(super) engine: OnceLock<(Image, f32)>,
 }
 
-/// What a level is built from.
+/// Inputs of a level.
 pub(super) struct Step<'a> {
     /// The level before.
     pub finer: &'a Foliage,
-    /// What can be seen of it.
+    /// Opaque parts of `finer`.
     pub opacity: Opacity,
     /// R of the leaves.
     pub radius: f64,
-    /// How it is fitted; ε as a share of `radius`.
+    /// Fit settings; ε as a share of `radius`.
     pub fit: FitSettings,
-    /// Of the level before from the leaves.
+    /// Deviation of the level before from the leaves.
     pub deviation: f64,
-    /// Texels of the page.
+    /// Size of the atlas page.
     pub page: PageSize,
-    /// What the page shows.
+    /// Channels of the atlas page.
     pub channels: Channels,
-    /// Over the leaves and the wood, when a channel depends on it.
+    /// Sky visibility in leaves and trunk, if a channel depends on it.
     pub sky: Option<&'a Sky>,
-    /// Of the leaves.
+    /// Metrics renderers for the leaves.
     pub judges: &'a Judges,
 }
 
-/// Planes with their places on the page.
+/// Planes with their places on the atlas page.
 struct Layout {
     cloud: Cloud,
     projection: Projection,
     sheet: Sheet,
     two_sided: bool,
-    /// Finding the planes, and choosing the stretch by looks.
+    /// Seconds for fitting the planes and for choosing the stretch limit.
     seconds: [f64; 2],
 }
 
-/// The layout within the settings. The default size limit doubles, up to none, while the level has more than half of the triangles of the level
-/// before it or more billboards than the page holds.
+/// Returns the layout. A default size limit doubles until it no longer limits, while the level has more than half of the triangles of
+/// the level before it or more billboards than the atlas page holds.
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
     let by_default = settings.fit.max_size.is_none();
     let mut fit = step.fit.clone();
@@ -135,7 +136,7 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     }
 }
 
-/// `None` where the triangles are counted and too many.
+/// Returns the layout for one size limit; `None` if `counted` is set and the level has too many triangles.
 fn layout_of(
     step: &Step,
     fit: &FitSettings,
@@ -171,11 +172,11 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let packed = Instant::now();
 
     progress.tell("bake", 0.65)?;
-    // One texture for both sides shows leaves from either side.
+    // A texture for both sides shows single-sided leaves from both sides.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
-    // What is blended and drawn twice hides twice as much.
+    // A blended triangle that is drawn on two billboards would cover twice as much.
     let (page, channel_seconds) = if settings.close_cracks && !settings.blended {
         bake_timed(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
     } else {
@@ -225,7 +226,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     })
 }
 
-/// The pruning order of billboards, as of leaves.
+/// Returns the pruning ranks of billboards, by the same rule as for leaves.
 pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result<Vec<f32>> {
     let shell = billboards(sheet, frame, Material::default())?;
     let by_leaf = prune::order(&shell, &[], seed);
@@ -234,28 +235,28 @@ pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result
 }
 
 impl Level {
-    /// Whether this is the last level, the crossed billboards of the whole tree.
+    /// Returns whether this level is the cross impostor.
     #[must_use]
     pub fn is_cross(&self) -> bool {
         self.cloud.is_none()
     }
 
-    /// Regions of the page start at multiples of so many texels where they move to another page, so that mip levels stay the same.
+    /// Returns the grid, in texels, that regions stay aligned to when they move to a shared page. It keeps their mip levels the same.
     pub(super) fn grid(&self) -> usize {
         if self.is_cross() { 1 << CASCADE_LEVELS } else { 1 }
     }
 
-    /// The base colour and the cutoff with which engines draw the level that make mip levels themselves, made when first asked for. Not to
-    /// be asked for on a worker of rayon's: who waits for it does not help.
+    /// Returns base color and cutoff for engines that make mip levels themselves, computed on the first call. Do not call it on a rayon
+    /// worker: a thread that waits for the result does no other work.
     pub fn for_engines(&self) -> &(Image, f32) {
         self.engine.get_or_init(|| match self.alpha_cutoff {
-            0.0 => (self.page.base_color.clone(), 0.0), // Plain means keep what is covered.
+            0.0 => (self.page.base_color.clone(), 0.0), // Box filtering keeps coverage.
             cutoff if self.is_cross() => keeping_area(&self.page.base_color, cutoff),
             cutoff => for_plain_means(&self.page.base_color, cutoff),
         })
     }
 
-    /// The mip levels of a channel, of base colour as engines draw it. `None` for a channel that is not there or has none.
+    /// Returns the mip levels of a channel; base color as engines draw it. `None` for a missing channel and for label textures.
     #[must_use]
     pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
         if channel == "base_color" {
@@ -268,14 +269,15 @@ impl Level {
         self.page.levels(channel)
     }
 
-    /// Where on one of those levels of a channel, of so many texels, alpha is cut out, and the least code that passes.
+    /// Returns the regions of mip level `number`, of `width` × `height` texels, in which alpha is cut out, each with its least drawn alpha
+    /// code.
     #[must_use]
     pub fn cut_outs(&self, channel: &str, number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
         let cut = channel == "base_color" && self.alpha_cutoff > 0.0;
         if cut { mips::cut_outs(&self.parts(), number, width, height) } else { Vec::new() }
     }
 
-    /// Who shares the page as engines draw it, the level among them.
+    /// Returns the parts of all trees on the page, this level's among them.
     fn parts(&self) -> Cow<'_, [Part]> {
         if self.sharers.is_empty() {
             Cow::Owned(vec![Part::of(&self.sheet, self.for_engines().1)])
@@ -284,7 +286,7 @@ impl Level {
         }
     }
 
-    /// The level's share of its page, by the area of what lies on it; 1 where it has the page for itself.
+    /// Returns the level's share of the used area of its atlas page; 1 for a page of one tree.
     #[must_use]
     pub fn page_share(&self) -> f64 {
         let area = |regions: &[Region]| regions.iter().map(|region| region.width * region.height).sum::<usize>() as f64;
@@ -292,19 +294,19 @@ impl Level {
         if all > 0.0 { self.sheet.texels() as f64 / all } else { 1.0 }
     }
 
-    /// The billboards as foliage again: a fan of triangles each, corners (0, 1, 2), (0, 2, 3) and so on; a pair is one leaf.
+    /// Returns the billboards as foliage: each is a fan of triangles (0, 1, 2), (0, 2, 3) and so on. A pair is one leaf.
     ///
     /// # Errors
-    /// All billboards are without area.
+    /// No billboard has an area.
     pub fn foliage(&self) -> Result<Foliage> {
         billboards(&self.sheet, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
     }
 }
 
-/// A fan of triangles for each billboard; pairs are one leaf.
+/// Returns a fan of triangles for each billboard. A pair is one leaf.
 ///
 /// # Errors
-/// All billboards are without area.
+/// No billboard has an area.
 pub fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
     let positions: Vec<DVec3> =
         sheet.billboards.iter().flat_map(|b| b.outline_corners().map(|corner| frame.to_caller(corner))).collect();

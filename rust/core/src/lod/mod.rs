@@ -1,4 +1,5 @@
-//! Levels of detail: a cloud for the leaves, a coarser one for its billboards, and so on, and the cross behind them.
+//! Levels of detail. Level 1 is a billboard cloud of the leaves, each further level a coarser cloud of the billboards before it.
+//! The last level is the cross impostor.
 
 mod cross;
 mod drawn;
@@ -28,39 +29,39 @@ use crate::sheet::PageSize;
 use crate::textures::{Channels, Samples, Sky};
 use crate::transition::leaf_pivots;
 
-/// How much coarser each level is than the one before: ε grows by it (the paper: at least 2).
+/// Factor by which ε grows from level to level (the paper: at least 2).
 pub const EPSILON_STEP: f64 = 2.5;
 
-/// How many times fewer billboards each level has where their number is given.
+/// Divisor of the billboard count from level to level, if `max_billboards` is the input of the method.
 const BILLBOARDS_STEP: usize = 4;
 
-/// What the judge of the report looks at.
+/// Returns the views that the reported metrics use.
 fn report_views(count: usize, up: DVec3) -> Views {
     Views { count, size: 128, samples: Samples::default(), up, turn: 0.5 }
 }
 
-/// From how many directions each judge of a chain looks, at most 64, and all but the first at least 1. Time is in proportion to them.
+/// Number of view directions for each measurement of a chain: 0 to 64 for `order`, 1 to 64 for the others. Time is proportional to them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Looks {
-    /// How much of each leaf is seen, for the order in which they are pruned; 0: place and chance alone decide.
+    /// Visible share of each leaf, for the pruning order. With 0, position and chance alone decide the order.
     pub order: usize,
-    /// Where leaves are.
+    /// Overlap with the leaves, for the alpha cutoff.
     pub places: usize,
-    /// How much there is of them.
+    /// Coverage and mean color, for the stretch limit, the alpha cutoff and the tone.
     pub amounts: usize,
-    /// What is reported.
+    /// Reported metrics.
     pub report: usize,
 }
 
 impl Looks {
-    /// As few as tell settings apart: figures are some per cent off.
+    /// The fewest views that still tell settings apart. The figures are off by a few percent.
     pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2 };
 
     fn check(self) -> Result<()> {
         let Self { order, places, amounts, report } = self;
         let judges = [order.max(1), places, amounts, report];
         match judges.into_iter().find(|count| !(1..=64).contains(count)) {
-            Some(count) => Err(Error::invalid(format!("a judge looks from {count} directions; it must be 1 to 64"))),
+            Some(count) => Err(Error::invalid(format!("the number of view directions is {count}; it must be 1 to 64"))),
             None => Ok(()),
         }
     }
@@ -72,52 +73,52 @@ impl Default for Looks {
     }
 }
 
-/// What a chain may be asked.
+/// Settings of a chain of levels.
 #[derive(Clone, Debug)]
-#[allow(clippy::struct_excessive_bools)] // Each is on or not, whatever the others.
+#[allow(clippy::struct_excessive_bools)] // The flags are independent.
 pub struct ChainSettings {
     /// The fit of level 1; ε grows by [`EPSILON_STEP`] from level to level.
     pub fit: FitSettings,
-    /// How many clouds, in [0, 16].
+    /// Number of billboard clouds, in [0, 16].
     pub levels: usize,
-    /// Whether the cross of two stands behind them.
+    /// Adds the cross impostor as the last level.
     pub cross: bool,
-    /// What is up; the cross stands along it.
+    /// Up direction; the planes of the cross impostor contain it.
     pub up: DVec3,
-    /// Level 1's page, both sides in [64, 16384]; halved from level to level.
+    /// Atlas size of level 1, both sides in [64, 16384]; halved from level to level.
     pub texture_size: PageSize,
-    /// Of the textures.
+    /// Sub-samples for baking the textures.
     pub samples: Samples,
-    /// What pages have beside base colour.
+    /// Channels of the atlas beside base color.
     pub channels: Channels,
-    /// Textures of their own for the two sides; `None` lets each level decide by looking whether they differ.
+    /// Separate textures for front and back. With `None`, each level bakes both sides small and compares them.
     pub back_sides: Option<bool>,
-    /// How leaves are pruned before level 1 takes over; `None`: they are not.
+    /// Pruning of the leaves before level 1 takes over; `None` keeps all leaves.
     pub pruning: Option<PruneSettings>,
-    /// Whether a billboard also shows the parts of other planes' triangles that lie within ε of its own.
+    /// Closes gaps between billboards: each billboard also shows the parts of other planes' triangles within ε of its own plane.
     pub close_cracks: bool,
-    /// Whether billboards are see-through where leaves are: then alpha is coverage, and nothing is cut out. They have to be drawn from back to
-    /// front ([`crate::blend_order`]).
+    /// Draws billboards alpha blended: alpha is coverage and nothing is cut out. They must be drawn from back to front
+    /// ([`crate::blend_order`]).
     pub blended: bool,
-    /// Whether pages are packed as tightly as seconds allow, some per cent finer than at once.
+    /// Spends seconds on packing the atlas tightly, for texels a few percent finer than quick packing gives.
     pub tight_pages: bool,
-    /// How large a level's deviation from the leaves is seen where the level takes over, in pixels, > 0. The page of the cross has texels of
-    /// half a pixel there, or smaller ones.
+    /// Size in pixels, > 0, at which a level's deviation from the leaves is seen where the level takes over. The texels of the cross
+    /// impostor are at most half a pixel there.
     pub pixels: f64,
-    /// From how many directions the judges look.
+    /// Numbers of view directions.
     pub looks: Looks,
 }
 
-/// How leaves are pruned before level 1 takes over.
+/// Settings for pruning the leaves before level 1 takes over.
 #[derive(Clone, Copy, Debug)]
 pub struct PruneSettings {
-    /// λ where level 1 takes over, in (0, 1]: the levels are made of the leaves that are left there, as large as they are.
+    /// λ where level 1 takes over, in (0, 1]. The levels are built from the leaves kept at that λ, at their size there.
     pub keep: f64,
-    /// How many pixels a leaf is long where pruning begins, > 0.
+    /// Length of a leaf in pixels where pruning begins, > 0.
     pub leaf_pixels: f64,
-    /// h of λ's law, in (0, ½].
+    /// h of the law of λ, in (0, ½]; see [`prune::keep`].
     pub half: f64,
-    /// Whether it is measured how much contrast is lost.
+    /// Measures the loss of contrast.
     pub contrast: bool,
 }
 
@@ -135,7 +136,7 @@ impl PruneSettings {
         }
     }
 
-    /// How many pixels across the crown is where the share `keep` of its leaves is left; not so few or many that there is nothing to see.
+    /// Returns the crown's width in pixels at the distance where the share `keep` of its leaves is kept, clamped to [12, 192].
     #[must_use]
     pub fn crown_pixels(&self, foliage: &Foliage, keep: f64) -> usize {
         let area: f64 = (0..foliage.triangle_count()).map(|t| foliage.area_vector(t).length()).sum();
@@ -167,8 +168,10 @@ impl Default for ChainSettings {
 }
 
 impl ChainSettings {
+    /// Checks all settings.
+    ///
     /// # Errors
-    /// The first setting that is outside its range.
+    /// The first setting outside its range.
     pub fn check(&self) -> Result<()> {
         self.fit.check()?;
         self.channels.check()?;
@@ -177,7 +180,9 @@ impl ChainSettings {
             return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
         }
         if self.levels == 0 && !self.cross {
-            return Err(Error::invalid("levels is 0 without a cross; ask for one level at least, or for the cross"));
+            return Err(Error::invalid(
+                "levels is 0 without a cross impostor; ask for at least one level or for the cross impostor",
+            ));
         }
         self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
@@ -193,8 +198,8 @@ impl ChainSettings {
         Ok(())
     }
 
-    /// What the level with this index, from 0, is fitted with; the level before has the ε `finer`. A budget is the first level's: those behind
-    /// it follow from its ε, or, where the number of billboards is the input, from that.
+    /// Returns the fit settings of the level with this index, from 0; `finer` is the ε of the level before it. A budget applies to the
+    /// first level only. Later levels follow from its ε or, if the billboard count is the input of the method, from that count.
     fn fit_of(&self, index: usize, finer: Option<f64>) -> FitSettings {
         let Some(finer) = finer else { return self.fit.clone() };
         let coarser = libm::pow(EPSILON_STEP, index as f64);
@@ -210,27 +215,27 @@ impl ChainSettings {
         }
     }
 
-    /// The page of the level with this index, from 0.
+    /// Returns the atlas size of the level with this index, from 0.
     fn page(&self, index: usize) -> PageSize {
         let PageSize { width, height } = self.texture_size;
         PageSize { width: (width >> index).max(64), height: (height >> index).max(64) }
     }
 }
 
-/// Where the time went before the levels; 0 for what was not asked for.
+/// Seconds of the measurements before the first level; 0 for steps that were not requested.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LookSeconds {
-    /// Finding how much of each leaf is seen.
+    /// Measuring the visible share of each leaf.
     pub order: f64,
-    /// Finding how much of the sky is seen.
+    /// Measuring sky visibility.
     pub sky: f64,
-    /// Finding how pruned leaves grow.
+    /// Measuring the growth of pruned leaves.
     pub growth: f64,
-    /// Finding how much contrast they keep.
+    /// Measuring the contrast of pruned leaves.
     pub contrast: f64,
 }
 
-/// What `work` gives; the seconds that it took are written into `seconds`.
+/// Returns the result of `work` and writes its duration into `seconds`.
 fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let started = Instant::now();
     let result = work();
@@ -238,32 +243,32 @@ fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// All levels behind the leaves, finest first.
+/// All levels after the leaves, finest first.
 #[derive(Clone, Debug)]
 pub struct Chain {
-    /// The clouds, then the cross.
+    /// The billboard clouds, then the cross impostor.
     pub levels: Vec<Level>,
-    /// Each leaf's place in the pruning order, see [`prune::order`].
+    /// Each leaf's rank in the pruning order, see [`prune::order`].
     pub ranks: Vec<f32>,
     /// The pivot of each triangle's leaf, caller's units.
     pub pivots: Vec<DVec3>,
-    /// γ, by which leaves grow beside what their area asks for when they are pruned.
+    /// γ: growth of pruned leaves beyond the growth that keeps their area.
     pub growth: Trend,
-    /// κ, by which their colours then keep their distance from the mean.
+    /// κ: factor on the distance of pruned leaves' colors from their mean.
     pub contrast: Trend,
-    /// Which of the leaves' triangles level 1 is made of; `None` when of all as they are.
+    /// The leaves' triangles that level 1 is built from; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
-    /// What it took to look at the leaves for the sake of some effects.
+    /// Seconds of the measurements for optional effects.
     pub look_seconds: LookSeconds,
-    /// What was done before the first level: orders, the judges' looks at the leaves, the sky.
+    /// Seconds before the first level: pruning order, reference renderings of the leaves, sky visibility.
     pub prepare_seconds: f64,
 }
 
-/// Fits, packs, bakes and judges every level. `wood` is seen by the cross only.
+/// Fits, packs, bakes and measures every level. `wood` (trunk and branches) appears in the cross impostor only.
 ///
 /// # Errors
-/// A setting outside its range; leaves of which nothing can be seen, or nothing on their page; wood out of all proportion; more billboards
-/// than the page holds; [`Error::Cancelled`].
+/// A setting outside its range; fully transparent leaves; an atlas page without visible texels; a trunk that reaches too far from the
+/// leaves; more billboards than the atlas page holds; [`Error::Cancelled`].
 pub fn build_chain(
     foliage: &Foliage,
     wood: Option<&Foliage>,
@@ -304,7 +309,7 @@ pub fn build_chain(
     let prepare_seconds = started.elapsed().as_secs_f64();
     let count = settings.levels + usize::from(settings.cross);
     let share = |index: usize| {
-        // The first level sees all leaves and takes most of the time.
+        // The first level processes all leaves and takes most of the time.
         let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
         progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
     };
@@ -317,7 +322,7 @@ pub fn build_chain(
         let opacity = fit.opacity(finer);
         if index == 0 && opacity.shows_nothing() {
             return Err(Error::invalid(
-                "nothing can be seen of the leaves: no texel reaches its material's alpha cutoff, or is a fiftieth opaque where it is \
+                "no leaf is visible: no texel reaches the alpha cutoff of its material, or an alpha of 0.02 where the material is \
                  blended; check the alpha of the materials",
             ));
         }
@@ -342,34 +347,35 @@ pub fn build_chain(
     Ok(Chain { levels, ranks, pivots, growth, contrast, kept, look_seconds: seconds, prepare_seconds })
 }
 
-/// The pivot of each triangle's leaf, caller's units.
+/// Returns the pivot of each triangle's leaf, caller's units.
 fn pivots(foliage: &Foliage) -> Vec<DVec3> {
     let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_caller(pivot)).collect();
     foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
 }
 
-/// How far, in R of the leaves, the wood may reach from them.
+/// Greatest distance of the trunk from the center of the leaves, in R of the leaves.
 const WOOD_REACH: f64 = 1000.0;
 
-/// The cross shows leaves and wood on one page; beside wood that is too large no texel would be left for the leaves.
+/// Checks the size of the trunk. The cross impostor shows leaves and trunk on one atlas page; beside a huge trunk the leaves would be
+/// smaller than a texel.
 fn check_wood(wood: &Frame, leaves: &Frame) -> Result<()> {
     let reach = (wood.centre.distance(leaves.centre) + wood.radius) / leaves.radius;
     if reach <= WOOD_REACH {
         return Ok(());
     }
     Err(Error::invalid(format!(
-        "the wood reaches {reach:.1e} times the leaves' radius away from them; it may reach {WOOD_REACH}: apply its scale, or leave it out"
+        "the trunk reaches {reach:.1e} times the leaves' radius away from them; the limit is {WOOD_REACH}: apply its scale or leave it out"
     )))
 }
 
-/// The two judges of a chain: what the one sees decides settings, what the other sees is reported.
+/// The two metrics renderers of a chain: one for choosing settings, one for the report. Their views differ.
 struct Judges {
     tuning: Judge,
     report: Judge,
 }
 
 impl Judges {
-    /// Levels are tuned to `left`, what pruning has left where the first takes over, and reported beside the whole.
+    /// Tunes levels to `left`, the leaves that pruning keeps where the first level takes over, and reports them against `whole`.
     fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Self> {
         let ChainSettings { looks, up, .. } = *settings;
         Ok(Self {

@@ -1,9 +1,9 @@
-//! How pruned leaves must grow, and lose contrast, for a crown to look as it did.
+//! Growth and contrast loss that make a pruned crown look like the full one.
 //!
-//! Area stays by the law of the scale, but what is seen of it does not: leaves that overlapped, crossed cards above all, no longer do, and
-//! large leaves at the rim reach beyond it. A pine of crossed cards gets a third denser at λ = 0.1. And larger leaves show their textures
-//! larger: pixels vary more, not only where leaves are smaller than pixels, as Cook et al. reckon, but wherever their needles are. Both
-//! are looked at by the judge, and both are nearly powers of λ: two looks at two λ give the two numbers of a [`Trend`].
+//! The scale law keeps the leaf area, but not the visible area. Leaves that overlapped, above all crossed cards, no longer do, and enlarged
+//! leaves at the rim reach beyond it. A pine of crossed cards becomes a third denser at λ = 0.1. Enlarged leaves also show their textures
+//! enlarged, so pixels vary more: not only where leaves are smaller than pixels, as Cook et al. assume, but wherever their needles are.
+//! Both effects are measured from renderings. Both are nearly powers of λ, so measurements at two λ give the two numbers of a [`Trend`].
 
 use glam::DVec3;
 
@@ -16,30 +16,30 @@ use crate::judge::{Judge, Views};
 use crate::prune::{Trend, thin};
 use crate::textures::Samples;
 
-/// λ where it is looked, down to where it is promised. Coverage is followed over all of it, so on either side of its middle, in logarithms;
-/// contrast counts where few leaves are left.
+/// The λ of the measurements, down to the least supported λ. Coverage matters over the whole range, so its two λ lie on both sides of the
+/// middle, in logarithms. Contrast matters where few leaves are kept.
 const GROWTH_LOOKS: [f64; 2] = [0.3, 0.02];
 const CONTRAST_LOOKS: [f64; 2] = [0.1, 0.02];
 
-/// How often the scale is moved at each, and how near the coverage is to come.
+/// Most steps of the search at each λ, and the error of ln coverage at which it stops.
 const MOVES: usize = 5;
 const NEAR: f64 = 0.003;
 
-/// The logarithms of γ and κ are no farther from 0.
+/// Limits: |ln γ| ≤ `MOST` and ln κ ≥ `LEAST_CONTRAST`.
 const MOST: f64 = std::f64::consts::LN_2;
 const LEAST_CONTRAST: f64 = -3.0;
 
-/// γ, by which pruned leaves grow beside what their area asks for: with it they cover what all cover.
+/// Measures γ, the growth of pruned leaves beyond the growth that keeps their area. With it they cover as much as all leaves.
 ///
 /// # Errors
-/// A picture without pixels. Where no leaf with an area is left there is nothing to measure, and no error.
+/// A picture without pixels. If no kept leaf has an area, there is nothing to measure and γ is 1.
 pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3) -> Result<Trend> {
     let judge = Judge::new(&[foliage], foliage.frame(), views_of_amounts(Looks::default().amounts, up)?)?;
     let [a, b] = GROWTH_LOOKS.map(|keep| growth_at(foliage, ranks, &judge, keep));
     Ok(Trend::through(GROWTH_LOOKS, [a?, b?]))
 }
 
-/// ln γ at a λ, by secants of ln coverage; as near as it comes.
+/// Returns the best ln γ found at a λ, by the secant method on ln coverage.
 fn growth_at(foliage: &Foliage, ranks: &[f32], judge: &Judge, keep: f64) -> Result<f64> {
     let coverage = |logarithm: f64| -> Result<Option<f64>> {
         let Ok(thinned) = thin(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
@@ -63,8 +63,8 @@ fn growth_at(foliage: &Foliage, ranks: &[f32], judge: &Judge, keep: f64) -> Resu
     Ok(best.1)
 }
 
-/// κ, by which the colours of pruned leaves keep their distance from the mean: with it pixels vary as those of all leaves do, at the sizes
-/// at which so many are left. At most 1.
+/// Measures κ, the factor on the distance of pruned leaves' colors from their mean. With it, pixels vary as much as those of all leaves, at
+/// the crown sizes at which that many leaves are kept. At most 1.
 ///
 /// # Errors
 /// A picture without pixels.

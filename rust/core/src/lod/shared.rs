@@ -1,8 +1,8 @@
-//! Levels of several trees on one page, so that a forest needs one texture a level.
+//! One atlas page for the levels of several trees, so that a forest needs one texture per level.
 //!
-//! Regions are carried over with their gutters, texel by texel and unturned, onto the smallest page that holds them; nothing is drawn or
-//! filtered again. The same is done with the pages for engines. Each level keeps the cutoffs that these were made for: one for all would
-//! change what filters make of alpha, and so how dense a crown looks.
+//! Regions are copied with their gutters, texel by texel and unrotated, onto the smallest page that holds them. Nothing is drawn or
+//! filtered again. The pages for engines are copied the same way. Each level keeps its own alpha cutoffs: a common cutoff would change
+//! filtered alpha, and with it the density of a crown.
 
 use std::sync::{Arc, OnceLock};
 
@@ -14,10 +14,10 @@ use crate::textures::mips::Part;
 
 use super::Level;
 
-/// The levels with their billboards on one page, the same for all. Not to be asked for on a worker of rayon's.
+/// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
 ///
 /// # Errors
-/// Levels of different channels, or of which some are blended and some cut out; more than fits on 16384 × 16384 texels.
+/// No levels; levels with different channels; alpha blended levels mixed with cut-out ones; more than fits on 16384 × 16384 texels.
 pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     check_channels(levels)?;
     check_alpha(levels)?;
@@ -30,7 +30,7 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     let boxes: Vec<(usize, usize)> = levels.iter().flat_map(|level| outer_regions(level)).map(in_cells).collect();
     let too_large = || {
         Error::invalid(format!(
-            "{} billboards of {} trees do not fit on one page of 16384 × 16384 texels; bake smaller textures, or share fewer",
+            "{} billboards of {} trees do not fit on one atlas page of 16384 × 16384 texels; bake smaller textures or share fewer trees",
             boxes.len(),
             levels.len()
         ))
@@ -77,11 +77,11 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
 fn check_channels(levels: &[&Level]) -> Result<()> {
     let names = |level: &Level| level.page.images().map(|(name, _)| name).collect::<Vec<_>>().join(", ");
     let Some((first, others)) = levels.split_first() else {
-        return Err(Error::invalid("there are no levels to share a page; give two at least"));
+        return Err(Error::invalid("there are no levels to share an atlas page; give at least two"));
     };
     match others.iter().position(|level| names(level) != names(first)) {
         Some(other) => Err(Error::invalid(format!(
-            "a tree has the channels {}, but the first has {}; bake all with the same effects",
+            "a tree has the channels {}, but the first tree has {}; bake all trees with the same effects",
             names(others[other]),
             names(first)
         ))),
@@ -94,13 +94,13 @@ fn check_alpha(levels: &[&Level]) -> Result<()> {
     match levels.iter().filter(blended).count() {
         count if count == 0 || count == levels.len() => Ok(()),
         count => Err(Error::invalid(format!(
-            "{count} of {} trees are blended, the others are cut out; bake all with the same blended",
+            "{count} of {} trees are alpha blended, the others are cut out; bake all trees with the same blended setting",
             levels.len()
         ))),
     }
 }
 
-/// The longest side of a page.
+/// Longest side of an atlas page, in texels.
 const LARGEST: usize = 16_384;
 
 /// A region with its gutters, and the upper left corner of its new place.
@@ -121,7 +121,7 @@ fn moved_billboards(sheet: &Sheet, moves: &[Move]) -> Vec<Billboard> {
     sheet.billboards.iter().zip(moves).map(moved).collect()
 }
 
-/// The images of one channel, one for each level, as one.
+/// Copies the regions of all levels into one image of a channel; `images` has one image for each level.
 fn carried(images: &[&Image], moves: &[Vec<Move>], size: PageSize, channel: &str) -> Image {
     let mut pixels = vec![None; size.texels()];
     for (image, moves) in images.iter().zip(moves) {
@@ -135,7 +135,7 @@ fn carried(images: &[&Image], moves: &[Vec<Move>], size: PageSize, channel: &str
     }
     match channel {
         "base_color" => fill_gaps(size.width, &pixels),
-        // Labels have no means.
+        // Labels cannot be averaged.
         "leaf_uv" | "leaf_id" => whole(size, pixels.into_iter().map(|pixel| pixel.unwrap_or([0, 0, 0, 255]))),
         _ => fill_gaps(size.width, &pixels).mapped(|[r, g, b, _]| [r, g, b, 255]),
     }

@@ -1,7 +1,7 @@
-//! Whether the two sides of a cloud need textures of their own.
+//! Decides whether front and back of a cloud need separate textures.
 //!
-//! They do when leaves show one side only, or when what hides what from the back changes the picture: both sides are baked
-//! small, laid over each other, and compared.
+//! They do if leaves are single-sided, or if the different depth order changes the picture seen from the back. For that, both sides are
+//! baked small, aligned and compared.
 
 use crate::cloud::Cloud;
 use crate::error::Result;
@@ -13,13 +13,13 @@ use crate::transition::Projection;
 
 use super::drawn::own_triangles;
 
-/// Side of the pages that are compared.
+/// Side of the compared atlas pages, in texels.
 const PAGE: usize = 512;
 
-/// The mean difference of covered texels, as a share of full scale, from which the sides count as different.
+/// Mean difference of covered texels, as a share of full scale, above which the sides count as different.
 const DIFFERENCE: f64 = 0.1;
 
-/// Whether front and back differ in more than [`DIFFERENCE`].
+/// Returns whether front and back differ by more than [`DIFFERENCE`].
 pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outlines: &[Outline]) -> Result<bool> {
     if (0..foliage.triangle_count()).any(|t| !foliage.material(t).double_sided) {
         return Ok(true);
@@ -27,7 +27,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     let Ok(front) =
         Sheet::pack_loosely(&cloud.planes, outlines, SheetSettings { size: PAGE.into(), gutter: 1, back_sides: false })
     else {
-        return Ok(false); // too many billboards for a look
+        return Ok(false); // too many billboards for the small page
     };
     let back = Sheet { billboards: front.billboards.iter().map(Billboard::mirrored).collect(), ..front };
     let look = |sheet: &Sheet| -> Result<Image> {
@@ -37,7 +37,7 @@ pub fn differ(foliage: &Foliage, cloud: &Cloud, projection: &Projection, outline
     Ok(mean_difference(&front, &look(&front)?, &look(&back)?) > DIFFERENCE)
 }
 
-/// Mean over the covered texels of the greatest difference in a channel; the back's regions are mirrored.
+/// Returns the mean, over covered texels, of the greatest difference in a channel. The back's regions are mirrored.
 fn mean_difference(sheet: &Sheet, front: &Image, back: &Image) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for Region { x, y, width, height } in sheet.billboards.iter().map(|b| b.region) {

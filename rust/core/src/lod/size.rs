@@ -1,10 +1,10 @@
-//! The size limit of a level's billboards where none is set.
+//! The default size limit of a level's billboards.
 //!
-//! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws two to eight times the
-//! fragments of its leaves. Billboards a fifth of R across draw a third to a quarter of that, for some hundred triangles more
-//! (`docs/bench/size.md`). Large leaves would be torn at that size, so billboards have room for leaves twice as wide as the mean one; level 2
-//! is made of the billboards of level 1, and so on, so its billboards are larger in turn. Where leaves are few and far apart, a billboard of
-//! that size holds one of them, and the level saves no triangles: then the limit grows.
+//! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws two to eight times
+//! the fragments of its leaves. Billboards a fifth of R across draw a third to a quarter of that, for a few hundred triangles more
+//! (`docs/bench/size.md`). That size would tear large leaves, so billboards have room for leaves twice as wide as the mean leaf. Level 2 is
+//! built from the billboards of level 1, and so on, so its billboards are larger in turn. If leaves are few and far apart, a billboard of
+//! that size holds a single leaf and the level saves no triangles: then the limit grows.
 
 use crate::error::Result;
 use crate::fit::{Effort, FitSettings, Method, fit_within};
@@ -14,15 +14,16 @@ use crate::progress::Progress;
 /// The least limit, as a share of R.
 const LEAST_SIZE: f64 = 0.2;
 
-/// How many times the mean radius of the leaves a billboard reaches, at least.
+/// Least limit, as a multiple of the leaves' mean radius.
 const LEAVES: f64 = 2.0;
 
-/// The limit that limits nothing: no two leaves lie farther apart.
+/// A limit without effect, as a share of R: no two leaves are farther apart.
 const WHOLE: f64 = 2.0;
 
-/// The limit for a fit of `finer`, as a share of R: that of `fit`, at least its ε, or the default.
+/// Returns the size limit for a fit of `finer`, as a share of R: the limit of `fit`, at least its ε, or the default.
 ///
-/// `None`, no limit, where the default would stand against a given number of billboards, and for the published methods, which know no limit.
+/// Returns `None`, no limit, if a billboard count is given, because a default limit would conflict with it. The published methods have no
+/// size limit either.
 pub fn limit(fit: &FitSettings, finer: &Foliage) -> Option<f64> {
     let default = || LEAST_SIZE.max(LEAVES * mean_radius(finer));
     let size =
@@ -30,16 +31,17 @@ pub fn limit(fit: &FitSettings, finer: &Foliage) -> Option<f64> {
     size.map(|size| size.max(fit.epsilon).min(WHOLE))
 }
 
-/// Whether a method is done as it was published, without a size limit.
+/// Returns whether a method runs as published, without a size limit.
 #[must_use]
 pub fn is_published(method: Method, effort: Effort) -> bool {
     method != Method::Stochastic || effort == Effort::Literal
 }
 
-/// The settings with the limit that level 1 of `foliage` has in the end, by fits at their ε: for many fits that are to be compared.
+/// Returns the settings with the final size limit of level 1 of `foliage`, found by fits at their ε. Fits that are compared with one
+/// another need the same limit.
 ///
 /// # Errors
-/// As a fit.
+/// The errors of a fit.
 pub fn settled(fit: &FitSettings, foliage: &Foliage, progress: Progress) -> Result<FitSettings> {
     let with = |max_size| FitSettings { max_size, ..fit.clone() };
     let mut size = limit(fit, foliage);
@@ -57,17 +59,18 @@ pub fn settled(fit: &FitSettings, foliage: &Foliage, progress: Progress) -> Resu
     Ok(with(Some(WHOLE)))
 }
 
-/// The limit to try after `size`; `None`, no limit, from the whole crown on.
+/// Returns the limit to try after `size`; `None`, no limit, once it spans the whole crown.
 pub fn larger(size: Option<f64>) -> Option<f64> {
     size.map(|size| 2.0 * size).filter(|size| *size < WHOLE)
 }
 
-/// Whether a level of so many triangles is worth drawing in place of so many: it has at most half.
+/// Returns whether a level of `triangles` is worth drawing in place of `finer` triangles: it must have at most half.
 pub fn is_worth(triangles: usize, finer: usize) -> bool {
     2 * triangles <= finer
 }
 
-/// The mean distance of a leaf's farthest corner from the mean of its corners, by the area of leaves; local frame.
+/// Returns the area-weighted mean radius of the leaves, local frame. A leaf's radius is the distance of its farthest corner from the mean
+/// of its corners.
 fn mean_radius(foliage: &Foliage) -> f64 {
     let leaves = foliage.leaves();
     let (mut radii, mut areas) = (0.0, 0.0);
@@ -89,7 +92,7 @@ mod tests {
     use super::*;
     use crate::foliage::{Attributes, Foliage};
 
-    /// Two square leaves of this side at the ends of a line from −1 to 1: R is half the diagonal of their box.
+    /// Two square leaves with this side at the ends of a line from −1 to 1. R is half the diagonal of their box.
     fn two_leaves(side: f64) -> Foliage {
         let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y * side, z * side);
         let leaf = |x: f64| [corner(x, -0.5, -0.5), corner(x, 0.5, -0.5), corner(x, 0.5, 0.5), corner(x, -0.5, 0.5)];

@@ -44,7 +44,7 @@ fn a_chain_gets_coarser_and_keeps_its_promises() {
         assert!((cloud.bound / radius / epsilon - 1.0).abs() < 1e-12);
         assert!(cloud.max_deviation() <= cloud.bound);
         assert_eq!(cloud.parents.len(), finer.triangle_count());
-        // Every target lies on its plane, but for what keeps the depth order.
+        // Every target lies on its plane, except for the small height that keeps the depth order.
         for (targets, &parent) in level.projection.as_ref().unwrap().targets.iter().zip(&cloud.parents) {
             let most = cloud.bound / level.frame.radius * DEPTH_ORDER;
             assert!(targets.iter().all(|&p| cloud.planes[parent as usize].height(p).abs() <= most));
@@ -69,9 +69,9 @@ fn the_cross_stands_upright_through_the_centre() {
     assert!(normal(0).dot(normal(1)).abs() < 1e-12 && normal(0).z.abs() < 1e-12 && normal(1).z.abs() < 1e-12);
     for board in boards {
         let normal = (board.corners[1] - board.corners[0]).cross(board.corners[3] - board.corners[0]).normalize();
-        assert!(normal.dot(board.corners[0]).abs() < 1e-9, "through the centre of the sphere");
+        assert!(normal.dot(board.corners[0]).abs() < 1e-9, "through the center of the sphere");
     }
-    // A ball shows a disc of leaves from the front: the cross has it from there.
+    // From the front a ball shows a disc of leaves, and so does the cross impostor.
     assert!(cross.judgement.coverage > 0.5);
 }
 
@@ -138,7 +138,7 @@ fn settings_are_checked() {
 }
 
 #[test]
-fn a_tree_that_lies_on_its_side_is_judged_alike() {
+fn a_tree_on_its_side_gets_the_same_metrics() {
     let foliage = ball(150);
     let turn = glam::DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let corners: Vec<DVec3> =
@@ -157,7 +157,7 @@ fn a_tree_that_lies_on_its_side_is_judged_alike() {
     }
 }
 
-/// The tilt of a level's normals, by the mean of their part toward the viewer.
+/// Returns the mean component of a level's normals toward the viewer.
 fn toward_viewer(level: &Level) -> f64 {
     let normal = level.page.normal.as_ref().unwrap();
     let seen = level.page.base_color.pixels().iter().zip(normal.pixels()).filter(|(color, _)| color[3] > 200);
@@ -171,7 +171,7 @@ fn normals_are_bent_once() {
     let chain = build_chain(&ball(300), None, &bent, Progress::silent()).unwrap();
     let plain = ChainSettings { channels: Channels { normal: Some(0.0), ..Channels::default() }, ..settings() };
     let plain = build_chain(&ball(300), None, &plain, Progress::silent()).unwrap();
-    // Leaves on a ball face outward: bending them toward its hull changes nothing, on no level.
+    // Leaves on a ball face outward: bending their normals toward its hull changes no level.
     for (a, b) in chain.levels.iter().zip(&plain.levels) {
         assert!(
             (toward_viewer(a) - toward_viewer(b)).abs() < 0.02,
@@ -181,7 +181,7 @@ fn normals_are_bent_once() {
             toward_viewer(b)
         );
     }
-    // Leaves that lie flat are bent by half, on the second level as on the first.
+    // Normals of horizontal leaves are bent by half on both levels.
     let flat = ball(300);
     let corners: Vec<DVec3> = (0..600)
         .flat_map(|t| {
@@ -196,7 +196,7 @@ fn normals_are_bent_once() {
     assert!((first - second).abs() < 0.06, "{first} {second}");
 }
 
-/// The ball with leaves that are bright along their edges, where alpha is low.
+/// A ball of leaves with bright edges of low alpha.
 fn rimmed_ball() -> Foliage {
     let side = 32;
     let pixel = |i: usize| {
@@ -226,13 +226,13 @@ fn levels_have_the_mean_colour_of_the_leaves() {
     let judge = Judge::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z)).unwrap();
     for level in &chain.levels {
         let ratio = judge.tone(&level.foliage().unwrap()).unwrap();
-        // The cutoff and the rims alone shift it by a ninth; judges of other sizes differ by half of the limit.
+        // Cutoff and rims alone shift the color by a ninth; pictures of other sizes differ by half of the limit.
         assert!((ratio - 1.0).abs().max_element() < 0.06, "{}: {ratio}", level.method);
     }
 }
 
 #[test]
-fn what_is_seen_through_is_not_cut_out() {
+fn alpha_blended_leaves_are_not_cut_out() {
     let foliage = |alpha: f32| {
         let faint = Material {
             base_color: Vec4::new(0.1, 0.5, 0.05, alpha),
@@ -250,17 +250,17 @@ fn what_is_seen_through_is_not_cut_out() {
     let cut_out = build_chain(&foliage(0.3), None, &settings(), Progress::silent()).unwrap();
     for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {
         assert_eq!(level.alpha_cutoff, 0.0);
-        // By other views than those that it is matched by; the cross is not matched.
+        // The report uses other views than the tuning; the cross impostor is not tuned for coverage.
         let most = if level.method == "cross" { 0.1 } else { 0.02 };
         assert!((level.judgement.coverage - 1.0).abs() < most, "{:?}", level.judgement);
         let (blended, cut) = (level.judgement.error, cut.judgement.error);
-        assert!(blended < 0.8 * cut, "of a cut-out leaf all is seen or nothing: {blended} beside {cut}");
+        assert!(blended < 0.8 * cut, "a cut-out leaf is drawn entirely or not at all: {blended} beside {cut}");
         let mips = level.mips("base_color").unwrap();
         let mean =
             |image: &Image| image.alpha().iter().map(|&a| f64::from(a)).sum::<f64>() / image.alpha().len() as f64;
-        assert!((mean(&mips[3]) - mean(&mips[0])).abs() < 1.0, "plain means keep what is covered");
+        assert!((mean(&mips[3]) - mean(&mips[0])).abs() < 1.0, "box filtering keeps coverage");
     }
     let message = share_page(&[&chain.levels[0], &cut_out.levels[0]]).unwrap_err().to_string();
-    assert!(message.contains("1 of 2 trees are blended"), "{message}");
+    assert!(message.contains("1 of 2 trees are alpha blended"), "{message}");
     assert!(share_page(&[&chain.levels[0], &chain.levels[1]]).unwrap().iter().all(|level| level.alpha_cutoff == 0.0));
 }

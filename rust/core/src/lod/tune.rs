@@ -1,10 +1,10 @@
-//! What a level's looks decide: how far leaves may be stretched, and the alpha cutoff, or alpha itself where nothing is cut out.
+//! Tuning of a level from renderings: the stretch limit, and the alpha cutoff, or alpha itself if nothing is cut out.
 //!
-//! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels; all differ from plant to
-//! plant, so there is no right value in theory. Each setting has one thing to keep, judged by a few small views (other ones than those
-//! reported): the stretch keeps the coverage of the leaves once they have collapsed onto their planes, the cutoff keeps what is covered
-//! where, at the moment when the billboards take over from the collapsed leaves, and then is moved until as much is covered as by the
-//! leaves. All figures are exact on any machine.
+//! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels. All three differ from plant to
+//! plant, so theory gives no right value. Each setting keeps one quantity, measured in a few small views, which differ from the reported
+//! ones. The stretch limit keeps the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
+//! pixels at the hand-over from the collapsed leaves to the billboards; then it moves until the billboards cover as much as the leaves. All
+//! figures are exact on any machine.
 
 use glam::{DVec3, Vec3};
 
@@ -18,47 +18,49 @@ use crate::sheet::Sheet;
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
 
-/// The limits of the stretch that may be chosen.
+/// Candidate stretch limits.
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
-/// The cutoffs that may be chosen, and where the search begins when there are texels that reach it.
+/// Candidate cutoffs, and the cutoff at which the search begins if any texel reaches it.
 const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
 const FIRST: f32 = 0.5;
 
-/// Within these a cutoff is moved to keep coverage: below, what filters leave of a leaf counts as leaf; above, only its middle does.
+/// Range of cutoffs when keeping coverage. Below it, the blurred surroundings of a leaf count as leaf; above it, only the leaf's middle
+/// does.
 const CUTOFF_RANGE: (f64, f64) = (0.03, 0.9);
 
-/// Within these what is blended is made clearer than it was drawn, or less clear, likewise.
+/// Range of factors that make blended billboards thinner or thicker when keeping coverage.
 const CLEARNESS_RANGE: (f64, f64) = (0.5, 2.0);
 
-/// From less coverage than this on, what is left of the leaves is looked for below.
+/// Coverage below which the search for a cutoff starts lower.
 const MOSTLY_LOST: f64 = 0.5;
 
-/// What a difference in coverage weighs beside the loss of overlap, when a cutoff is chosen: getting denser by 5 % is as bad as 1 % less overlap.
+/// Weight of a coverage difference against a loss of overlap when choosing a cutoff: 5 % denser is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
 
-/// Neither what is reported nor what `make fidelity` measures is seen from where settings are chosen: those have turns of ½ and 0.
+/// Turn of the tuning views. Tuning uses other cameras than the report (turn ½) and `make fidelity` (turn 0), so settings are never scored
+/// on the views they were tuned for.
 const TURN: f64 = 0.25;
 
-/// By what it is judged where leaves are: few views, and large ones.
+/// Returns the views for measuring overlap: few and large.
 pub fn views_of_places(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: TURN })
 }
 
-/// By what it is judged how much there is of them, and of which colour: small pictures from many sides, for from single sides a level of a
-/// fir covers 10 % more or less than in the mean.
+/// Returns the views for measuring coverage and color: small pictures from many sides. From single sides, a level of a fir covers 10 % more
+/// or less than on average.
 pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 64, samples: Samples::new(3)?.unfiltered(), up, turn: TURN })
 }
 
-/// The projection whose collapsed leaves cover what the leaves cover; `leaves` are judged, `finer` is what collapses.
+/// Returns the projection whose collapsed leaves cover as much as the leaves. `finer` collapses; `leaves` renders the reference.
 pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Projection> {
     let mut best: Option<(f64, Projection)> = None;
     for limit in STRETCHES {
         let projection = Projection::new(finer, cloud, limit);
         let coverage = leaves.glance(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
-        // Coverage grows with the stretch: once it strays, more strays farther.
+        // Coverage grows with the stretch: once the error grows, more stretch makes it worse.
         match best {
             Some((least, _)) if off >= least => break,
             _ => best = Some((off, projection)),
@@ -67,10 +69,11 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Proj
     Ok(best.expect("the first stretch is always a choice").1)
 }
 
-/// The alpha cutoff with which the billboards look most like what they take over from.
+/// Returns the alpha cutoff at which the billboards match `before`, the collapsed leaves, best.
 ///
-/// It begins at ½, or below where most of the leaves would be lost, and moves along [`CUTOFFS`] while that improves; coverage falls as the cutoff
-/// rises, so the cost has one valley. A page so faint that no texel reaches the least of them is cut at half of its greatest alpha.
+/// The search begins at ½, or lower if most of the coverage would be lost there, and moves along [`CUTOFFS`] while the cost falls. Coverage
+/// falls as the cutoff rises, so the cost has one minimum. If no texel reaches the lowest candidate, the cutoff is half of the greatest
+/// alpha.
 ///
 /// # Errors
 /// No texel of the page shows anything.
@@ -102,17 +105,17 @@ pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, bef
     Ok(CUTOFFS[best])
 }
 
-/// How far from the leaves' coverage a level may be.
+/// Greatest error of ln coverage against the leaves.
 const COVERAGE_ERROR: f64 = 0.0025;
 
-/// How the logarithm of coverage changes with the cutoff at first, about; secants correct it. How often the cutoff is moved.
+/// First guess for the change of ln coverage with the cutoff, which secants correct; most steps of the search.
 const SLOPE: f64 = -0.4;
 const MOVES: usize = 12;
 
-/// The cutoff near `cutoff` with which the billboards cover what the leaves cover; as near to that as a cutoff comes.
+/// Returns the cutoff, found from `cutoff` on, with which the billboards cover as much as the leaves, or the closest found.
 ///
 /// # Errors
-/// All billboards are without area.
+/// No billboard has an area.
 pub fn matched(
     cutoff: f32,
     sheet: &Sheet,
@@ -125,23 +128,25 @@ pub fn matched(
     Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, excess)? as f32)
 }
 
-/// The page of billboards that are blended, with which they cover what the leaves cover: light passes it as if it were so much thinner or thicker.
+/// Returns the page of blended billboards with alpha changed so that they cover as much as the leaves. Light passes the page as if it were
+/// thinner or thicker.
 ///
 /// # Errors
-/// All billboards are without area.
+/// No billboard has an area.
 pub fn blended(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, leaves: &Judge) -> Result<Page> {
     let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
     let excess = |clearness: f64| excess(leaves, sheet, frame, of(clearness).material(0.0, double_sided));
     Ok(of(least_excess(1.0, CLEARNESS_RANGE, excess)?))
 }
 
-/// By how much billboards cover more than the leaves; as a logarithm: of what is faint all over, all is drawn or nothing, and too much is better.
+/// Returns ln of the billboards' coverage over that of the leaves. Uniformly faint leaves are drawn entirely or not at all; the logarithm
+/// then favors too much over nothing.
 fn excess(leaves: &Judge, sheet: &Sheet, frame: &Frame, material: Material) -> Result<f64> {
     leaves.glance(&billboards(sheet, frame, material)?).map(|glance| libm::log(glance.coverage.max(1e-9)))
 }
 
-/// Where coverage, which falls from `start` on upward, exceeds nothing. Secants until that is crossed; then false positions, and halves where
-/// these come from the same side twice: what is faint all over falls from too much to nothing within a code of alpha.
+/// Returns the value of the least |excess| found; `excess` falls as the value rises. Uses secants until the sign changes, then regula
+/// falsi, then bisection after two steps from the same side: uniformly faint leaves drop from too much to nothing within one code of alpha.
 fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
     let mut here = (start, excess(start)?);
     let mut best = here;
@@ -171,14 +176,15 @@ fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f6
     Ok(best.0)
 }
 
-/// The range of factors by which colours may be moved.
+/// Range of the color factors.
 const TONES: (f32, f32) = (0.8, 1.25);
 
-/// The page with the mean colour of the leaves: projection changes which parts of leaves hide which (a pine loses the lit tips of its outer
-/// twigs, 2 % of its light), and a difference of 2 % all over a crown is seen where no leaf is. What fails the cutoff is settled first.
+/// Returns the page with the mean color of the leaves. Projection changes the occlusion among leaves: a pine loses the lit tips of its
+/// outer twigs, 2 % of its light. A uniform difference of 2 % over a crown is visible at distances where single leaves are not. The colors
+/// of texels below the cutoff are settled first.
 ///
 /// # Errors
-/// All billboards are without area.
+/// No billboard has an area.
 pub fn page(sheet: &Sheet, page: Page, frame: &Frame, cutoff: f32, double_sided: bool, leaves: &Judge) -> Result<Page> {
     let page = page.settled(cutoff);
     let tone = leaves.tone(&billboards(sheet, frame, page.material(cutoff, double_sided))?)?;
@@ -190,13 +196,13 @@ fn greatest_alpha(page: &Image) -> Result<f32> {
     if most > 0 { Ok(f32::from(most) / 255.0) } else { Err(nothing_shows(page)) }
 }
 
-/// What covers less than this of what the leaves cover is not there.
+/// Least coverage of a level, as a share of the leaves' coverage.
 const LEAST_COVERAGE: f64 = 0.01;
 
-/// A level that covers nothing of what the leaves cover, or of whose page nothing passes the cutoff, is none.
+/// Checks that a level shows anything.
 ///
 /// # Errors
-/// It is none.
+/// Coverage below [`LEAST_COVERAGE`], or no texel that reaches the cutoff.
 pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Result<()> {
     let passes = page.base_color.pixels().iter().any(|p| p[3] > 0 && f32::from(p[3]) / 255.0 >= alpha_cutoff);
     if judgement.coverage >= LEAST_COVERAGE && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
@@ -204,8 +210,8 @@ pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Res
 
 fn nothing_shows(page: &Image) -> Error {
     Error::invalid(format!(
-        "nothing shows on a page of {} × {} texels: the leaves are thinner there than the samples of a texel; raise `texture_size` or `samples`, \
-         ask for fewer levels, or leave out the cross",
+        "no leaf shows on an atlas page of {} × {} texels: the leaves are thinner than the samples of a texel; raise `texture_size` or \
+         `samples`, ask for fewer levels or leave out the cross impostor",
         page.width(),
         page.height()
     ))
@@ -216,8 +222,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_cutoff_that_keeps_coverage_is_found_wherever_coverage_falls() {
-        // Lines, a step as of leaves that are faint all over, and what falls at once and then hardly.
+    fn the_cutoff_that_keeps_coverage_is_found_on_any_falling_curve() {
+        // A line, a step as of uniformly faint leaves, and a steep fall with a long tail.
         let line = |cutoff: f64| Ok(0.3 - cutoff);
         let step = |cutoff: f64| Ok(0.2 - 0.8 / (1.0 + libm::exp((0.207 - cutoff) / 0.002)));
         let tail = |cutoff: f64| Ok(libm::exp(-40.0 * (cutoff - 0.03)) - 0.01);
@@ -231,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_cutoff_keeps_coverage_the_nearest_is_found() {
+    fn the_nearest_cutoff_is_found_if_none_keeps_coverage() {
         let thin = |cutoff: f64| Ok(-0.2 - cutoff);
         let found = least_excess(0.5, CUTOFF_RANGE, thin).unwrap();
         assert!((found - CUTOFF_RANGE.0).abs() < 0.01, "{found}");

@@ -1,7 +1,7 @@
-//! Stochastic pruning: the laws of λ, the ramp, the scale and the contrast; the order in which leaves go; what is left of them.
+//! Stochastic pruning: the laws of λ, the ramp, the scale and the contrast; the pruning order; the kept leaves.
 //!
-//! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: of
-//! the leaves in one random order the first λN are drawn, grown so that the covered area stays. Area, not length, grows by 1/λ.
+//! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: leaves have
+//! one random order, and the first λN are drawn, enlarged so that the covered area stays. Area, not length, grows by 1/λ.
 
 mod order;
 mod thin;
@@ -15,11 +15,11 @@ use glam::Vec3;
 
 use crate::sums::Total;
 
-/// The greatest share of the drawn leaves that is on its way in or out.
+/// Greatest share of the drawn leaves that is growing in or shrinking out.
 pub const RAMP: f64 = 0.05;
 
-/// λ(d) = min((d₀/d)^(ln ½ / ln h), 1): the share of leaves drawn at `distance`, with `start` d₀ > 0 and `half` h in (0, ½]; λ(d₀/h) = ½.
-/// h → 0 prunes slowly. A distance that is NaN (no camera) keeps all.
+/// Returns λ(d) = min((d₀/d)^(ln ½ / ln h), 1), the share of leaves drawn at `distance` d, with `start` d₀ > 0 and `half` h in (0, ½];
+/// λ(d₀/h) = ½. A small h prunes slowly. With a NaN distance (no camera), all leaves are kept.
 #[must_use]
 pub fn keep(distance: f64, start: f64, half: f64) -> f64 {
     if distance.is_nan() || distance <= start {
@@ -30,12 +30,13 @@ pub fn keep(distance: f64, start: f64, half: f64) -> f64 {
     if ratio >= f64::MIN_POSITIVE || distance.is_infinite() {
         libm::pow(ratio, power).min(1.0)
     } else {
-        // The ratio is too small for f64, its power need not be.
+        // The ratio is too small for f64; its power may be representable.
         libm::exp(power * (libm::log(start) - libm::log(distance)))
     }
 }
 
-/// The ramp r in [0, 1]: 1 for the first of the drawn leaves, over the last ρ = min(0.05, 1 − λ) of them linear to 0 at rank = λ.
+/// Returns the ramp r in [0, 1]: 1 for most drawn leaves; over the last share ρ = min(0.05, 1 − λ) of them it falls linearly to 0 at
+/// rank = λ.
 #[must_use]
 pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
     let width = RAMP.min(1.0 - keep) * keep;
@@ -48,14 +49,14 @@ pub fn leaf_scale(rank: f64, keep: f64) -> f64 {
     }
 }
 
-/// s = √(ΣA / Σ A·r²): the linear factor for all drawn leaves that keeps the covered area. 1 when nothing is pruned or nothing
-/// is left to grow. Leaves of a negative rank are protected: they do not grow, and do not count. O(n).
+/// Returns s = √(ΣA / Σ A·r²), the linear scale of all drawn leaves that keeps the covered area. It is 1 if nothing is pruned or no leaf is
+/// left to grow. `leaves` yields (rank, area). Leaves with a negative rank are protected: they do not grow and do not count. O(n).
 #[must_use]
 pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)> + Clone, keep: f64) -> f64 {
     let (mut all, mut drawn) = (Total::default(), Total::default());
     let leaves = leaves.filter(|&(rank, _)| rank >= 0.0);
     let squared = |rank: f64| leaf_scale(rank, keep).powi(2);
-    // As shares of the largest, so that no sum overflows and none vanishes.
+    // Relative to the largest, so that no sum overflows or underflows.
     let largest = leaves.clone().map(|(_, area)| area).fold(0.0, f64::max);
     let largest_drawn = leaves.clone().map(|(rank, area)| area * squared(rank)).fold(0.0, f64::max);
     for (rank, area) in leaves {
@@ -65,33 +66,33 @@ pub fn area_scale(leaves: impl Iterator<Item = (f64, f64)> + Clone, keep: f64) -
     if drawn.get() > 0.0 { (all.get() / drawn.get()).sqrt() * (largest.sqrt() / largest_drawn.sqrt()) } else { 1.0 }
 }
 
-/// A scene of many models: those farther away give up more of their leaves.
+/// Pruning budget of a scene with many models: distant models lose more leaves.
 ///
-/// `λ′ᵢ = λᵢ · (1 − a · w · ((dᵢ − d_min) / d_range)^p)` with `w = min(d_range / z, 1)` and `p = m / n`. The report prints the exponent as n;
-/// p, which it defines and does not use, is meant.
+/// `λ′ᵢ = λᵢ · (1 − a · w · ((dᵢ − d_min) / d_range)^p)` with `w = min(d_range / z, 1)` and `p = m / n`. The report prints the exponent as
+/// n, but means p, which it defines and does not use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneBudget {
-    /// n, how many models are seen; counted softly, so that it does not jump when one enters the view. ≥ 0.
+    /// n, the number of visible models, ≥ 0. It is counted softly, so that it does not jump when a model enters the view.
     pub models: f64,
-    /// `d_min`, the distance of the nearest.
+    /// `d_min`, the distance of the nearest model.
     pub nearest: f64,
-    /// `d_range`, of the farthest behind the nearest. ≥ 0.
+    /// `d_range`, the distance from the nearest to the farthest model, ≥ 0.
     pub range: f64,
-    /// z, the far distance. > 0.
+    /// z, the far distance, > 0.
     pub far: f64,
-    /// m, of how many models the loss falls linearly with distance. > 0.
+    /// m, the model count at which pruning is linear in distance, > 0. Larger scenes prune more.
     pub full_models: f64,
-    /// a, what the farthest lose at most, in [0, 1].
+    /// a, the greatest share of leaves that the farthest model loses, in [0, 1].
     pub strength: f64,
 }
 
 impl SceneBudget {
-    /// λ′ of a model at `distance` whose own λ is `keep`: in [0, λ], monotone in the distance, λ itself where the formula has no value (one
-    /// model, all at one distance, what is not a number).
+    /// Returns λ′ in [0, λ] of a model at `distance` with its own λ = `keep`. It is monotone in the distance. It is λ if the formula has no
+    /// value: a single model, all models at one distance, NaN.
     #[must_use]
     pub fn keep(&self, distance: f64, keep: f64) -> f64 {
         let depth = ((distance - self.nearest) / self.range).min(1.0);
-        // 0 to the power of 0 would be 1: the nearest model loses nothing, however many there are.
+        // 0 to the power of 0 would be 1, but the nearest model loses nothing.
         if depth.is_nan() || depth <= 0.0 {
             return keep;
         }
@@ -101,7 +102,7 @@ impl SceneBudget {
     }
 }
 
-/// c̄ + (c − c̄) κ.
+/// Returns c̄ + (c − c̄) κ, the color moved toward the mean.
 #[must_use]
 pub fn toward_mean(color: Vec3, mean: Vec3, contrast: f32) -> Vec3 {
     if contrast == 1.0 { color } else { mean + (color - mean) * contrast }

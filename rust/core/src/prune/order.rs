@@ -1,4 +1,4 @@
-//! The order in which leaves are pruned.
+//! The pruning order of leaves.
 
 use glam::DVec3;
 
@@ -8,10 +8,11 @@ use crate::foliage::Foliage;
 /// The rank of leaves that are never pruned.
 pub const PROTECTED: f32 = -1.0;
 
-/// Each leaf's place in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
-/// first), w = ½ + (r + v)/2. r is the leaf's distance from the crown's centre, in its radii: at the rim it is likelier to stay than in
-/// the middle, where others hide it. v is half its `visibility`, any measure ≥ 0 of how much of it is seen, over the mean of all, at most
-/// 1; r where nothing was measured (an empty slice). Protected leaves have [`PROTECTED`], and no place among the others.
+/// Returns each leaf's rank in the pruning order, in [0, 1): a weighted random order (Efraimidis and Spirakis 2006: keys u^(1/w), greatest
+/// first) with w = ½ + (r + v)/2. r is the leaf's distance from the crown's center, in crown radii: leaves at the rim stay longer than
+/// leaves in the middle, which others hide. v is half the leaf's `visibility` over the mean visibility, at most 1; visibility is any
+/// measure ≥ 0 of its visible part. v = r if nothing was measured (an empty slice). Protected leaves have the rank [`PROTECTED`] and take
+/// no place among the others.
 #[must_use]
 pub fn order(foliage: &Foliage, visibility: &[f64], seed: u64) -> Vec<f32> {
     let leaves = foliage.leaves();
@@ -36,7 +37,7 @@ pub fn order(foliage: &Foliage, visibility: &[f64], seed: u64) -> Vec<f32> {
     ranks
 }
 
-/// place / count as f32, kept below 1 where rounding would reach it.
+/// Returns place / count as f32, kept below 1 if rounding would reach it.
 fn rank(place: usize, count: usize) -> f32 {
     const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
     ((place as f64 / count as f64) as f32).min(BELOW_ONE)
@@ -70,7 +71,7 @@ mod tests {
         assert!(rank(199_999_999, 200_000_000) < 1.0);
     }
     #[test]
-    fn of_leaves_as_far_from_the_centre_those_stay_that_are_seen() {
+    fn at_equal_distance_visible_leaves_stay_longer() {
         let place = |i: u32| DVec3::new(libm::cos(f64::from(i)), libm::sin(f64::from(i)), 0.0);
         let positions: Vec<DVec3> =
             (0..4000).flat_map(|i| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|o| place(i) + 1e-4 * o)).collect();
@@ -79,13 +80,13 @@ mod tests {
         let visibility: Vec<f64> = (0..4000).map(|leaf| if leaf < 2000 { 0.3 } else { 0.0 }).collect();
         let ranks = order(&foliage, &visibility, 7);
         let mean = |leaves: std::ops::Range<usize>| ranks[leaves].iter().sum::<f32>() / 2000.0;
-        // Of the weights 3/2 and 1 the first comes first in three of five: the means are (½ + ⅖)/2 and (½ + ⅗)/2.
+        // With weights 3/2 and 1, the first leaf precedes the second in three of five cases: the means are (½ + ⅖)/2 and (½ + ⅗)/2.
         assert!((mean(0..2000) - 0.45).abs() < 0.02);
         assert!((mean(2000..4000) - 0.55).abs() < 0.02);
         assert_eq!(
             order(&foliage, &vec![0.0; 4000], 7),
             order(&foliage, &[], 7),
-            "where nothing is seen nothing is told"
+            "visibility of 0 everywhere has no effect"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! What is left of foliage once it is pruned.
+//! Pruned foliage: the kept leaves, enlarged.
 
 use glam::DVec3;
 
@@ -7,30 +7,30 @@ use crate::error::Result;
 use crate::foliage::{Foliage, area_vector};
 use crate::transition::leaf_pivots;
 
-/// Foliage with a share of its leaves, grown.
+/// Pruned foliage.
 #[derive(Clone, Debug)]
 pub struct Thinned {
-    /// What is left.
+    /// The kept leaves, enlarged.
     pub foliage: Foliage,
-    /// Of what it is left, triangle by triangle.
+    /// The source triangle of each triangle of `foliage`.
     pub kept: Kept,
 }
 
-/// The triangles that pruning has left.
+/// The triangles that pruning keeps.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    /// Their numbers in the whole foliage, ascending.
+    /// Their indices in the full foliage, ascending.
     pub triangles: Vec<u32>,
-    /// s·γ·r of each: how much larger than at first, linearly; > 0.
+    /// s·γ·r of each: linear scale against the original size, > 0.
     pub growth: Vec<f64>,
 }
 
-/// The leaves whose rank is below `keep`, grown about their pivots so that the covered area stays, times `growth` γ. O(t).
+/// Returns the leaves with a rank below `keep`, scaled about their pivots so that the covered area stays, times `growth` γ. O(t).
 ///
-/// `ranks` has one entry a leaf; a negative one is that of a protected leaf, which stays as it is.
+/// `ranks` has one entry per leaf. Leaves with a negative rank are protected and stay unchanged.
 ///
 /// # Errors
-/// No leaf is left, or none that has an area.
+/// No kept leaf has an area.
 pub fn thin(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Result<Thinned> {
     let scale = growth * area_scale(ranks.iter().map(|&rank| f64::from(rank)).zip(leaf_areas(foliage)), keep);
     let growth_of = |rank: f32| if rank < 0.0 { 1.0 } else { scale * leaf_scale(f64::from(rank), keep) };
@@ -47,7 +47,7 @@ pub fn thin(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Result<
     Ok(Thinned { foliage: foliage.part(&triangles, &corners)?, kept: Kept { triangles, growth } })
 }
 
-/// The area of each leaf, local units.
+/// Returns the area of each leaf, local units.
 fn leaf_areas(foliage: &Foliage) -> impl Iterator<Item = f64> + Clone {
     let mut areas = vec![0.0; foliage.leaf_count()];
     for (t, &leaf) in foliage.leaf_ids().iter().enumerate() {

@@ -1,16 +1,16 @@
-//! How a factor changes as leaves get fewer.
+//! A factor as a function of λ.
 
-/// exp(c₁ L + c₂ L²) with L = ln λ: 1 at λ = 1, and where both numbers are 0.
+/// exp(c₁ L + c₂ L²) with L = ln λ: 1 at λ = 1, and everywhere if both coefficients are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trend {
-    /// c₁.
+    /// c₁, the linear term.
     pub first: f64,
-    /// c₂.
+    /// c₂, the quadratic term.
     pub second: f64,
 }
 
 impl Trend {
-    /// With these logarithms of the factor at two λ, which lie in (0, 1) and differ.
+    /// Returns the trend through the given logarithms of the factor at two different λ in (0, 1).
     #[must_use]
     pub fn through(keeps: [f64; 2], logarithms: [f64; 2]) -> Self {
         let [a, b] = keeps.map(libm::log);
@@ -19,7 +19,7 @@ impl Trend {
         Self { first: at_a - second * a, second }
     }
 
-    /// The factor at λ = `keep`, which is above 0.
+    /// Returns the factor at λ = `keep` > 0.
     #[must_use]
     pub fn factor(&self, keep: f64) -> f64 {
         let logarithm = libm::log(keep);
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_goes_through_what_was_found() {
+    fn it_goes_through_the_given_points() {
         let trend = Trend::through([0.3, 0.03], [-0.05, -0.2]);
         assert!((trend.factor(0.3) - (-0.05f64).exp()).abs() < 1e-12);
         assert!((trend.factor(0.03) - (-0.2f64).exp()).abs() < 1e-12);

@@ -1,8 +1,8 @@
-//! Where each billboard's outline lies on the atlas page.
+//! Atlas layout: the place of each billboard's outline on the atlas page.
 //!
-//! One page a level, so that a level is one draw call; one texel density across it, the greatest (in steps of ¼ %) at which all
-//! outlines fit with their gutters. They are packed as maximal rectangles leave room, quadratic in the number of billboards; more than
-//! [`MANY`] on shelves.
+//! Each level has one page, so that it is one draw call. The whole page has one texel density, the greatest (in steps of ¼ %) at which all
+//! outlines fit with their gutters. Packing uses maximal free rectangles, quadratic in the number of billboards; more than [`MANY`]
+//! billboards are packed on shelves.
 
 mod rectangles;
 mod tightest;
@@ -17,30 +17,30 @@ use crate::geometry::{Outline, Plane};
 
 use rectangles::Size;
 
-/// Billboards beyond which packing must not be quadratic.
+/// Billboard count above which quadratic packing takes too long.
 const MANY: usize = 2000;
 
-/// Densities are tried from the highest on: whether outlines fit is nearly a matter of chance, so that many tries find a good one.
+/// Search for the density, from the highest down. It is nearly a matter of chance whether outlines fit, so many tries find a good density.
 #[derive(Clone, Copy)]
 struct Search {
-    /// Each density is by this factor lower than the one before.
+    /// Factor from one density to the next, below 1.
     step: f64,
-    /// So many are tried at once.
+    /// Number of densities tried in parallel.
     together: i32,
-    /// In how many orders each is tried at most.
+    /// Most orders of the outlines tried at each density.
     orders: usize,
 }
 
 const TIGHT: Search = Search { step: 0.9975, together: 16, orders: 1000 };
 const LOOSE: Search = Search { step: 0.99, together: 4, orders: 1 };
 
-/// With what number of pairs of billboards a density is tried in all.
+/// Most work at one density: pairs of billboards times orders.
 const MOST_WORK: usize = 5_000_000;
 
-/// Outlines that are all smaller than this are points, local units: no density brings them out.
+/// Outlines smaller than this count as points, local units: no density makes them visible.
 const SMALLEST: f64 = 1e-12;
 
-/// Texels of a page along its sides.
+/// Size of an atlas page in texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PageSize {
     /// Columns.
@@ -50,14 +50,14 @@ pub struct PageSize {
 }
 
 impl PageSize {
-    /// How many there are.
+    /// Returns the number of texels.
     #[must_use]
     pub fn texels(self) -> usize {
         self.width * self.height
     }
 }
 
-/// A square page of so many texels a side.
+/// A square page with the given side in texels.
 impl From<usize> for PageSize {
     fn from(side: usize) -> Self {
         Self { width: side, height: side }
@@ -70,26 +70,26 @@ impl std::fmt::Display for PageSize {
     }
 }
 
-/// How a sheet is laid out.
+/// Settings of an atlas layout.
 #[derive(Clone, Copy, Debug)]
 pub struct SheetSettings {
     /// Both sides in [16, 16384].
     pub size: PageSize,
-    /// Texels around each outline that belong to nobody, so that filtering does not bleed.
+    /// Unused texels around each outline, against bleeding by filters.
     pub gutter: usize,
-    /// Each billboard twice, one for either side.
+    /// Places each billboard twice, front and back.
     pub back_sides: bool,
 }
 
 impl SheetSettings {
-    /// The default gutter for a page of this size: 4 texels at 2048, never less than 2.
+    /// Returns settings with the default gutter for a page of this size: 4 texels at 2048, at least 2.
     #[must_use]
     pub fn of_size(size: impl Into<PageSize>, back_sides: bool) -> Self {
         let size = size.into();
         Self { size, gutter: (size.width.min(size.height) / 512).max(2), back_sides }
     }
 
-    /// As many outlines as are at least a texel each, with what lies around them.
+    /// Returns the number of outlines that fit at one texel each, with their gutters.
     #[must_use]
     pub fn room(&self) -> usize {
         self.size.texels() / (self.sides() * (1 + 2 * self.gutter).pow(2))
@@ -103,11 +103,11 @@ impl SheetSettings {
         if [self.size.width, self.size.height].iter().all(|side| (16..=16_384).contains(side)) {
             return Ok(());
         }
-        Err(Error::invalid(format!("a texture of {}; both sides must lie between 16 and 16384", self.size)))
+        Err(Error::invalid(format!("the texture size is {}; both sides must lie between 16 and 16384", self.size)))
     }
 }
 
-/// Texels of the page; row 0 on top.
+/// A rectangle of texels on the atlas page; row 0 on top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     /// Leftmost column.
@@ -121,7 +121,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// With so many texels more on every side, which are there.
+    /// Returns the region grown by this many texels on every side; they must lie on the page.
     #[must_use]
     pub(crate) fn grown(self, by: usize) -> Self {
         let Self { x, y, width, height } = self;
@@ -134,29 +134,29 @@ impl Region {
 pub struct Billboard {
     /// The plane of the cloud.
     pub plane: u32,
-    /// Whether it shows the side that the plane's normal points away from.
+    /// Whether it shows the back, the side opposite the plane's normal.
     pub back: bool,
-    /// Of the region, local frame; lower left, lower right, upper right, upper left, counter-clockwise seen from the side that it shows.
+    /// Corners of the region, local frame: lower left, lower right, upper right, upper left; counter-clockwise seen from the shown side.
     pub corners: [DVec3; 4],
-    /// The outline's corners within the region, counter-clockwise seen from the side that it shows: (0, 0) lower left, (1, 1) upper right.
+    /// The outline's corners within the region, counter-clockwise seen from the shown side: (0, 0) lower left, (1, 1) upper right.
     pub outline: Vec<DVec2>,
-    /// Where its texture lies.
+    /// Place of its texture on the page.
     pub region: Region,
 }
 
-/// All billboards of a level on one page.
+/// Atlas layout of a level: all billboards on one page.
 #[derive(Clone, Debug)]
 pub struct Sheet {
-    /// Of the page.
+    /// Size of the page.
     pub size: PageSize,
-    /// Texels around each billboard that belong to nobody.
+    /// Unused texels around each billboard.
     pub gutter: usize,
-    /// Plane by plane, front before back.
+    /// All billboards, plane by plane, front before back.
     pub billboards: Vec<Billboard>,
 }
 
 impl Sheet {
-    /// Places the outlines, one for each plane.
+    /// Places the outlines, one for each plane, as tightly as a search finds.
     ///
     /// # Errors
     /// A page size outside its range; more outlines than fit at one texel each.
@@ -164,10 +164,10 @@ impl Sheet {
         Self::packed(planes, outlines, settings, TIGHT)
     }
 
-    /// The same in a tenth of the time: fewer densities are tried, and each once.
+    /// Places the outlines in a tenth of the time of [`Self::pack`]: tries fewer densities, each in one order.
     ///
     /// # Errors
-    /// As [`Self::pack`].
+    /// The errors of [`Self::pack`].
     pub fn pack_loosely(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
         Self::packed(planes, outlines, settings, LOOSE)
     }
@@ -213,18 +213,18 @@ impl Sheet {
         Self { size: settings.size, gutter: settings.gutter, billboards: billboards.collect() }
     }
 
-    /// Where each billboard's texture lies.
+    /// Returns each billboard's place on the page.
     pub fn regions(&self) -> impl Iterator<Item = Region> {
         self.billboards.iter().map(|billboard| billboard.region)
     }
 
-    /// Texels that lie in billboards.
+    /// Returns the number of texels in billboards.
     #[must_use]
     pub fn texels(&self) -> usize {
         self.billboards.iter().map(|b| b.region.width * b.region.height).sum()
     }
 
-    /// The share of the page that billboards take, with their gutters.
+    /// Returns the share of the page that billboards and their gutters fill.
     #[must_use]
     pub fn occupancy(&self) -> f64 {
         let with_gutter = |length: usize| length + 2 * self.gutter;
@@ -232,14 +232,14 @@ impl Sheet {
         taken.sum::<usize>() as f64 / self.size.texels() as f64
     }
 
-    /// The side of a texel, local units: the same all over the page.
+    /// Returns the side of a texel, local units. It is the same for the whole page.
     #[must_use]
     pub fn texel(&self) -> f64 {
         let [a, b, ..] = self.billboards[0].corners;
         a.distance(b) / self.billboards[0].region.width as f64
     }
 
-    /// Texture coordinates of the corners of a billboard's outline: origin in the page's lower left corner, v up.
+    /// Returns the texture coordinates of a billboard's outline: origin in the page's lower left corner, v up.
     pub fn uvs(&self, billboard: &Billboard) -> impl Iterator<Item = [f32; 2]> {
         let Region { x, y, width, height } = billboard.region;
         let (columns, rows) = (self.size.width as f64, self.size.height as f64);
@@ -250,7 +250,7 @@ impl Sheet {
         })
     }
 
-    /// Corners of each outline: the same for all of a sheet.
+    /// Returns the number of corners of each outline, the same for all billboards of a layout.
     #[must_use]
     pub fn outline_corners(&self) -> usize {
         self.billboards[0].outline.len()
@@ -258,20 +258,20 @@ impl Sheet {
 }
 
 impl Billboard {
-    /// The corners of the outline, local frame.
+    /// Returns the corners of the outline, local frame.
     pub fn outline_corners(&self) -> impl Iterator<Item = DVec3> {
         let [origin, right, _, up] = self.corners;
         self.outline.iter().map(move |p| origin + (right - origin) * p.x + (up - origin) * p.y)
     }
 
-    /// The same billboard seen from its other side.
+    /// Returns the same billboard seen from its other side.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let [a, b, c, d] = self.corners;
         let outline = self.outline.iter().map(|p| DVec2::new(1.0 - p.x, p.y));
-        // A rectangle's corners begin at the lower left again, which was the lower right.
+        // A rectangle's corners begin at the lower left again, the former lower right. Other outlines keep their first corner: fans start
+        // there because it is not next to a cut edge.
         let mut outline: Vec<DVec2> = outline.rev().collect();
-        // Fans start at the first corner, which is not next to a cut edge: it stays the first.
         let turn = if outline.len() == 4 { 2 } else { 1 };
         outline.rotate_right(turn);
         Self { back: !self.back, corners: [b, a, d, c], outline, ..self.clone() }
@@ -284,7 +284,7 @@ fn too_many(billboards: usize, size: PageSize) -> Error {
     ))
 }
 
-/// An outline as the packer placed it.
+/// A packed outline.
 struct Placed {
     plane: u32,
     back: bool,
@@ -292,9 +292,9 @@ struct Placed {
     region: Region,
 }
 
-/// Whole texels that cover a length; at least one.
+/// Returns the number of whole texels that cover a length, at least 1.
 fn texels(length: f64, density: f64) -> usize {
-    // The hair less keeps 100.0000001 texels, which rounding made of 100, at 100.
+    // The small tolerance keeps 100.0000001 texels, a rounding error of 100, at 100.
     ((length * density - 1e-6).ceil() as usize).max(1)
 }
 
@@ -330,14 +330,15 @@ fn orders(boxes: usize, most: usize) -> usize {
     (1 + MOST_WORK / (boxes * boxes).max(1)).min(most)
 }
 
-/// What packing so many billboards tightly takes, beside others: pairs of them, times in how many orders a density is tried.
+/// Returns the relative work of packing this many billboards tightly: pairs of billboards times orders tried at a density.
 #[must_use]
 pub fn tight_work(billboards: usize) -> usize {
     let boxes = billboards.min(MANY);
     orders(boxes, TIGHT.orders) * boxes * boxes
 }
 
-/// On shelves, the highest first: O(n log n), and where there are so many, nearly as tight. (`etagere`, which does this, counts in 16 bits.)
+/// Packs boxes on shelves, the highest first; `None` if they do not fit. O(n log n), and nearly as tight for many boxes. (The crate
+/// `etagere` packs on shelves too, but counts in 16 bits.)
 fn on_shelves(boxes: &[Size], page: PageSize) -> Option<Vec<Region>> {
     let mut order: Vec<usize> = (0..boxes.len()).collect();
     order.sort_by_key(|&index| (std::cmp::Reverse((boxes[index].1, boxes[index].0)), index));
@@ -358,7 +359,7 @@ fn on_shelves(boxes: &[Size], page: PageSize) -> Option<Vec<Region>> {
     Some(placed.into_iter().map(|(_, place)| place).collect())
 }
 
-/// The corners of a region of whole texels, centred on the outline, as seen from the front.
+/// Returns the corners of a region of whole texels, centered on the outline, as seen from the front.
 fn corners(plane: &Plane, outline: &Outline, region: Region, density: f64) -> [DVec3; 4] {
     let (x, y) = plane.axes();
     let lift = |p: DVec2| plane.normal * plane.distance + x * p.x + y * p.y;
@@ -369,7 +370,7 @@ fn corners(plane: &Plane, outline: &Outline, region: Region, density: f64) -> [D
     [centre - across - up, centre + across - up, centre + across + up, centre - across + up].map(lift)
 }
 
-/// The outline's corners in a region of whole texels that is centred on its rectangle.
+/// Returns the outline's corners in a region of whole texels centered on its rectangle.
 fn within_region(outline: &Outline, region: Region, density: f64) -> Vec<DVec2> {
     let middle = (outline.low + outline.high) / 2.0;
     let size = DVec2::new(region.width as f64, region.height as f64);
@@ -407,7 +408,7 @@ mod tests {
         assert!(width == height && (247..=252).contains(&width));
         let [a, b, c, d] = sheet.billboards[0].corners;
         assert!((b - a).cross(d - a).z > 0.0, "counter-clockwise from the front");
-        assert!((a + c).distance(DVec3::new(1.0, 1.0, 0.0)) < 1e-12, "centred on the outline");
+        assert!((a + c).distance(DVec3::new(1.0, 1.0, 0.0)) < 1e-12, "centered on the outline");
     }
 
     #[test]

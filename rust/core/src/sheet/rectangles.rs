@@ -1,10 +1,10 @@
-//! Rectangles on a page, by maximal free rectangles, in orders that a search improves.
+//! Rectangle packing with maximal free rectangles, in an order that a local search improves.
 //!
-//! J. Jylänki, *A thousand ways to pack the bin* (2010): all maximal free rectangles are kept, and a box goes into the one whose shorter
-//! side it leaves the least of, turned or not. What is best at every step is not in the end; so the order, and what is turned, are changed
-//! at random a little at a time, and a change stays that leaves no more area unplaced. An order takes O(n · f), f free rectangles: about as
-//! many as boxes. Known limit: a local search, it does not find the best. How full pages are is in docs/bench/pages.md. (The crate
-//! `crunch`, which does this in one order, fills less in more time.)
+//! J. Jylänki, *A thousand ways to pack the bin* (2010): the packer keeps all maximal free rectangles and puts each box, rotated or not,
+//! into the one where it leaves the least of the shorter side. This greedy choice is not optimal overall. So the search changes the order
+//! and the rotations at random in small steps, and keeps a change unless it leaves more area unplaced. An order takes O(n · f), with f free
+//! rectangles: about as many as boxes. Known limit: a local search does not find the optimum. docs/bench/pages.md lists the occupancy of
+//! pages. (The crate `crunch` does this in one order; it fills less in more time.)
 
 use super::{PageSize, Region};
 use crate::fit::Stream;
@@ -12,25 +12,25 @@ use crate::fit::Stream;
 /// Width and height.
 pub type Size = (usize, usize);
 
-/// What may be done to a box.
+/// Rotation of a box.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Turn {
-    /// Whichever way fits better.
+    /// Rotated if that fits better.
     Free,
-    /// As it came.
+    /// Not rotated.
     No,
-    /// By 90°.
+    /// Rotated by 90°.
     Yes,
 }
 
-/// A box as an order has it.
+/// A box in an order.
 #[derive(Clone, Copy)]
 struct Next {
     index: usize,
     turn: Turn,
 }
 
-/// Where each of the boxes lies; of one that was turned, width and height are exchanged. `None` when so many orders leave any over.
+/// Returns the place of each box; a rotated box has width and height exchanged. `None` if none of `orders` orders places all boxes.
 #[must_use]
 pub fn pack(boxes: &[Size], page: PageSize, turning: bool, orders: usize) -> Option<Vec<Region>> {
     let turn = if turning { Turn::Free } else { Turn::No };
@@ -57,7 +57,7 @@ pub fn pack(boxes: &[Size], page: PageSize, turning: bool, orders: usize) -> Opt
     (left == 0).then_some(tried.places)
 }
 
-/// One box is turned otherwise, two trade places, near or far, or one goes elsewhere.
+/// Changes an order at random: rotates a box, swaps two boxes, near or far, or moves one.
 fn change(order: &mut Vec<Next>, turning: bool, stream: &mut Stream) {
     const NEAR: usize = 8;
     let count = order.len();
@@ -73,11 +73,11 @@ fn change(order: &mut Vec<Next>, turning: bool, stream: &mut Stream) {
     }
 }
 
-/// The boxes, and what the order that was placed last has come to.
+/// The boxes, and the result of the order placed last.
 struct Tried<'a> {
     boxes: &'a [Size],
     page: PageSize,
-    /// The shortest side of any box: what is narrower holds none.
+    /// Shortest side of any box: a narrower free rectangle holds none.
     least: usize,
     places: Vec<Region>,
     free: Vec<Region>,
@@ -91,7 +91,7 @@ impl<'a> Tried<'a> {
         Self { boxes, page, least, places: vec![nowhere; boxes.len()], free: Vec::new(), parts: Vec::new() }
     }
 
-    /// Places all that fits, in this order; the area of what does not.
+    /// Places all boxes that fit, in this order; returns the area of the others.
     fn place(&mut self, order: &[Next]) -> usize {
         self.free.clear();
         self.free.push(Region { x: 0, y: 0, width: self.page.width, height: self.page.height });
@@ -109,7 +109,7 @@ impl<'a> Tried<'a> {
         left
     }
 
-    /// Where the least of a free rectangle's shorter side is left over.
+    /// Returns the place that leaves the least of a free rectangle's shorter side.
     fn best(&self, width: usize, height: usize, turn: Turn) -> Option<Region> {
         let ways = [(turn != Turn::Yes).then_some((width, height)), (turn != Turn::No).then_some((height, width))];
         let mut best: Option<((usize, usize), Region)> = None;
@@ -128,7 +128,7 @@ impl<'a> Tried<'a> {
         best.map(|(_, place)| place)
     }
 
-    /// Cuts the place out of all free rectangles; what is left of them stays, but for what lies in another.
+    /// Cuts the place out of all free rectangles; keeps their remains unless they lie in another free rectangle.
     fn take(&mut self, place: Region) {
         let (right, bottom) = (place.x + place.width, place.y + place.height);
         self.parts.clear();
@@ -186,21 +186,21 @@ mod tests {
     }
 
     #[test]
-    fn what_fills_a_page_fits() {
+    fn boxes_that_fill_a_page_fit() {
         let places = pack(&[(4, 4), (4, 2), (4, 2)], page(8, 4), false, 1).unwrap();
         assert_eq!(places.iter().map(|p| p.width * p.height).sum::<usize>(), 32);
     }
 
     #[test]
-    fn only_what_may_be_turned_is() {
+    fn boxes_are_rotated_only_if_allowed() {
         assert!(pack(&[(8, 2)], page(2, 8), false, 100).is_none());
         let [place] = pack(&[(8, 2)], page(2, 8), true, 1).unwrap()[..] else { panic!("one box") };
         assert_eq!((place.width, place.height), (2, 8));
     }
 
     #[test]
-    fn an_order_is_found_that_the_first_is_not() {
-        // Cut from the page without waste, which the largest first does not find again.
+    fn the_search_packs_what_the_first_order_does_not() {
+        // Cut from the page without waste; placing the largest first does not find this packing.
         let parts = [(7, 5), (5, 3), (5, 2), (3, 7), (4, 4), (4, 3), (5, 6), (3, 1), (2, 1)];
         assert_eq!(parts.iter().map(|(width, height)| width * height).sum::<usize>(), 144);
         assert!(pack(&parts, page(12, 12), true, 1).is_none());
@@ -230,7 +230,7 @@ mod tests {
                 prop_assert!(owners.iter().all(|&count| count <= 1));
             } else {
                 let area: usize = boxes.iter().map(|(w, h)| w * h).sum();
-                prop_assert!(area > 40 * 36 / 3, "what fills a third always fits: {area}");
+                prop_assert!(area > 40 * 36 / 3, "boxes that fill a third always fit: {area}");
             }
         }
     }

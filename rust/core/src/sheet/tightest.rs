@@ -1,18 +1,19 @@
-//! The smallest page for rectangles of given sizes, which are not turned: what is on them is there already.
+//! The smallest page for rectangles of given sizes. They are not rotated, because their texels are already drawn.
 
 use super::rectangles::{Size, pack};
 use super::{MANY, PageSize, on_shelves, orders};
 
-/// Widths that are tried, as shares of a square page's side without waste; heights grow by this factor until all fit.
+/// Tried widths, in tenths of the side of a square page without waste. Heights grow by `GROWTH` until all boxes fit.
 const WIDTHS: std::ops::RangeInclusive<u32> = 5..=20;
 const GROWTH: f64 = 1.01;
 const LARGEST: usize = 16_384;
 
-/// In how many orders each page is tried at most.
+/// Most orders tried on each page.
 const ORDERS: usize = 20;
 
-/// Upper left corners of boxes (width, height) on a page whose sides are multiples of 4, as compressed textures want them. `None` when the
-/// largest page does not hold them. O(n²) for each page that is tried, some hundreds; beyond [`MANY`] boxes O(n log n), on shelves.
+/// Returns the smallest page found and the upper left corners of boxes (width, height) on it. Its sides are multiples of 4, for compressed
+/// textures. `None` without boxes, or if the largest page does not hold them. O(n²) for each tried page, of which there are some hundreds;
+/// above [`MANY`] boxes O(n log n), on shelves.
 #[must_use]
 pub fn tightest(boxes: &[Size]) -> Option<(PageSize, Vec<(usize, usize)>)> {
     let area: usize = boxes.iter().map(|&(width, height)| width * height).sum();
@@ -51,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_that_fill_a_page_need_no_more() {
+    fn boxes_that_fill_a_page_get_that_page() {
         let (size, places) = tightest(&[(64, 64), (64, 32), (64, 32)]).unwrap();
         assert_eq!(size.texels(), 8192);
         assert_eq!(places.len(), 3);

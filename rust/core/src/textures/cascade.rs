@@ -1,7 +1,7 @@
 //! Alpha whose area above the cutoff stays the same on box-filtered mip levels, as an engine makes them from a PNG.
 //!
-//! A box-filtered mip level is the mean of four texels of the level before. So alpha can be built from the coarsest level that counts down to
-//! level 0: each texel hands its alpha to its four children in any proportion, and the coarser levels stay as they are. The proportions
+//! A box-filtered mip level is the mean of four texels of the level before. So alpha can be built from the coarsest level that counts down
+//! to level 0: each texel hands its alpha to its four children in any proportion, and the coarser levels stay as they are. The proportions
 //! follow the children's own coverage, raised to a power. The power is one number per level: 0 copies the parent, larger powers give more
 //! detail and less area. It is the largest power at which the level keeps the area of level 0. (A multiplicative cascade; compare the
 //! thresholds of Castaño, "Computing Alpha Mipmaps", 2010, which need mip levels of their own in the file.)
@@ -30,7 +30,8 @@ const HALVINGS: usize = 8;
 /// The least coverage that counts, so that powers of it are numbers.
 const LEAST: f32 = 1e-4;
 
-/// The page with alpha that keeps its area above the returned cutoff on box-filtered mip levels. `cutoff` is that of the page itself.
+/// Returns the page with alpha that keeps its area on box-filtered mip levels, and the cutoff to draw it with. `cutoff` is that of the page
+/// itself.
 ///
 /// # Panics
 /// A side that is no multiple of 2^[`LEVELS`].
@@ -61,7 +62,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// The sum of each block of 2 × 2.
+    /// Returns the sum of each block of 2 × 2.
     fn block_sums(&self) -> Vec<f32> {
         let (columns, rows) = (self.width / 2, self.values.len() / self.width / 2);
         let at = |x: usize, y: usize| self.values[y * self.width + x];
@@ -73,7 +74,7 @@ impl Plane {
         Self { width: self.width / 2, values: self.block_sums().into_iter().map(|sum| sum / 4.0).collect() }
     }
 
-    /// The number of the block of 2 × 2 of a value.
+    /// Returns the index of a value's block of 2 × 2.
     fn block(&self, index: usize) -> usize {
         index / self.width / 2 * (self.width / 2) + index % self.width / 2
     }
@@ -87,7 +88,7 @@ impl Plane {
     }
 }
 
-/// Alpha of level 0, built from the coarsest level of `truth` down.
+/// Returns alpha of level 0, built from the coarsest level of `truth` down.
 fn cascade(truth: &[Plane], area: f64, cutoff: f32) -> Vec<u8> {
     let (coarsest, finer) = truth.split_last().expect("there is a level");
     let pivot = least(0.0, 1.0, |pivot| remapped(coarsest, pivot, cutoff).area(cutoff) <= area);
@@ -99,7 +100,7 @@ fn cascade(truth: &[Plane], area: f64, cutoff: f32) -> Vec<u8> {
     level.codes()
 }
 
-/// The least value in (`low`, `high`] from which on `holds`.
+/// Returns the least value in (`low`, `high`] from which on `holds` is true.
 fn least(mut low: f32, mut high: f32, holds: impl Fn(f32) -> bool) -> f32 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
@@ -112,14 +113,14 @@ fn least(mut low: f32, mut high: f32, holds: impl Fn(f32) -> bool) -> f32 {
     high
 }
 
-/// Two lines through the pivot, which comes to lie at the cutoff.
+/// Returns alpha remapped by two lines through the pivot, which moves to the cutoff.
 fn remapped(plane: &Plane, pivot: f32, cutoff: f32) -> Plane {
     let table = table(pivot, cutoff);
     let codes = plane.codes().into_iter();
     Plane { width: plane.width, values: codes.map(|code| f32::from(table[code as usize]) / 255.0).collect() }
 }
 
-/// The largest power at which `excess` changes its sign; the power of the least excess where the sign never changes.
+/// Returns the largest power at which `excess` changes its sign, or the power of the least |excess| if the sign never changes.
 fn keeping_power(excess: impl Fn(f32) -> f64) -> f32 {
     let power = |step: usize| GREATEST_POWER * step as f32 / POWERS as f32;
     let all: Vec<f64> = (0..=POWERS).map(|step| excess(power(step))).collect();
@@ -132,8 +133,8 @@ fn keeping_power(excess: impl Fn(f32) -> f64) -> f32 {
     least(power(step - 1), power(step), |power| (excess(power) > 0.0) != dense_first)
 }
 
-/// The level below `parent`: each texel's alpha is divided among its four children by a power of their coverage. What a child cannot hold goes
-/// to its brothers, so that the mean stays.
+/// Returns the next finer level: each texel's alpha is divided among its four children in proportion to a power of their coverage. Alpha
+/// above 1 goes to the other three children, so that the mean stays.
 fn divided(parent: &Plane, coverage: &Plane, power: f32) -> Plane {
     let weights = coverage.values.iter().map(|value| libm::powf(value.max(LEAST), power)).collect();
     let weights = Plane { width: coverage.width, values: weights };
@@ -154,7 +155,7 @@ fn divided(parent: &Plane, coverage: &Plane, power: f32) -> Plane {
     level
 }
 
-/// How far the area of any level that counts is from `area`, as a share of `area`.
+/// Returns the greatest error of the area over levels 0 to [`LEVELS`], as a share of `area`.
 fn worst_error(alpha: &[u8], width: usize, area: f64, cutoff: f32) -> f64 {
     let (mut alpha, mut width) = (alpha.to_vec(), width);
     let mut worst = 0.0f64;
@@ -177,13 +178,13 @@ mod tests {
         Image::new(SIDE, SIDE, pixels).unwrap()
     }
 
-    /// The area above the cutoff on the levels that an engine makes.
+    /// Returns the area above the cutoff on the mip levels that an engine makes.
     fn areas(image: &Image, cutoff: f32) -> Vec<f64> {
         let area = |level: &Image| mask::area(&level.alpha(), level.width(), cutoff, 1);
         mips::means(image).iter().take(LEVELS as usize + 1).map(area).collect()
     }
 
-    /// A crown: texels that are covered by chance, fewer toward the rim of a disc.
+    /// A crown: randomly covered texels, fewer toward the rim of a disc.
     fn crown(share: f64) -> Image {
         page(|x, y| {
             let from_center = (x as f64 - 63.5).hypot(y as f64 - 63.5) / 56.0;

@@ -1,5 +1,5 @@
-//! What a page or a picture can show of a surface, channel by channel. Each channel that is asked for is a pass of its own over what is seen;
-//! one that is not asked for costs nothing.
+//! The channels of an atlas page or a picture. Each requested channel is a separate shading pass over the visible samples; others cost
+//! nothing.
 
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -10,47 +10,48 @@ use super::sky::Sky;
 use crate::color::{decode_table, encode, quantise};
 use crate::foliage::{Image, Spot, Surface};
 
-/// A channel of a page.
+/// A channel of an atlas page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Channel<'a> {
-    /// Linear base colour; as an image sRGB, with straight alpha.
+    /// Linear base color; as an image, sRGB with straight alpha.
     BaseColor,
-    /// The normal on the side that faces the viewer, in the billboard's axes (red to the right, green up), bent by the given share, in
-    /// [0, 1], toward the hull of the crown, as foliage is shaded.
+    /// Normal of the visible side, in the billboard's axes (red to the right, green up). It is bent by the given share, in [0, 1], toward
+    /// the hull of the crown, as usual for foliage shading.
     Normal(f32),
-    /// Occlusion, roughness, metallic; occlusion is what the material says times the share of the sky that is seen.
+    /// Occlusion, roughness, metallic (ORM). Occlusion is the material's occlusion times the visible share of the sky.
     Gloss(Option<&'a Sky>),
-    /// The linear colour of the light that shines through; as an image sRGB.
+    /// Linear color of transmitted light; as an image, sRGB.
     Translucency,
-    /// Where the sky is seen, in the billboard's axes (red to the right, green up): to first order the share toward l is occlusion + this · l. In [−1, 1].
+    /// Bent-normal occlusion in the billboard's axes (red to the right, green up), in [−1, 1]: to first order, the visible share of the sky
+    /// toward l is occlusion + this · l.
     Visibility(&'a Sky),
-    /// Where in its texture a leaf is seen, of 12 bits; see `labels`.
+    /// Texture coordinates of the leaf, 12 bits each; see `labels`.
     LeafUv,
-    /// Which leaf of which material is seen.
+    /// Index of the leaf and of its material; see `labels`.
     LeafId,
-    /// Alpha alone; as an image on black. For who asks no more, nothing is looked up.
+    /// Alpha alone, without texture lookups for color; as an image, on black.
     Alpha,
-    /// How near to the viewer, in the units of the screen triangle; no image shows it.
+    /// Depth toward the viewer, in the units of the screen triangle; not stored in images.
     Depth,
 }
 
-/// A point of a triangle that is seen.
+/// A visible point of a triangle.
 pub struct Seen<'a> {
-    /// Of its triangle.
+    /// Surface of the triangle.
     pub surface: &'a Surface<'a>,
-    /// As it is drawn.
+    /// The triangle on screen.
     pub triangle: &'a ScreenTriangle<'a>,
-    /// Where, and how much of it.
+    /// Position on the triangle, and number of samples.
     pub spot: Spot,
-    /// Whether the side is seen from which the triangle winds counter-clockwise.
+    /// Whether the visible side is the one that winds counter-clockwise.
     pub front: bool,
 }
 
-/// Normals lean at most so far from the viewer, as the part along the view: a billboard can show none that point away.
+/// Least component of a normal toward the viewer: a billboard cannot show normals that point away.
 const LEAST_TOWARD_VIEWER: f32 = 0.02;
 
 impl Channel<'_> {
-    /// As the page calls its image.
+    /// Returns the name of the channel's image in the page.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::BaseColor => "base_color",
@@ -65,7 +66,7 @@ impl Channel<'_> {
         }
     }
 
-    /// What it shows of a point.
+    /// Returns the channel's value at a point.
     pub(super) fn look(self, seen: &Seen) -> Vec3 {
         match self {
             Self::BaseColor => seen.surface.base_color(seen.spot, seen.front),
@@ -83,15 +84,15 @@ impl Channel<'_> {
         }
     }
 
-    /// Whether it has no means: then the triangle counts that most samples see.
+    /// Returns whether the channel holds labels. They cannot be averaged, so a texel takes those of the triangle with the most samples.
     pub(super) fn is_label(self) -> bool {
         matches!(self, Self::LeafUv | Self::LeafId)
     }
 
-    /// The canvas as codes, straight; base colour with its alpha, the others opaque.
+    /// Returns the canvas as an image with straight alpha; channels other than base color and alpha are opaque.
     ///
     /// # Panics
-    /// Never: a canvas has as many pixels as it says.
+    /// Never: a canvas has width × height pixels.
     #[must_use]
     pub fn to_image(self, canvas: &Canvas) -> Image {
         let code = |p: &Vec4| {
@@ -106,17 +107,17 @@ impl Channel<'_> {
             }
         };
         let pixels: Vec<[u8; 4]> = canvas.pixels.par_iter().map(code).collect();
-        Image::new(canvas.width, canvas.height, pixels).expect("a canvas is whole")
+        Image::new(canvas.width, canvas.height, pixels).expect("a canvas has width × height pixels")
     }
 }
 
-/// Linear codes.
+/// Returns linear codes.
 fn shares(value: Vec3) -> [u8; 4] {
     [quantise(value.x), quantise(value.y), quantise(value.z), 255]
 }
 
 impl Seen<'_> {
-    /// Where it really is, in the caller's coordinates.
+    /// Returns the point's original position, in the caller's coordinates.
     fn place(&self) -> DVec3 {
         let ScreenTriangle { foliage, triangle, .. } = self.triangle;
         let [a, b, c] = foliage.corners(*triangle as usize);
@@ -126,7 +127,7 @@ impl Seen<'_> {
 }
 
 impl Canvas {
-    /// The base colours of an image: linear light, premultiplied. The inverse of [`Channel::to_image`].
+    /// Returns the base colors of an image: linear light, premultiplied. The inverse of [`Channel::to_image`].
     pub(super) fn of_color(image: &Image) -> Self {
         let table = decode_table();
         let premultiplied = image.pixels().par_iter().map(|&[r, g, b, a]| {
@@ -145,7 +146,7 @@ fn normal(seen: &Seen, bend: f32) -> Vec3 {
     let bent = if bend > 0.0 {
         let place =
             corners[0] * seen.spot.weights.x + corners[1] * seen.spot.weights.y + corners[2] * seen.spot.weights.z;
-        // A side that faces into the crown is bent the other way: else its normal would be turned through the leaf.
+        // A side that faces into the crown is bent inward; otherwise its normal would turn through the leaf.
         let outward = place.normalize_or(facing);
         facing.lerp(if facing.dot(outward) < 0.0 { -outward } else { outward }, bend)
     } else {

@@ -1,4 +1,4 @@
-//! Channels against closed forms: planes, spheres, maps of one colour.
+//! Channels against closed forms: planes, spheres, maps of one color.
 
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3, Vec4};
 
@@ -16,7 +16,7 @@ fn square(turn: DMat3, material: Material) -> Foliage {
     Foliage::new(&corners, vec![[0, 1, 2], [0, 2, 3]], attributes, vec![material]).unwrap()
 }
 
-/// What a channel shows of a foliage that is laid into the picture along `view`, as `(column, row) → value`.
+/// Renders a channel of a foliage seen along `view`; returns its values as `(column, row) → value`.
 fn seen(foliage: &Foliage, channel: Channel, view: Mat3) -> impl Fn(usize, usize) -> Vec3 {
     const SIDE: usize = 16;
     let window = Window { view, ..Window::WHOLE };
@@ -46,7 +46,7 @@ fn near(found: Vec3, expected: Vec3) {
 }
 
 const FRONT: Mat3 = Mat3::IDENTITY;
-/// From behind: right is −x, up is y.
+/// The view from behind: right is −x, up is y.
 const BACK: Mat3 = Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z);
 const NORMAL: Channel<'static> = Channel::Normal(0.0);
 
@@ -54,12 +54,12 @@ const NORMAL: Channel<'static> = Channel::Normal(0.0);
 fn a_tilted_leaf_shows_its_tilt() {
     let tilted = square(DMat3::from_rotation_x(0.5), Material::default());
     near(seen(&tilted, NORMAL, FRONT)(7, 8), Vec3::new(0.0, -0.5f32.sin(), 0.5f32.cos()));
-    // Seen from behind, the side that faces the viewer counts: up and down stay.
+    // From behind, the channel shows the side that faces the viewer: up and down stay.
     near(seen(&tilted, NORMAL, BACK)(7, 8), Vec3::new(0.0, 0.5f32.sin(), 0.5f32.cos()));
 }
 
 #[test]
-fn corner_normals_count_more_than_the_face() {
+fn corner_normals_override_the_face_normal() {
     let bent = Vec3::new(0.6, 0.0, 0.8);
     let flat = square(DMat3::IDENTITY, Material::default());
     let attributes = Attributes { normals: vec![[bent * 7.0; 3]; 2], ..flat.attributes().clone() };
@@ -89,9 +89,9 @@ fn maps_turn_with_the_leaf() {
     close(seen(&leaf(DMat3::IDENTITY), NORMAL, FRONT)(8, 8), Vec3::new(0.48, 0.6, 0.64));
     let quarter = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_2);
     close(seen(&leaf(quarter), NORMAL, FRONT)(8, 8), Vec3::new(-0.6, 0.48, 0.64));
-    // From behind, the normal is the other way round altogether: right is −x, up y, toward the viewer −z.
+    // From behind, the whole normal is reversed; there, right is −x, up is y, toward the viewer is −z.
     close(seen(&leaf(DMat3::IDENTITY), NORMAL, BACK)(8, 8), Vec3::new(0.48, -0.6, 0.64));
-    // A texture that is laid mirrored shows its normals mirrored.
+    // Mirrored texture coordinates mirror the normals.
     let mirrored = |flip: fn(Vec2) -> Vec2| {
         let plain = leaf(DMat3::IDENTITY);
         let uvs = plain.attributes().uvs.iter().map(|corners| corners.map(flip)).collect();
@@ -104,7 +104,7 @@ fn maps_turn_with_the_leaf() {
 }
 
 #[test]
-fn alpha_of_what_ignores_it_counts_nowhere() {
+fn opaque_materials_ignore_alpha() {
     let clear = |side: usize| Image::new(side, side, vec![[200, 100, 50, 0]; side * side]).unwrap();
     let near_and_far = [8, 256].map(|side| {
         let material =
@@ -141,7 +141,7 @@ fn shares_seen_from_far_are_kept_in_the_mean() {
             })
             .collect();
         let canvas = rasterise(&cards, 64, 64, Samples::new(samples).unwrap(), &[Channel::BaseColor]).remove(0);
-        // No sample lies on an edge, where two triangles would be asked; the first row is cut.
+        // No sample lies on an edge between two triangles; the first row is cut.
         let covered = canvas.pixels.iter().skip(64).map(|p| p.w).sum::<f32>() / (63.0 * 64.0);
         let expected = share as f32 / 16.0;
         assert!((covered / expected - 1.0).abs() < 0.06, "{samples}²: {covered}, expected {expected}");
@@ -167,7 +167,7 @@ fn sides_have_colours_of_their_own() {
 #[test]
 fn bent_all_the_way_normals_point_outward() {
     let flat = square(DMat3::IDENTITY, Material::default());
-    // Level with the centre of the crown they lie in the plane: a billboard shows them as far as it can.
+    // At the height of the crown's center they lie in the plane: a billboard shows them as far as it can.
     let shown = seen(&flat, Channel::Normal(1.0), FRONT)(12, 7);
     assert!(shown.x > 0.98 && shown.z > 0.0, "{shown}");
     let half = seen(&flat, Channel::Normal(0.5), FRONT)(12, 7);
@@ -191,8 +191,8 @@ fn factors_multiply_images() {
 }
 
 #[test]
-fn what_is_seen_from_far_is_the_mean() {
-    // Rows of black and white, sixteen to a pixel, at sizes that are and are not powers of two.
+fn distant_textures_show_their_mean() {
+    // Rows of black and white, sixteen per pixel, at texture sizes that are powers of two and others.
     for side in [256, 240] {
         let stripes = |i: usize| if (i / side).is_multiple_of(2) { [0, 0, 0, 255] } else { [255, 255, 255, 255] };
         let striped = Image::new(side, side, (0..side * side).map(stripes).collect::<Vec<_>>()).unwrap();

@@ -1,5 +1,5 @@
-//! Colour under transparent texels, so that filtering and mips find no other: push-pull (Gortler, Grzeszczuk, Szeliski, Cohen,
-//! "The Lumigraph", 1996). Averages of what is there are pulled up a pyramid and pushed down to where nothing is. O(texels).
+//! Color under transparent texels, so that filters and mip levels find no other color: push-pull (Gortler, Grzeszczuk, Szeliski, Cohen,
+//! "The Lumigraph", 1996). Averages of covered texels are pulled up a pyramid and pushed down into the gaps. O(texels).
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::raster::Canvas;
 use crate::foliage::Image;
 
-/// Gives each pixel without coverage the colour of its surroundings; coverage stays 0. Without any covered pixel nothing changes.
+/// Gives each pixel without coverage the color of its surroundings; coverage stays 0. A canvas without covered pixels stays unchanged.
 pub fn fill_transparent(canvas: &mut Canvas) {
     if canvas.pixels.par_iter().all(|p| p.w > 0.0) || (canvas.width == 1 && canvas.height == 1) {
         return;
@@ -22,7 +22,8 @@ pub fn fill_transparent(canvas: &mut Canvas) {
     });
 }
 
-/// An image of pixels that are known, and between them the means of what lies around, transparent. Known ones stay, whatever their alpha.
+/// Returns an image of the known pixels, unchanged whatever their alpha. The others become transparent, with the mean color of their
+/// surroundings. `width` is the row length.
 pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
     let color = |[r, g, b, _]: [u8; 4]| Vec3::new(f32::from(r), f32::from(g), f32::from(b));
     let known = pixels.iter().map(|pixel| pixel.map_or(Vec4::ZERO, |code| color(code).extend(1.0)));
@@ -36,12 +37,12 @@ pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
     Image::new(width, canvas.height, filled).expect("whole rows")
 }
 
-/// The colour of a pixel; what has no coverage holds it as it is.
+/// Returns the straight color of a pixel. Pixels without coverage hold it unweighted.
 fn straight(pixel: Vec4) -> Vec3 {
     if pixel.w > 0.0 { pixel.truncate() / pixel.w } else { pixel.truncate() }
 }
 
-/// Sums of 2 × 2 pixels; the last column and row of an odd side stand alone.
+/// Returns the sums of 2 × 2 pixels; the last column and row of an odd side are not paired.
 fn halve(canvas: &Canvas) -> Canvas {
     let (width, height) = (canvas.width.div_ceil(2), canvas.height.div_ceil(2));
     let mut pixels = vec![Vec4::ZERO; width * height];

@@ -1,7 +1,7 @@
-//! Means of 2 × 2 texels, of each region by itself.
+//! Means of 2 × 2 texels, separately for each region.
 //!
-//! On small levels regions lie nearer to one another than a texel is wide; one that reached into two would be a mean of both. So each texel
-//! has an owner, and is the mean of what its owner has of the four.
+//! On small levels regions are less than a texel apart, and a texel that reaches into two regions would mix them. So each texel has an
+//! owner region, and is the mean of the part of the four texels that its owner covers.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::raster::Canvas;
 use crate::sheet::Region;
 
-/// A level, and in which region each of its texels lies.
+/// A mip level, and the region of each of its texels.
 pub struct Owned {
     /// Premultiplied.
     pub means: Canvas,
@@ -17,13 +17,13 @@ pub struct Owned {
 }
 
 impl Owned {
-    /// Level 0.
+    /// Returns level 0.
     pub fn new(means: Canvas, regions: &[Region]) -> Self {
         let owners = owners(regions, means.width, means.height);
         Self { means, owners }
     }
 
-    /// The next, on which the regions are these.
+    /// Returns the next level; `regions` are the regions there.
     pub fn halved(&self, regions: &[Region]) -> Self {
         let (width, height) = half_size(&self.means);
         let mut owners = owners(regions, width, height);
@@ -33,17 +33,18 @@ impl Owned {
     }
 }
 
-/// How many texels the next level has.
+/// Returns the width and height of the next level.
 pub fn half_size(canvas: &Canvas) -> (usize, usize) {
     ((canvas.width / 2).max(1), (canvas.height / 2).max(1))
 }
 
-/// Means of 2 × 2; the last column and row of an odd side are left out, as graphics interfaces define levels. A side of 1 stays.
+/// Returns means of 2 × 2 texels. The last column and row of an odd side are left out, as graphics APIs define mip levels. A side of 1
+/// stays.
 pub fn halved(canvas: &Canvas) -> Canvas {
     halved_where(canvas, |_, _| true)
 }
 
-/// The same, of those texels that count for the one that they become; others count as nothing.
+/// Returns means of 2 × 2 texels, with 0 for texels where `counts(target, texel)` is false.
 fn halved_where(canvas: &Canvas, counts: impl Fn(usize, usize) -> bool + Sync) -> Canvas {
     let (width, height) = half_size(canvas);
     let mean = |x: usize, y: usize| {
@@ -60,13 +61,13 @@ fn halved_where(canvas: &Canvas, counts: impl Fn(usize, usize) -> bool + Sync) -
     Canvas { width, height, pixels }
 }
 
-/// The texels that become one.
+/// Returns the texels that are averaged into the texel (x, y) of the next level.
 fn children(canvas: &Canvas, x: usize, y: usize) -> impl Iterator<Item = usize> {
     let (width, across, down) = (canvas.width, canvas.width.min(2), canvas.height.min(2));
     (0..across * down).map(move |i| (down * y + i / across) * width + across * x + i % across)
 }
 
-/// In which region a texel lies.
+/// Owner of texels outside all regions.
 const NONE: u32 = u32::MAX;
 
 fn owners(regions: &[Region], width: usize, height: usize) -> Vec<u32> {
@@ -77,7 +78,7 @@ fn owners(regions: &[Region], width: usize, height: usize) -> Vec<u32> {
     owners
 }
 
-/// Texels of which no region has most show the one that covers most of them.
+/// Assigns each texel outside all regions to the region that covers most of it.
 fn settle(owners_here: &mut [u32], owners: &[u32], canvas: &Canvas) {
     let width = (canvas.width / 2).max(1);
     owners_here.par_iter_mut().enumerate().filter(|(_, owner)| **owner == NONE).for_each(|(here, owner)| {
@@ -86,14 +87,14 @@ fn settle(owners_here: &mut [u32], owners: &[u32], canvas: &Canvas) {
             let own = children(canvas, here % width, here / width).filter(|&texel| owners[texel] == of);
             own.map(|texel| canvas.pixels[texel].w).sum()
         };
-        // The first of those that cover as much.
+        // The first region wins a tie.
         let most =
             |(best, most): (u32, f32), of: u32| if covered(of) > most { (of, covered(of)) } else { (best, most) };
         *owner = candidates.map(|texel| owners[texel]).fold((NONE, 0.0), most).0;
     });
 }
 
-/// The texels of a level of which most lies in a region of level 0; at least one.
+/// Returns the texels of a smaller level, by the factor `scale`, that lie mostly in a region of level 0; at least one.
 pub fn smaller(region: Region, scale: usize, width: usize, height: usize) -> Region {
     let along = |start: usize, length: usize, side: usize| {
         let round = |at: usize| (at + scale / 2) / scale;
@@ -104,7 +105,7 @@ pub fn smaller(region: Region, scale: usize, width: usize, height: usize) -> Reg
     Region { x, y, width, height }
 }
 
-/// The texels of a region.
+/// Returns the indices of a region's texels.
 pub fn texels(region: Region, width: usize) -> impl Iterator<Item = usize> {
     (region.y..region.y + region.height)
         .flat_map(move |y| (region.x..region.x + region.width).map(move |x| y * width + x))

@@ -1,4 +1,4 @@
-//! Pictures as PNG files.
+//! PNG files.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::foliage::Image;
 
-/// Writes the picture as an 8-bit sRGB PNG; the same bytes for the same pixels.
+/// Writes an image as an 8-bit sRGB PNG. The same pixels give the same bytes.
 ///
 /// # Errors
 /// The file cannot be written.

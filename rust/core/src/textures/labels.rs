@@ -1,24 +1,25 @@
-//! Which leaf a texel shows, and where in its texture: with them a cloud takes another texture of the leaves without being baked again.
+//! Label textures: the leaf of each texel, and its texture coordinates. With them, a cloud can show another leaf texture without a new
+//! bake.
 //!
-//! Labels are no quantities: a texel takes those of the triangle that most of its samples see, and filters must take the nearest. A texture
-//! coordinate has 12 bits, a sixteenth of a texel of 256: its upper 8 in red (u) and green (v), the lower 4 of both in blue. A leaf has its
-//! number modulo 65536 in red (lower) and green (upper), its material's in blue.
+//! Labels cannot be averaged: a texel takes those of the triangle with the most samples in it, and renderers must sample them with nearest
+//! filtering. A texture coordinate has 12 bits, a sixteenth of a texel in a texture of 256: its upper 8 bits in red (u) and green (v), the
+//! lower 4 bits of both in blue. A leaf has its index modulo 65536 in red (lower byte) and green (upper byte), and its material in blue.
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::channels::Seen;
 use super::raster::Canvas;
 
-/// In place of a material's number where no leaf is seen, but wood.
+/// Material code of the trunk.
 const NO_LEAF: u8 = 255;
 
-/// Where in its texture, as codes over 255.
+/// Returns the texture coordinates at a point, as codes over 255.
 pub fn leaf_uv(seen: &Seen) -> Vec3 {
     let uv = seen.surface.uv(seen.spot.weights);
     seen.surface.label(|material| material.leaf_uv.as_ref(), uv).unwrap_or_else(|| codes(coded(uv)))
 }
 
-/// Which leaf of which material, as codes over 255.
+/// Returns leaf and material at a point, as codes over 255.
 pub fn leaf_id(seen: &Seen) -> Vec3 {
     let (foliage, triangle) = (seen.triangle.foliage, seen.triangle.triangle as usize);
     let uv = seen.surface.uv(seen.spot.weights);
@@ -30,7 +31,7 @@ pub fn leaf_id(seen: &Seen) -> Vec3 {
 }
 
 fn coded(uv: Vec2) -> [u8; 3] {
-    // Casts saturate; what is rounded up to 1 is the last place.
+    // Casts saturate; a coordinate rounded up to 1 takes the last code.
     let [u, v] = (uv - uv.floor()).to_array().map(|x| ((x * 4096.0) as u16).min(4095));
     [(u >> 4) as u8, (v >> 4) as u8, ((u & 15) << 4 | (v & 15)) as u8]
 }
@@ -39,10 +40,10 @@ fn codes(codes: [u8; 3]) -> Vec3 {
     Vec3::from_array(codes.map(f32::from)) / 255.0
 }
 
-/// So many texels around what is covered are given its labels: a cutoff draws a little beyond it.
+/// Width in texels of the labels' margin around covered texels: a cutoff draws a little beyond them.
 const RINGS: usize = 3;
 
-/// Gives pixels next to covered ones, without coverage, the labels of a neighbour.
+/// Spreads labels to pixels without coverage beside covered ones.
 pub fn spread(canvas: &mut Canvas) {
     let (width, height) = (canvas.width, canvas.height);
     let mut known: Vec<bool> = canvas.pixels.iter().map(|p| p.w > 0.0).collect();
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texture_coordinates_keep_twelve_bits_of_what_repeats() {
+    fn repeating_texture_coordinates_keep_twelve_bits() {
         for (u, v) in [(0.0f32, 0.0f32), (0.999_99, 0.5), (0.123_4, 0.876_5), (-0.25, 7.75), (1e6, -1e6)] {
             let [r, g, b] = coded(Vec2::new(u, v)).map(u16::from);
             let [found_u, found_v] = [r << 4 | b >> 4, g << 4 | b & 15].map(|code| (f32::from(code) + 0.5) / 4096.0);
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_go_three_texels_beyond_what_is_covered() {
+    fn labels_spread_three_texels_beyond_coverage() {
         let mut pixels = vec![Vec4::ZERO; 11];
         pixels[5] = Vec4::new(0.2, 0.4, 0.6, 1.0);
         let mut canvas = Canvas { width: 11, height: 1, pixels };

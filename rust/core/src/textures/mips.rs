@@ -1,19 +1,19 @@
-//! Mip levels of a page's base colour that keep what is seen of it.
+//! Mip levels of base color that keep its coverage.
 //!
-//! Box filtering makes thin leaves fall below the alpha cutoff, so that crowns dissolve in the distance. Here colours are means weighted by
-//! alpha, in linear light; alpha is the mean, then moved, region by region, so that as large a share of its texels passes the cutoff as at
+//! Box filtering makes thin leaves fall below the alpha cutoff, so that crowns dissolve in the distance. Here colors are means weighted by
+//! alpha, in linear light. Alpha is the mean, then moved, region by region, so that the share of texels that reach the cutoff stays that of
 //! level 0 (Castaño, "Computing Alpha Mipmaps", 2010): within 1 % or one texel, whichever is more, as long as the region has texels of
-//! its own at that level. What is transparent has the colour of its surroundings at every level.
+//! its own at that level. Transparent texels have the color of their surroundings at every level.
 //!
-//! A factor cannot do that where many texels have one alpha. So the texels of a region are put in order, by alpha and then by a hash of their
-//! place, as many as are wanted lie at the cutoff or above it, and the others below: the promise holds whatever the distribution.
-//! Texels that only just pass leave gaps between them once they are filtered. So alpha on either side of the cutoff is lifted, by one
-//! exponent for a level, until as much area passes as at level 0 (see `foliage::mask`). O(texels · log texels).
+//! Scaling alpha by a factor cannot do that if many texels have the same alpha. So the texels of a region are sorted by alpha, then by a
+//! hash of their position; as many as required get alpha at or above the cutoff, and the others less. This works for any distribution of
+//! alpha. Texels barely above the cutoff leave gaps between them when filtered. So alpha on both sides of the cutoff is raised, by one
+//! exponent for each level, until as much area reaches the cutoff as at level 0 (see `foliage::mask`). O(texels · log texels).
 //!
-//! Gutters are too narrow for small levels: a texel of theirs would be a mean of regions that are neighbours, and is one of what lies in its
-//! own. There a renderer's filter mixes them, too: so texels on a region's rim have either no alpha or less than twice the cutoff: the
-//! mean of two of them passes only if both do, and no billboard shows the rim of another. Regions of few texels keep plain means of
-//! alpha: a billboard seen edge-on shows these, and would be a line as long as it is.
+//! Gutters are too narrow for small levels: a texel there would be a mean of adjacent regions, so each texel averages only its own region.
+//! A renderer's filter mixes regions there, too. So texels on a region's rim have either no alpha or less than twice the cutoff: the mean
+//! of two of them reaches the cutoff only if both do, and no billboard shows the rim of another. Regions of few texels keep box-filtered
+//! alpha: billboards seen edge-on show these, and raised alpha would draw a line along their whole length.
 
 use std::collections::HashMap;
 
@@ -28,34 +28,34 @@ use crate::color::quantise;
 use crate::foliage::{Image, mask};
 use crate::sheet::{Region, Sheet};
 
-/// The levels of an image, level 0 first: half the side each, down to one texel.
+/// Mip levels of an image, level 0 first; each has half the side, down to one texel.
 pub type Levels = Vec<Image>;
 
-/// Regions of a page that are drawn at one cutoff: those of a tree.
+/// Regions of an atlas page that are drawn at one cutoff: those of one tree.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// With nothing of their gutters.
+    /// Regions without their gutters.
     pub regions: Vec<Region>,
-    /// Texels around each.
+    /// Unused texels around each region.
     pub gutter: usize,
-    /// Greater than 0.
+    /// Alpha cutoff, greater than 0.
     pub alpha_cutoff: f32,
 }
 
 impl Part {
-    /// All of a sheet.
+    /// Returns the part with all regions of an atlas layout.
     #[must_use]
     pub fn of(sheet: &Sheet, alpha_cutoff: f32) -> Self {
         Self { regions: sheet.regions().collect(), gutter: sheet.gutter, alpha_cutoff }
     }
 
-    /// The regions with their gutters.
+    /// Returns the regions with their gutters.
     fn owned(&self) -> Vec<Region> {
         self.regions.iter().map(|region| region.grown(self.gutter)).collect()
     }
 }
 
-/// Of base colour that several trees share: each part as if it had the page for itself.
+/// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
 #[must_use]
 pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
     if let [Part { regions, alpha_cutoff, .. }] = parts {
@@ -81,7 +81,8 @@ pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
     together
 }
 
-/// Where on a level of so many texels alpha is cut out, and the least code that passes there: of parts that share a page each by itself.
+/// Returns the regions of mip level `number`, of `width` × `height` texels, in which alpha is cut out, each with its least drawn alpha
+/// code. With several parts these are the parts' own regions.
 #[must_use]
 pub fn cut_outs(parts: &[Part], number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
     if let [Part { alpha_cutoff, .. }] = parts {
@@ -98,7 +99,7 @@ fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
     Image::new(image.width(), image.height(), pixels).expect("as many texels as before")
 }
 
-/// Of base colour, whose alpha keeps the share of each region that passes the cutoff.
+/// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff.
 #[must_use]
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
@@ -122,7 +123,7 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
     levels
 }
 
-/// The same as engines make them: means of alpha, and of colour weighted by it.
+/// Returns box-filtered mip levels of base color, as engines make them: means of alpha, and of color weighted by alpha.
 #[must_use]
 pub fn means(image: &Image) -> Levels {
     let mut means = Canvas::of_color(image);
@@ -134,19 +135,19 @@ pub fn means(image: &Image) -> Levels {
     levels
 }
 
-/// Of shares, such as occlusion, roughness and metallic: means of their codes.
+/// Returns the mip levels of linear values such as occlusion, roughness and metallic: means of their codes.
 #[must_use]
 pub fn of_shares(image: &Image) -> Levels {
     of_data(image, |mean| mean)
 }
 
-/// Of tangent-space normals: means, made as long as 1 again.
+/// Returns the mip levels of tangent-space normals: means, normalized.
 #[must_use]
 pub fn of_normals(image: &Image) -> Levels {
     of_data(image, |mean| (mean * 2.0 - 1.0).try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5)
 }
 
-/// Of linear codes; what is transparent was filled in from its surroundings, so that all texels count alike.
+/// Returns the mip levels of linear codes. Transparent texels are filled in already, so all texels have the same weight.
 fn of_data(image: &Image, settle: impl Fn(Vec3) -> Vec3 + Sync) -> Levels {
     let share = |code: u8| f32::from(code) / 255.0;
     let pixels = image.pixels().iter().map(|&[r, g, b, _]| Vec3::new(share(r), share(g), share(b)).extend(1.0));
@@ -164,39 +165,39 @@ fn of_data(image: &Image, settle: impl Fn(Vec3) -> Vec3 + Sync) -> Levels {
     levels
 }
 
-/// A level as an image, with colour under what is transparent.
+/// Returns a level as an image, with color filled in under transparent texels.
 fn filled(means: &Canvas) -> Image {
     let mut filled = means.clone();
     dilate::fill_transparent(&mut filled);
     Channel::BaseColor.to_image(&filled)
 }
 
-/// The least code of alpha that passes.
+/// Returns the least alpha code at or above the cutoff.
 pub(crate) fn code_at_least(cutoff: f32) -> u8 {
     (1..=255u8).find(|&code| f32::from(code) / 255.0 >= cutoff).unwrap_or(255)
 }
 
-/// The share of an image's area that passes, between the middles of its texels, too.
+/// Returns the share of an image's area at or above the cutoff, with alpha interpolated between texel centers.
 #[must_use]
 pub fn area(image: &Image, cutoff: f32) -> f64 {
     mask::area(&image.alpha(), image.width(), cutoff, 1)
 }
 
-/// The share of a region's texels that pass.
+/// Returns the share of a region's texels at or above the cutoff.
 #[must_use]
 pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     let passing = texels(region, image.width()).filter(|&i| image.pixels()[i][3] >= cutoff).count();
     passing as f64 / (region.width * region.height) as f64
 }
 
-/// Regions with fewer texels along a side have no coverage to keep.
+/// Regions with fewer texels along a side keep box-filtered alpha.
 const FEW: usize = 4;
 
-/// The exponents that lift alpha, as powers of two, and in how many halvings one is found.
+/// Range of the exponents that raise alpha, as powers of two, and the halvings of the search for one.
 const LIFTS: (f64, f64) = (-5.0, 2.0);
 const HALVINGS: usize = 6;
 
-/// The level with its alpha moved and lifted so that about this share of its area passes.
+/// Returns the level with alpha moved and raised so that about the share `area` of its area reaches the cutoff.
 fn lifted(level: &Image, orders: &[Order], cutoff: u8, area: f64) -> Image {
     let moved = |lift: f64| moved(level, orders, cutoff, libm::exp2(lift));
     let (mut most, mut least) = LIFTS;
@@ -212,24 +213,24 @@ fn lifted(level: &Image, orders: &[Order], cutoff: u8, area: f64) -> Image {
     level.clone().with_alpha(moved(0.5 * (most + least)))
 }
 
-/// The texels of a region that show anything, those first that are to pass.
+/// The texels of a region with alpha above 0, sorted; the first `passing` get alpha at or above the cutoff.
 struct Order {
     region: Region,
     texels: Vec<usize>,
     passing: usize,
-    /// Alpha of the last that passes, and of the first.
+    /// Alpha of the last and of the first of the passing texels.
     range: [u8; 2],
 }
 
 impl Order {
-    /// So that this share of the region passes. Texels of one alpha are ordered by a hash of their place.
+    /// Returns the order with which this share of the region passes. Texels with the same alpha are sorted by a hash of their position.
     fn of(level: &Image, region: Region, share: f64) -> Self {
         let alpha = |texel: usize| level.pixels()[texel][3];
         let scatter = |texel: usize| (texel as u32).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
         let mut order: Vec<usize> = texels(region, level.width()).filter(|&texel| alpha(texel) > 0).collect();
         order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scatter(texel), texel));
         let wanted = share * (region.width * region.height) as f64;
-        // What shows anything at all does not vanish.
+        // A visible region does not vanish.
         let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
         let code = |rank: usize| order.get(rank).or(order.first()).map_or(0, |&texel| alpha(texel));
         let range = [code(passing.saturating_sub(1)), code(0)];
@@ -237,8 +238,8 @@ impl Order {
     }
 }
 
-/// The alpha of a level, moved region by region: from the threshold up to the greatest it goes from the cutoff to full (to full where that
-/// is one), below it from 0 to just below the cutoff, both to the power `exponent`.
+/// Returns the alpha of a level, moved region by region. Alpha from the threshold to the greatest goes from the cutoff to full (to full if
+/// both are equal); alpha below the threshold goes from 0 to just below the cutoff. Both follow the power `exponent`.
 fn moved(level: &Image, orders: &[Order], cutoff: u8, exponent: f64) -> Vec<u8> {
     let mut alpha = level.alpha();
     let mut tables = HashMap::new();
@@ -246,7 +247,7 @@ fn moved(level: &Image, orders: &[Order], cutoff: u8, exponent: f64) -> Vec<u8> 
         let of_range = || lifting_tables(range.map(f64::from), cutoff, exponent);
         let [passes, fails] = tables.entry(*range).or_insert_with(of_range);
         for (rank, &texel) in texels.iter().enumerate() {
-            // Where regions have shrunk into one another, the last has its say.
+            // If regions have shrunk into one another, the last one wins.
             let (passes_here, on_rim) = (rank < *passing, is_on_rim(texel, *region, level.width()));
             let table = if passes_here { &*passes } else { &*fails };
             let moved = table[level.pixels()[texel][3] as usize];
@@ -265,7 +266,7 @@ fn is_on_rim(texel: usize, Region { x, y, width, height }: Region, columns: usiz
     column == 0 || row == 0 || column + 1 == width || row + 1 == height
 }
 
-/// Codes of alpha for those of texels that are to pass, and of those that are not.
+/// Returns the alpha tables for texels that pass and for those that do not.
 fn lifting_tables([threshold, greatest]: [f64; 2], cutoff: u8, exponent: f64) -> [[u8; 256]; 2] {
     let lift = |share: f64, codes: u8| (libm::pow(share.clamp(0.0, 1.0), exponent) * f64::from(codes)) as u8;
     let above = |code: f64| if threshold < greatest { (code - threshold) / (greatest - threshold) } else { 1.0 };
@@ -289,7 +290,7 @@ mod tests {
 
     #[test]
     fn thin_leaves_do_not_dissolve() {
-        // Every fourth column: a quarter passes at level 0, none of the means of level 2 would reach ½.
+        // Every fourth column: a quarter passes at level 0, but no mean on level 2 would reach ½.
         let striped = image(64, 64, |x, _| if x % 4 == 0 { [90, 200, 40, 255] } else { [0; 4] });
         for (number, level) in of_color(&striped, &[WHOLE], 0.5).iter().enumerate().take(5) {
             let region = smaller(WHOLE, 1 << number, level.width(), level.height());
@@ -317,7 +318,7 @@ mod tests {
 
     #[test]
     fn no_foreign_colour_where_gutters_are_too_narrow() {
-        // Checkers of 10 texels with 2 between them: at level 3 a texel reaches from one into the next.
+        // Checkers of 10 texels, 2 texels apart: a texel of level 3 reaches from one into the next.
         let regions: Vec<Region> =
             (0..25).map(|i| Region { x: i % 5 * 12 + 1, y: i / 5 * 12 + 1, width: 10, height: 10 }).collect();
         let checkers = image(64, 64, |x, y| {
@@ -333,7 +334,7 @@ mod tests {
 
     #[test]
     fn no_region_shows_the_rim_of_its_neighbour() {
-        // A full region beside a sparse one, with a gutter of two texels, of which small levels know nothing.
+        // A full region beside a sparse one, with a gutter of two texels, which small levels do not resolve.
         let full = Region { x: 2, y: 2, width: 28, height: 60 };
         let sparse = Region { x: 34, y: 2, width: 28, height: 60 };
         let page = image(64, 64, |x, y| {
@@ -349,8 +350,8 @@ mod tests {
     }
 
     #[test]
-    fn trees_on_one_page_keep_what_they_show_alone() {
-        // Dense leaves that are drawn at a low cutoff beside thin ones at a high one; each by itself, and both on a page of twice the width.
+    fn trees_on_one_page_keep_their_own_coverage() {
+        // Dense leaves at a low cutoff and thin ones at a high cutoff: each on its own page, and both on a page of twice the width.
         let region = Region { x: 4, y: 4, width: 56, height: 56 };
         let dense = image(64, 64, |x, y| [200, 40, 0, if (x / 5 + y / 7) % 2 == 0 { 90 } else { 30 }]);
         let thin = image(64, 64, |x, y| [0, 40, 200, if (x + 2 * y) % 5 == 0 { 230 } else { 120 }]);
@@ -372,7 +373,7 @@ mod tests {
                 assert_eq!(passing, expected, "level {number}");
                 assert!(
                     there.iter().all(|p| p[if right > 0 { 0 } else { 2 }] == 0),
-                    "no foreign colour on level {number}"
+                    "no foreign color on level {number}"
                 );
             }
         }
@@ -380,7 +381,7 @@ mod tests {
 
     #[test]
     fn regions_of_one_alpha_keep_their_area() {
-        // A leaf that is a full rectangle beside one that is seen in part all over, and one with a soft edge.
+        // A full rectangle, a uniformly translucent one, and one with a soft edge.
         let regions = [4, 44, 84].map(|x| Region { x, y: 48, width: 32, height: 32 });
         let page = image(128, 128, |x, y| {
             let inside = (48..80).contains(&y) && regions.iter().any(|region| (region.x..region.x + 32).contains(&x));
@@ -388,7 +389,7 @@ mod tests {
         });
         let levels = of_color(&page, &regions, 0.5);
         let first = area(&page, 0.5);
-        // Of 4 × 4 texels, at level 3, a filter's round corners are 5 % of the area.
+        // At level 3, with 4 × 4 texels, the rounded corners of the filter are 5 % of the area.
         for (number, level) in levels.iter().enumerate().take(4) {
             let off = area(level, 0.5) / first - 1.0;
             assert!(off.abs() < 0.06, "level {number}: {off}");
@@ -421,7 +422,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
-        /// Leaves of any size anywhere: the share that passes stays, down to 8 × 8 texels.
+        /// Leaves of any size anywhere: the passing share stays, down to 8 × 8 texels.
         #[test]
         fn coverage_is_kept(leaves in prop::collection::vec((0.0f32..64.0, 0.0f32..64.0, 0.3f32..9.0), 1..60), cutoff in 0.2f32..0.8) {
             let covered = |x: usize, y: usize| {
@@ -438,7 +439,7 @@ mod tests {
                 let region = smaller(WHOLE, 1 << number, level.width(), level.height());
                 let texels = (region.width * region.height) as f64;
                 let off = (share(level, region, code) - first).abs() * texels;
-                // What is transparent at a level never passes, and what is to be seen at all never vanishes.
+                // Transparent texels of a level never pass, and a visible region never vanishes.
                 prop_assert!(off <= (0.01 * texels).max(1.0), "level {number}: {off} texels off");
             }
         }

@@ -1,4 +1,4 @@
-//! The baked page of a level: what each billboard shows of the leaves behind it.
+//! Texture baking: renders each billboard's leaves into the atlas page of a level.
 
 mod cascade;
 mod channels;
@@ -32,20 +32,22 @@ use crate::error::{Error, Result};
 use crate::foliage::Foliage;
 use crate::sheet::{Billboard, Sheet};
 
-/// What each image of a page took, by its name.
+/// Seconds spent on each image of an atlas page, by name.
 pub type ChannelSeconds = Vec<(&'static str, f64)>;
 
 /// Sub-samples along each side of a texel, in [1, 16].
 #[derive(Clone, Copy, Debug)]
 pub struct Samples {
     side: usize,
-    /// Parts along each side of a texel that are looked at by themselves.
+    /// Parts along each side of a texel that are shaded separately.
     looks: usize,
-    /// Of the distance between samples, over which textures are filtered.
+    /// Width of the texture filter, as a multiple of the distance between samples.
     filter: f32,
 }
 
 impl Samples {
+    /// Returns `samples` × `samples` samples.
+    ///
     /// # Errors
     /// A number outside [1, 16].
     pub fn new(samples: usize) -> Result<Self> {
@@ -55,20 +57,20 @@ impl Samples {
         Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
     }
 
-    /// How many along each side.
+    /// Returns the number of samples along each side.
     #[must_use]
     pub const fn side(self) -> usize {
         self.side
     }
 
-    /// Each sample is looked at by itself, as a renderer does: what is seen between leaves counts no more than what is seen of their middle.
+    /// Shades each sample separately, as a renderer does. Otherwise a texel shades each triangle once, in the middle of its samples there.
     #[must_use]
     pub fn each(self) -> Self {
         Self { looks: self.side, ..self }
     }
 
-    /// Textures are looked at in points, as a renderer does that takes many samples: for means over whole pictures, which need no filter and
-    /// would keep its bias. (Filters do not know which part of a texel is drawn beside which: pines come out some per cent too dark.)
+    /// Reads textures at points, as a renderer with many samples does. Means over whole pictures need no filter, and a filter would bias
+    /// them: it does not know which colors of a texel belong to its drawn part, and makes pines a few percent too dark.
     #[must_use]
     pub fn unfiltered(self) -> Self {
         Self { filter: 0.0, ..self }
@@ -82,26 +84,27 @@ impl Default for Samples {
     }
 }
 
-/// A triangle as it is drawn on billboards: where it lies at a = 1, in the frame of the sheet.
+/// A triangle to draw on a billboard, in the frame of the atlas layout.
 pub struct Drawn<'a> {
-    /// What it belongs to.
+    /// The foliage of the triangle.
     pub foliage: &'a Foliage,
-    /// Which one it is.
+    /// Index of the triangle in `foliage`.
     pub triangle: usize,
-    /// Its corners in the plane.
+    /// Its corners in the plane, at a = 1.
     pub targets: [DVec3; 3],
-    /// Its corners where they really are: what lies higher along the normal hides what lies lower.
+    /// Its original corners: their heights along the normal are its depths; higher triangles hide lower ones.
     pub corners: [DVec3; 3],
-    /// It is drawn only as far as it lies no farther from the plane.
+    /// Greatest distance from the plane up to which it is drawn.
     pub reach: f64,
 }
 
-/// Renders every billboard's triangles into its region of the page.
+/// Renders every billboard's triangles into its region of the atlas page.
 ///
-/// `drawn` gives the triangles that a plane shows; without a `sky` there are no channels that depend on it. What is transparent is filled in from around it, so that no filter finds anything else.
+/// `drawn` returns the triangles that a plane shows. Without a `sky`, channels that depend on it are left out. Colors under transparent
+/// texels are filled in from their surroundings, so that filters find no other color.
 ///
 /// # Panics
-/// Never: base colour is always among the channels.
+/// Never: base color is always among the channels.
 pub fn bake<'a>(
     sheet: &Sheet,
     samples: Samples,
@@ -111,10 +114,10 @@ pub fn bake<'a>(
     bake_timed(sheet, samples, channels, drawn).0
 }
 
-/// The page, and the seconds that each of its images took, by name.
+/// Renders the page as [`bake`] does; also returns the seconds spent on each of its images.
 ///
 /// # Panics
-/// Never: base colour is always among the channels.
+/// Never: base color is always among the channels.
 pub fn bake_timed<'a>(
     sheet: &Sheet,
     samples: Samples,
@@ -142,11 +145,11 @@ pub fn bake_timed<'a>(
         *seconds += started.elapsed().as_secs_f64();
         (channel, image)
     });
-    let page = Page::of(images).expect("base colour is always there");
+    let page = Page::of(images).expect("base color is always there");
     (page, seconds)
 }
 
-/// The map from a billboard's plane to texels of the page.
+/// Map from a billboard's plane to texels of the atlas page.
 struct ToPage {
     origin: DVec3,
     /// Texels per unit, along the columns and up the rows.
@@ -155,7 +158,7 @@ struct ToPage {
     normal: DVec3,
     left: f64,
     bottom: f64,
-    /// Where outlines follow what is opaque, triangles reach beyond their region, into others'.
+    /// The region as a clip window: outlines follow opaque parts, so triangles may reach beyond their region into others.
     window: Window,
 }
 

@@ -1,4 +1,4 @@
-//! The images of a level, and which of them there are to be.
+//! The images of a level's atlas page, and the choice of its channels.
 
 use glam::{Vec3, Vec4};
 
@@ -9,25 +9,27 @@ use crate::color::quantise;
 use crate::error::{Error, Result};
 use crate::foliage::{AlphaMode, Image, Material};
 
-/// Which channels a page has beside base colour and alpha.
+/// Channels of an atlas page beside base color and alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[allow(clippy::struct_excessive_bools)] // Each is there or not, whatever the others.
+#[allow(clippy::struct_excessive_bools)] // The flags are independent.
 pub struct Channels {
     /// Normals, bent toward the hull of the crown by a share in [0, 1].
     pub normal: Option<f32>,
-    /// Occlusion, roughness and metallic.
+    /// Roughness and metallic, with occlusion (ORM).
     pub gloss: bool,
-    /// The light that shines through.
+    /// Translucency, the color of transmitted light.
     pub translucency: bool,
-    /// How much of the sky is seen, as occlusion beside roughness and metallic.
+    /// Visible share of the sky, as the occlusion in ORM.
     pub occlusion: bool,
-    /// Where it is seen, so that a cloud shades itself; the share that this is added to is the occlusion.
+    /// Bent-normal occlusion: the direction of the visible sky, for self-shadowing. It is added to the occlusion.
     pub visibility: bool,
-    /// Which leaf is seen, and where in its texture.
+    /// Label textures: the leaf of each texel, and its texture coordinates there.
     pub leaf_map: bool,
 }
 
 impl Channels {
+    /// Checks the settings.
+    ///
     /// # Errors
     /// Normals bent by a share outside [0, 1].
     pub fn check(&self) -> Result<()> {
@@ -39,25 +41,25 @@ impl Channels {
         }
     }
 
-    /// With what the others rest upon.
+    /// Returns the channels together with those that they depend on.
     #[must_use]
     pub fn completed(self) -> Self {
         Self { occlusion: self.occlusion || self.visibility, ..self }
     }
 
-    /// What it takes of them where what is drawn shows them already: it is bent, and occluded.
+    /// Returns the channels for baking from billboards: their normals are bent already, and their ORM is occluded already.
     #[must_use]
     pub fn of_billboards(self) -> Self {
         Self { normal: self.normal.map(|_| 0.0), gloss: self.gloss || self.occlusion, occlusion: false, ..self }
     }
 
-    /// Whether any of them depends on the sky.
+    /// Returns whether any channel depends on the sky.
     #[must_use]
     pub fn need_sky(&self) -> bool {
         self.occlusion || self.visibility
     }
 
-    /// Base colour first; what depends on the sky is there when there is one.
+    /// Returns the list of channels, base color first. Channels that depend on the sky are left out without one.
     pub(super) fn list<'a>(&self, sky: Option<&'a Sky>) -> Vec<Channel<'a>> {
         let occluding = sky.filter(|_| self.occlusion);
         let wanted = [
@@ -72,22 +74,22 @@ impl Channels {
     }
 }
 
-/// The images of a level, all of one size.
+/// The images of an atlas page, all of one size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
-    /// sRGB with straight alpha; colour is filled in under transparent texels.
+    /// Base color: sRGB with straight alpha; color is filled in under transparent texels.
     pub base_color: Image,
-    /// In the axes of each billboard.
+    /// Normals, in the axes of each billboard.
     pub normal: Option<Image>,
-    /// Occlusion, roughness, metallic.
+    /// Occlusion, roughness, metallic (ORM).
     pub gloss: Option<Image>,
-    /// sRGB.
+    /// Translucency, sRGB.
     pub translucency: Option<Image>,
-    /// Where the sky is seen, in the axes of each billboard; to be added to the occlusion.
+    /// Bent-normal occlusion, in the axes of each billboard; added to the occlusion.
     pub visibility: Option<Image>,
-    /// Where in its texture a leaf is seen: u and v, of 12 bits; labels, of which only the nearest counts.
+    /// Texture coordinates u and v of the leaf, 12 bits each. Label texture: sample it with nearest filtering.
     pub leaf_uv: Option<Image>,
-    /// Which leaf of which material.
+    /// Index of the leaf and of its material. Label texture, too.
     pub leaf_id: Option<Image>,
 }
 
@@ -119,7 +121,7 @@ impl Page {
         Some(page)
     }
 
-    /// The images with their names, base colour first.
+    /// Returns the images with their names, base color first.
     pub fn images(&self) -> impl Iterator<Item = (&'static str, &Image)> {
         let others = [
             ("normal", &self.normal),
@@ -133,7 +135,7 @@ impl Page {
         std::iter::once(("base_color", &self.base_color)).chain(others)
     }
 
-    /// Another page of the same channels, each made by its name.
+    /// Returns a page with the same channels, with images made by `image` from their names.
     pub(crate) fn rebuilt(&self, image: impl Fn(&str) -> Image) -> Self {
         let other = |name: &str, own: &Option<Image>| own.as_ref().map(|_| image(name));
         Self {
@@ -147,13 +149,13 @@ impl Page {
         }
     }
 
-    /// The page as it is drawn with this cutoff: what fails gives its colour to what passes beside it.
+    /// Returns the page with colors settled for this cutoff: texels below it give their color to adjacent texels that reach it.
     #[must_use]
     pub fn settled(self, alpha_cutoff: f32) -> Self {
         Self { base_color: tone::gathered(&self.base_color, alpha_cutoff), ..self }
     }
 
-    /// The page as if what it shows were so many times as thick: light that passes it is to that power.
+    /// Returns the page as if its content were `times` as thick: transmittance is raised to that power.
     #[must_use]
     pub fn thickened(self, times: f64) -> Self {
         let thicker = |code: usize| quantise(1.0 - libm::pow(1.0 - code as f64 / 255.0, times) as f32);
@@ -162,14 +164,14 @@ impl Page {
         Self { base_color: self.base_color.with_alpha(alpha), ..self }
     }
 
-    /// The page with its linear colours multiplied.
+    /// Returns the page with its linear colors multiplied by `factors`.
     #[must_use]
     pub fn toned(self, factors: Vec3) -> Self {
         Self { base_color: tone::scaled(&self.base_color, factors), ..self }
     }
 
-    /// The mip levels of the image with this name, which suit what it shows. `None` without it; for labels, which have none; and for base
-    /// colour, whose levels depend on how it is drawn ([`mips::of_color`]).
+    /// Returns the mip levels of the image with this name, filtered to suit its content. `None` if the page does not have it, for label
+    /// textures, which have no mip levels, and for base color, whose levels depend on the cutoff ([`mips::of_color`]).
     #[must_use]
     pub fn levels(&self, name: &str) -> Option<mips::Levels> {
         let (name, image) = self.images().find(|(known, _)| *known == name)?;
@@ -181,7 +183,7 @@ impl Page {
         }
     }
 
-    /// The material of billboards that show the page, cut out at `alpha_cutoff`, or blended where that is 0.
+    /// Returns the material of billboards with this page, cut out at `alpha_cutoff`, or alpha blended if that is 0.
     #[must_use]
     pub fn material(&self, alpha_cutoff: f32, double_sided: bool) -> Material {
         Material {
@@ -191,7 +193,7 @@ impl Page {
             alpha_mode: if alpha_cutoff > 0.0 { AlphaMode::Mask(alpha_cutoff) } else { AlphaMode::Blend },
             double_sided,
             normal: self.normal.clone(),
-            // The image has the whole of it.
+            // The image holds the full value.
             metallic: if self.gloss.is_some() { 1.0 } else { 0.0 },
             roughness: 1.0,
             gloss: self.gloss.clone(),

@@ -1,20 +1,20 @@
-//! A page whose mip levels an engine makes by plain means, as from a PNG.
+//! Alpha for engines that make box-filtered mip levels themselves, as from a PNG.
 //!
-//! Plain means keep alpha's sum, not what passes the cutoff: of crowns drawn at a cutoff of ½ half is gone after two levels. Engines draw
-//! a level at all only where its texels are about a pixel or smaller, so its mips 0 to 3 count. Alpha is remapped by two lines through one
-//! pivot, which comes to lie at a new, lower cutoff; pivot and cutoff are chosen so that the area that passes stays at level 0 and, in the
-//! mean, at levels 1 to 3. (Full alpha for all that passes does no better, and has coarser edges.) Known limit: no cutoff serves all
-//! levels. The first ones become up to a quarter denser (needles more), the fourth is sparse, and beyond it thin leaves dissolve all the same.
+//! Box filtering keeps the sum of alpha, not the area above the cutoff: crowns drawn at a cutoff of ½ lose half after two mip levels.
+//! Engines draw a level only where its texels are about a pixel or smaller, so its mip levels 0 to 3 count. Alpha is remapped by two lines
+//! through a pivot, which moves to a new, lower cutoff. Pivot and cutoff keep the area above the cutoff at mip level 0 and, in the mean, at
+//! levels 1 to 3. (Full alpha for all texels above the cutoff does no better and has coarser edges.) Known limit: no cutoff suits all mip
+//! levels. The first ones become up to a quarter denser (needles more), the fourth is sparse, and beyond it thin leaves still dissolve.
 
 use crate::foliage::{Image, mask};
 
-/// The cutoff is not lower: below, what filters leave of a leaf counts as leaf.
+/// Lowest cutoff. Below it, the blurred surroundings of a leaf count as leaf.
 const LEAST: f32 = 0.1;
 
-/// Levels behind the page that count.
+/// Mip levels after level 0 that keep the area.
 const LEVELS: usize = 3;
 
-/// In how many halvings cutoff and pivot are found, and by how many rows of the page.
+/// Halvings in the search for cutoff and pivot, and rows of the page that it measures.
 const HALVINGS: usize = 6;
 const ROWS: usize = 512;
 
@@ -22,7 +22,7 @@ fn area_of_some(alpha: &[u8], width: usize, cutoff: f32) -> f64 {
     mask::area(alpha, width, cutoff, (alpha.len() / width / ROWS).max(1))
 }
 
-/// The page and the cutoff that it is to be drawn with in place of `cutoff`.
+/// Returns the page with remapped alpha, and the cutoff to draw it with in place of `cutoff`.
 #[must_use]
 pub fn for_plain_means(page: &Image, cutoff: f32) -> (Image, f32) {
     let (alpha, width) = (page.alpha(), page.width());
@@ -41,7 +41,8 @@ pub fn for_plain_means(page: &Image, cutoff: f32) -> (Image, f32) {
     (page.clone().with_alpha(remapped(&alpha, width, found, (cutoff, area))), found)
 }
 
-/// Alpha with the pivot at the new cutoff that lets the same area pass: the old cutoff, or more, for edges grow as the cutoff falls.
+/// Returns alpha remapped to the new cutoff with the pivot that keeps the area above it. The pivot is the old cutoff or more, because edges
+/// grow as the cutoff falls.
 fn remapped(alpha: &[u8], width: usize, cutoff: f32, (old, area): (f32, f64)) -> Vec<u8> {
     let at = |pivot: f32| {
         let table = table(pivot, cutoff);
@@ -59,7 +60,7 @@ fn remapped(alpha: &[u8], width: usize, cutoff: f32, (old, area): (f32, f64)) ->
     at(0.5 * (low + high))
 }
 
-/// From 0 to the pivot alpha goes to `cutoff`, from there to 1.
+/// Returns the table that maps alpha linearly: 0 to the pivot becomes 0 to `cutoff`, the pivot to 1 becomes `cutoff` to 1.
 pub(super) fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
     std::array::from_fn(|code| {
         let alpha = code as f32 / 255.0;
@@ -72,7 +73,7 @@ pub(super) fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
     })
 }
 
-/// The mean area that passes on the levels behind.
+/// Returns the mean area above the cutoff on mip levels 1 to [`LEVELS`].
 fn area_of_means(alpha: Vec<u8>, width: usize, cutoff: f32) -> f64 {
     let (mut alpha, mut width) = (alpha, width);
     let mut sum = 0.0;
@@ -96,7 +97,7 @@ mod tests {
     use super::*;
     use crate::textures::mips;
 
-    /// The area that passes over that of level 0, by level of plain means.
+    /// Returns the area above the cutoff over that of level 0, for each box-filtered mip level.
     fn areas(image: &Image, cutoff: f32, whole: f64) -> Vec<f64> {
         let area = |level: &Image| mask::area(&level.alpha(), level.width(), cutoff, 1) / whole;
         mips::means(image).iter().take(4).map(area).collect()
@@ -115,12 +116,12 @@ mod tests {
         let (before, after) = (areas(&page, 0.5, whole), areas(&engine, cutoff, whole));
         assert!((after[0] - 1.0).abs() < 0.03, "level 0 keeps its area: {after:?}");
         let mean = |areas: &[f64]| areas[1..].iter().sum::<f64>() / 3.0;
-        assert!(mean(&before) < 0.7, "plain means lose much: {before:?}");
+        assert!(mean(&before) < 0.7, "box filtering loses much: {before:?}");
         assert!((mean(&after) - 1.0).abs() < 0.05, "{after:?}");
     }
 
     #[test]
-    fn what_is_opaque_or_empty_stays() {
+    fn opaque_and_empty_pages_stay() {
         for code in [0, 255] {
             let page = Image::new(64, 64, vec![[1, 2, 3, code]; 64 * 64]).unwrap();
             let (engine, cutoff) = for_plain_means(&page, 0.5);

@@ -1,10 +1,10 @@
-//! An orthographic rasteriser: coverage by supersampling, the nearest surface by a depth buffer, alpha by test.
+//! An orthographic rasterizer with supersampled coverage, a depth buffer and an alpha test.
 //!
-//! The canvas is cut into tiles that fit a core's cache; each tile is drawn by one thread from the list of triangles that
-//! touch it, in their order, so the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest
-//! to the viewer that passes its alpha test (of equally near ones, the first triangle's). Then each channel looks only at what is
-//! seen, once for what a pixel (or, where it is asked for, each part of one) shows of a triangle, in the middle of its samples there. O(fragments · samples²), one alpha test for a sample
-//! that passes the depth test.
+//! The canvas is cut into tiles that fit a core's cache. One thread draws each tile from the ordered list of triangles that touch it, so
+//! the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest to the viewer that
+//! passes the alpha test; among equally near ones, the first triangle's. Then each channel is shaded, once for each triangle visible in a
+//! pixel (or, on request, in each part of a pixel), in the middle of its samples there. O(fragments · samples²), with one alpha test for
+//! each sample that passes the depth test.
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
@@ -23,20 +23,20 @@ use crate::foliage::{BLOCK, Foliage, Spot, Surface};
 /// A triangle in pixels: x to the right, y down from the upper left corner, z toward the viewer.
 #[derive(Clone)]
 pub struct ScreenTriangle<'a> {
-    /// Where it is drawn.
+    /// Corners on screen.
     pub corners: [Vec3; 3],
-    /// What it belongs to.
+    /// The foliage of the triangle.
     pub foliage: &'a Foliage,
-    /// Which one it is.
+    /// Index of the triangle in `foliage`.
     pub triangle: u32,
-    /// Where on the canvas, and seen from where.
+    /// Clip window and view axes.
     pub window: &'a Window,
-    /// It is drawn only as far as it lies no farther from z = 0.
+    /// Greatest |z| up to which it is drawn.
     pub reach: f32,
 }
 
 impl ScreenTriangle<'_> {
-    /// Whether it may cover anything of its window.
+    /// Returns whether it may cover any part of its window.
     pub(super) fn is_within(&self) -> bool {
         let (low, high) = bounds(&self.corners);
         let overlaps =
@@ -45,14 +45,14 @@ impl ScreenTriangle<'_> {
     }
 }
 
-/// A part of the canvas with a view of its own.
+/// A part of the canvas with its own view axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
-    /// The pixels that may be covered, from the left.
+    /// Columns that may be covered, from the left.
     pub columns: Range<usize>,
-    /// From the top.
+    /// Rows that may be covered, from the top.
     pub rows: Range<usize>,
-    /// From the foliage's axes to right, up, toward the viewer.
+    /// Rotation from the foliage's axes to right, up, toward the viewer.
     pub view: Mat3,
 }
 
@@ -72,7 +72,7 @@ pub struct Canvas {
     pub pixels: Vec<Vec4>,
 }
 
-/// Draws the triangles on canvases of `width` × `height` pixels, each at least 1: one canvas for each channel.
+/// Draws the triangles on one canvas for each channel, each `width` × `height` pixels, both at least 1.
 #[must_use]
 pub fn rasterise(
     triangles: &[ScreenTriangle<'_>],
@@ -84,7 +84,8 @@ pub fn rasterise(
     rasterise_timed(triangles, width, height, samples, channels).0
 }
 
-/// The canvases, and the seconds that each of them took beside finding what is seen: its share of all threads' time.
+/// Draws as [`rasterise`] does; also returns the seconds for shading each canvas, as its share of all threads' time. Visibility is not
+/// included.
 pub(super) fn rasterise_timed<'a>(
     triangles: &[ScreenTriangle<'a>],
     width: usize,
@@ -93,13 +94,13 @@ pub(super) fn rasterise_timed<'a>(
     channels: &[Channel<'_>],
 ) -> (Vec<Canvas>, Vec<f64>) {
     let started = Instant::now();
-    // Of finding what is seen, then of each channel.
+    // Nanoseconds for visibility, then for each channel.
     let spent: Vec<AtomicU64> = (0..=channels.len()).map(|_| AtomicU64::new(0)).collect();
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);
     let empty = |_: &Channel| Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
     let mut canvases: Vec<Canvas> = channels.iter().map(empty).collect();
-    // Each row of tiles is a band of every canvas: what is drawn there goes nowhere else.
+    // Each row of tiles is a separate band of every canvas.
     let mut bands: Vec<Vec<&mut [Vec4]>> = (0..tiles.rows).map(|_| Vec::new()).collect();
     for canvas in &mut canvases {
         for (band, pixels) in bands.iter_mut().zip(canvas.pixels.chunks_mut(width * TILE)) {
@@ -132,12 +133,12 @@ pub(super) fn rasterise_timed<'a>(
     (canvases, spent[1..].iter().map(|each| each * share).collect())
 }
 
-/// At how many samples of a canvas of `width` × `height` pixels each of the triangles is seen.
+/// Returns the number of samples at which each triangle is visible on a canvas of `width` × `height` pixels.
 #[must_use]
 pub fn count_seen<'a>(triangles: &[ScreenTriangle<'a>], width: usize, height: usize, samples: Samples) -> Vec<u32> {
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);
-    // Whole numbers: their sums are the same in any order.
+    // Integer sums are the same in any order.
     let counts: Vec<AtomicU32> = triangles.iter().map(|_| AtomicU32::new(0)).collect();
     let count = |tile: &mut Tile<'a>, (index, list): (usize, &Vec<u32>)| {
         let origin = tiles.origin(index);
@@ -163,7 +164,7 @@ impl Tiles {
         Vec2::new((tile % self.columns * TILE) as f32, (tile / self.columns * TILE) as f32)
     }
 
-    /// The triangles whose boxes touch each tile, in order.
+    /// Returns, for each tile, the triangles with bounds that touch it, in order.
     fn lists(&self, triangles: &[ScreenTriangle]) -> Vec<Vec<u32>> {
         let mut lists = vec![Vec::new(); self.columns * self.rows];
         for (index, triangle) in (0u32..).zip(triangles) {
@@ -187,7 +188,7 @@ fn bounds([a, b, c]: &[Vec3; 3]) -> (Vec2, Vec2) {
     (low.truncate(), high.truncate())
 }
 
-/// The cells of `size`, of `count`, that the interval touches.
+/// Returns the cells that the interval touches, among `count` cells of `size`.
 fn covered(low: f32, high: f32, size: f32, count: usize) -> Range<usize> {
     // Casts of negative numbers and NaN give 0.
     (low / size).floor() as usize..(((high / size).floor() + 1.0) as usize).min(count)
@@ -197,53 +198,53 @@ fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
     a.start.max(b.start)..a.end.min(b.end)
 }
 
-/// The samples of pixels in a tile that begins at the pixel `origin`.
+/// Returns the samples of a range of pixels in a tile that begins at the pixel `origin`.
 fn samples_of(pixels: &Range<usize>, origin: f32, samples: usize) -> Range<usize> {
     let sample = |pixel: usize| pixel.saturating_sub(origin as usize).saturating_mul(samples);
     sample(pixels.start)..sample(pixels.end)
 }
 
-/// No triangle is seen at a sample.
+/// Marks a sample without a visible triangle.
 const NOTHING: u32 = u32::MAX;
 
-/// The samples of one tile, row by row: what is seen there, and how near.
+/// The samples of one tile, row by row: visible fragment and depth.
 struct Tile<'a> {
     samples: usize,
-    /// Parts of a pixel along either side that are looked at by themselves.
+    /// Parts along each side of a pixel that are shaded separately.
     looks: usize,
-    /// Of the distance between samples, over which textures are filtered.
+    /// Width of the texture filter, as a multiple of the distance between samples.
     filter: f32,
     /// Samples in a row.
     side: usize,
     depths: Vec<f32>,
-    /// Into `drawn`.
+    /// Indices into `drawn`.
     seen: Vec<u32>,
     drawn: Vec<Fragment<'a>>,
     pieces: Vec<Piece>,
 }
 
-/// What a part of a pixel shows of a triangle.
+/// The visible samples of a triangle in a part of a pixel.
 struct Piece {
-    /// In the tile, row by row; pieces are in the order of their pixels.
+    /// Index of the pixel in the tile, row by row; pieces are in the order of their pixels.
     pixel: usize,
-    /// Which part.
+    /// Index of the part in the pixel.
     part: usize,
-    /// Into `drawn`.
+    /// Index into `drawn`.
     fragment: u32,
-    /// How many samples.
+    /// Number of samples.
     count: u32,
-    /// The sum of their places, in samples.
+    /// Sum of the sample positions, in samples.
     places: Vec2,
 }
 
 impl Piece {
-    /// Of its samples.
+    /// Returns the mean of its sample positions.
     fn middle(&self) -> Vec2 {
         self.places / self.count as f32
     }
 }
 
-/// A triangle on its way through a tile.
+/// A triangle with visible samples in a tile.
 struct Fragment<'a> {
     index: u32,
     edges: Edges,
@@ -281,7 +282,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// The pieces of one pixel.
+    /// Adds the pieces of one pixel.
     fn gather(&mut self, pixel: usize) {
         let first = self.pieces.len();
         let (left, top) = (pixel % TILE * self.samples, pixel / TILE * self.samples);
@@ -332,7 +333,8 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// The part of a triangle in at most [`BLOCK`] rows, block by block: most of what foliage shows is transparent, and blocks of it are left out.
+    /// Draws the part of a triangle in at most [`BLOCK`] rows, block by block. Most of foliage is transparent; transparent blocks are
+    /// skipped.
     fn add_band(&mut self, drawing: &mut Drawing<'a>, columns: &Range<usize>, rows: Range<usize>) {
         let mut spans: [Range<usize>; BLOCK] = std::array::from_fn(|_| 0..0);
         let mut whole = Range { start: usize::MAX, end: 0 };
@@ -355,7 +357,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// The part of a triangle in at most [`BLOCK`] samples of a row.
+    /// Draws the part of a triangle in at most [`BLOCK`] samples of a row.
     fn add_run(&mut self, drawing: &mut Drawing<'a>, run: Range<usize>, y: usize) {
         let Drawing { surface, edges, depths, reach, threshold, any } = drawing;
         let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
@@ -380,7 +382,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// A channel over the samples of each pixel of a row, which is empty.
+    /// Shades a channel into an empty row of pixels.
     fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
@@ -395,12 +397,12 @@ impl<'a> Tile<'a> {
         if channel.is_label() {
             choose(pieces, |piece| look(piece, self.place_nearest_middle(piece)), pixels);
         } else {
-            // The middle of some samples within a triangle lies within it.
+            // The mean of sample positions in a triangle lies in the triangle.
             self.average(pieces, |piece| look(piece, piece.middle()), pixels);
         }
     }
 
-    /// The place of a sample near the middle of a piece: something is seen there, which need not be so in the very middle.
+    /// Returns the sample of a piece nearest to its middle: the triangle is visible there, but not always in the exact middle.
     fn place_nearest_middle(&self, piece: &Piece) -> Vec2 {
         let middle = piece.middle();
         let (left, top) = (piece.pixel % TILE * self.samples, piece.pixel / TILE * self.samples);
@@ -410,14 +412,14 @@ impl<'a> Tile<'a> {
         centres.min_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle))).unwrap_or(middle)
     }
 
-    /// The mean of what samples see.
+    /// Adds the mean over the samples to each pixel.
     fn average(&self, pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
         for piece in pieces {
             // Triangles that reach beyond the canvas are drawn on whole tiles.
             let Some(pixel) = pixels.get_mut(piece.pixel % TILE) else { continue };
             *pixel += look(piece) * piece.count as f32;
         }
-        // Divided at the end, whole numbers give exact shares: full coverage is 1.
+        // Dividing at the end gives exact shares: full coverage is 1.
         let count = (self.samples * self.samples) as f32;
         for pixel in pixels {
             *pixel /= count;
@@ -425,7 +427,7 @@ impl<'a> Tile<'a> {
     }
 }
 
-/// What most samples see; of as many, the first.
+/// Sets each pixel to the value of its piece with the most samples; among equals, the first.
 fn choose(pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
     for of_pixel in pieces.chunk_by(|a, b| a.pixel == b.pixel) {
         let most = of_pixel.iter().reduce(|most, piece| if piece.count > most.count { piece } else { most });
@@ -434,13 +436,13 @@ fn choose(pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) 
     }
 }
 
-/// A triangle that is being drawn on a tile.
+/// State while drawing a triangle on a tile.
 struct Drawing<'a> {
     surface: Surface<'a>,
     edges: Edges,
     depths: Vec3,
     reach: f32,
     threshold: Thresholds,
-    /// Whether it was seen at any sample.
+    /// Whether it became visible at any sample.
     any: bool,
 }

@@ -1,27 +1,27 @@
-//! Which samples of a pixel a triangle covers, and which of these its alpha lets through.
+//! Coverage and alpha test at the samples of a pixel.
 //!
-//! Coverage is decided by barycentric weights, affine in the place (Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988);
-//! alpha by thresholds that are spread over a pixel's samples, so that a share of alpha is a share of samples.
+//! Coverage follows from barycentric weights, which are affine in the position (Pineda, "A Parallel Algorithm for Polygon Rasterization",
+//! 1988). Alpha is compared with thresholds that are spread over a pixel's samples, so that alpha becomes a share of the samples.
 
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-/// Pixels along each side of a tile: what a thread draws at once fits a core's cache.
+/// Pixels along each side of a tile: a tile fits a core's cache.
 pub(super) const TILE: usize = 32;
 
-/// Barycentric weights as affine functions of the place.
+/// Barycentric weights as affine functions of the position.
 pub(super) struct Edges {
     origin: Vec2,
     /// Gradients of the second and third weight.
     second: Vec2,
     third: Vec2,
-    /// Whether the side is seen from which the triangle winds counter-clockwise.
+    /// Whether the visible side is the one that winds counter-clockwise.
     pub(super) front: bool,
 }
 
 impl Edges {
-    /// `None` for a triangle without area, and for one whose area is beyond f32.
+    /// Returns `None` for a triangle with an area that is 0 or beyond f32.
     pub(super) fn new([a, b, c]: [Vec2; 3]) -> Option<Self> {
         let (u, v) = (b - a, c - a);
         let twice_area = u.perp_dot(v);
@@ -41,20 +41,20 @@ impl Edges {
         Vec3::new(1.0 - second - third, second, third)
     }
 
-    /// How the weights change from sample to sample along a row and a column.
+    /// Returns the change of the weights from sample to sample along a row and a column.
     pub(super) fn steps(&self) -> [Vec3; 2] {
         let step = |second: f32, third: f32| Vec3::new(-second - third, second, third);
         [step(self.second.x, self.third.x), step(self.second.y, self.third.y)]
     }
 
-    /// The samples of a row, of those in `columns`, where all weights may be at least 0: one more at either end, for rounding.
+    /// Returns the samples of a row within `columns` at which all weights may be at least 0, with one more at each end for rounding.
     pub(super) fn span(&self, y: f32, columns: &Range<usize>) -> Range<usize> {
         let start = columns.start as f32 + 0.5;
         let at = self.weights(Vec2::new(start, y));
         let [step, _] = self.steps();
         let (mut low, mut high) = (0.0f32, columns.len() as f32);
         for (weight, step) in at.to_array().into_iter().zip(step.to_array()) {
-            // weight + x · step ≥ 0; a weight that does not change decides nothing here.
+            // weight + x · step ≥ 0; a constant weight sets no limit here.
             let crossing = -weight / step;
             if step > 0.0 {
                 low = low.max(crossing);
@@ -62,17 +62,17 @@ impl Edges {
                 high = high.min(crossing);
             }
         }
-        // Casts saturate: what lies beyond is cut.
+        // Casts saturate, and the range is clipped.
         let first = columns.start.saturating_add((low - 1.0) as usize);
         let end = columns.start.saturating_add((high + 2.0) as usize);
         first.min(columns.end)..end.min(columns.end)
     }
 }
 
-/// Alpha thresholds: the samples of a pixel have evenly spread ones, in an order of the triangle's and the pixel's own, all moved by a share of a
-/// step that is theirs, too: whole multiples of a step come out exactly, what lies between them in the mean of some pixels; and what shines
-/// through two triangles is the product in the mean of some pixels. (Were the order the triangle's alone, those of two would be the
-/// same in all pixels, and crowns some per cent too dense or too clear.)
+/// Alpha thresholds. The samples of a pixel have evenly spaced thresholds, in an order that depends on triangle and pixel, and all shifted
+/// by a share of a step that also depends on both. So alpha at multiples of a step is exact, and other alpha is right in the mean of some
+/// pixels. Transmittance through two triangles is the product of theirs in the mean of some pixels. (With an order that depended on the
+/// triangle alone, two triangles would relate the same way in all pixels, and crowns would be a few percent too dense or too thin.)
 pub(super) struct Thresholds {
     samples: usize,
     count: u32,
@@ -85,7 +85,8 @@ impl Thresholds {
         Self {
             samples,
             count: (samples * samples) as u32,
-            // A full-period walk through the samples; 5 and the squares 1 … 256 of 1 … 16 share a factor for multiples of 5 only, 7 serves those.
+            // A full-period walk through the samples needs a step coprime to their number, the square of 1 … 16: 5, or 7 for multiples of
+            // 5.
             step: if samples.is_multiple_of(5) { 7 } else { 5 },
             triangle: triangle.wrapping_mul(0x9E37_79B9),
         }
@@ -100,7 +101,7 @@ impl Thresholds {
     }
 }
 
-/// Each bit depends on all (C. Wellons, "Prospecting for Hash Functions", 2018: lowbias32).
+/// Returns a hash in which each bit depends on all bits (C. Wellons, "Prospecting for Hash Functions", 2018: lowbias32).
 fn mixed(mut bits: u32) -> u32 {
     bits = (bits ^ (bits >> 16)).wrapping_mul(0x7FEB_352D);
     bits = (bits ^ (bits >> 15)).wrapping_mul(0x846C_A68B);
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_shines_through_two_triangles_is_the_product() {
+    fn transmittances_of_two_triangles_multiply() {
         for samples in 2..=16 {
             let side = 16 * samples;
             for (apart, alpha) in [(1, 0.2), (2, 0.2), (3, 0.5), (4, 0.5), (6, 0.8), (8, 0.2)] {

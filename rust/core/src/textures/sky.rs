@@ -1,12 +1,11 @@
-//! How much of the sky is seen from everywhere in a crown, so that what stands for it shades itself.
+//! Sky visibility at any position in a crown, for occlusion and self-shadowing of billboards.
 //!
-//! The crown is looked at from many directions, as a sun does that casts shadows (Williams, "Casting curved shadows on curved surfaces",
-//! 1978): each time the depth of what is nearest. A place sees a direction when nothing nearer lies there. What it sees of all directions is
-//! kept to first order, V(l) ≈ m + b · l, by least squares: the mean m is ambient occlusion, the vector b points to where the light comes
-//! from. Whoever lights it takes the ramp that has both (`lc_sun_share` in `shaders/leafcloud.glsl`): of a single gap a cone with an edge.
-//! O(directions · (triangles + places)).
+//! Shadow maps of the crown are rendered from many directions (Williams, "Casting curved shadows on curved surfaces", 1978). A position
+//! sees a direction if nothing lies nearer to that sun in its shadow map. Visibility is stored to first order, V(l) ≈ m + b · l, by least
+//! squares: the mean m is ambient occlusion; the vector b points toward the open sky. Shaders use the ramp with the same m and b
+//! (`lc_sun_share` in `shaders/leafcloud.glsl`): for a single gap it is a cone with an edge. O(directions · (triangles + positions)).
 //!
-//! Known limits: several gaps are taken for one between them; what lies nearer than R/48 casts no shadow, so that leaves do not shade
+//! Known limits: several gaps are treated as one between them. Surfaces nearer than R/48 cast no shadow, so that leaves do not shade
 //! themselves.
 
 use glam::{DVec3, Vec3, Vec4};
@@ -18,27 +17,28 @@ use super::raster::{ScreenTriangle, Window, rasterise};
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
 
-/// Directions to look from, for few triangles and for many: they cost as many pictures of the crown.
+/// Numbers of directions for few and for many triangles. Each direction costs a shadow map.
 const DIRECTIONS: usize = 64;
 const FEWEST_DIRECTIONS: usize = 16;
 const MANY_TRIANGLES: usize = 200_000;
 
-/// Pixels along a picture of the crown.
+/// Side of a shadow map in pixels.
 const PIXELS: usize = 256;
 
-/// What lies no nearer to the sun than this does not hide a place: some pixels, so that leaves do not shade themselves. In R.
+/// Shadow bias in R, a few pixels: a surface this little nearer to the sun does not hide a position, so that leaves do not shade
+/// themselves.
 const BIAS: f32 = 1.0 / 48.0;
 
-/// What a place sees of the sky.
+/// Sky visibility at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlook {
-    /// The share of all directions that is seen, in [0, 1].
+    /// Visible share of all directions, in [0, 1].
     pub share: f32,
-    /// To first order the share `share + toward · l` is seen toward l; in the caller's axes.
+    /// To first order, the visible share toward l is `share + toward · l`; in the caller's axes.
     pub toward: Vec3,
 }
 
-/// The outlook from everywhere in a crown.
+/// Sky visibility in a crown, as shadow maps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky {
     frame: Frame,
@@ -46,7 +46,7 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// As `parts` leave it, which shade one another from either side; `frame` holds the places that may be asked for.
+    /// Renders the shadow maps of `parts`, which cast shadows from both sides. `frame` bounds the positions for [`Self::from`].
     #[must_use]
     pub fn over(parts: &[&Foliage], frame: &Frame) -> Self {
         let parts: Vec<Foliage> = parts.iter().map(|part| part.double_sided()).collect();
@@ -55,7 +55,7 @@ impl Sky {
         Self { frame: *frame, shadows: directions(count).map(|sun| Shadow::cast(&parts, frame, sun)).collect() }
     }
 
-    /// The outlook from a place in the caller's coordinates.
+    /// Returns the sky visibility at a position in the caller's coordinates.
     #[must_use]
     pub fn from(&self, place: DVec3) -> Outlook {
         let place = self.frame.to_local(place).as_vec3();
@@ -66,7 +66,7 @@ impl Sky {
     }
 }
 
-/// A spiral over the whole sphere whose directions and their squares average out, to about 1/count.
+/// Returns directions on a spiral over the whole sphere. Their means and those of their squares are uniform to about 1/count.
 fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {
@@ -76,13 +76,13 @@ fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// How near to a sun the first thing lies, pixel by pixel.
+/// A shadow map: the depth nearest to a sun at each pixel.
 #[derive(Clone, Debug, PartialEq)]
 struct Shadow {
     right: Vec3,
     up: Vec3,
     sun: Vec3,
-    /// Along the sun; −∞ where nothing lies.
+    /// Depths toward the sun; −∞ in empty pixels.
     depths: Vec<f32>,
 }
 
@@ -116,11 +116,11 @@ impl Shadow {
         Self { right: right.as_vec3(), up: up.as_vec3(), sun: sun.as_vec3(), depths }
     }
 
-    /// Whether nothing is between the place and the sun.
+    /// Returns whether the sun reaches the position.
     fn reaches(&self, place: Vec3) -> bool {
         const HALF: f32 = PIXELS as f32 / 2.0;
         let (x, y) = (HALF + HALF * self.right.dot(place), HALF - HALF * self.up.dot(place));
-        // Outside the picture nothing lies; casts of negative numbers give 0, so they are asked for first.
+        // Nothing lies outside the map. Negative numbers are checked first because their casts give 0.
         let inside = |at: f32| (at >= 0.0 && at < PIXELS as f32).then_some(at as usize);
         let pixel = inside(x).zip(inside(y)).map(|(column, row)| row * PIXELS + column);
         pixel.is_none_or(|pixel| self.depths[pixel] <= self.sun.dot(place) + BIAS)
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use crate::foliage::Attributes;
 
-    /// Squares of side 2 at the heights, facing up; R is that of their bounding sphere.
+    /// Squares of side 2 at the given heights, facing up. R is the radius of their bounding sphere.
     fn tiers(heights: &[f64]) -> Foliage {
         let corners = |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
         let positions: Vec<DVec3> = heights.iter().flat_map(|&z| corners(z)).collect();
@@ -155,7 +155,7 @@ mod tests {
     fn over_a_large_roof_half_of_the_sky_is_seen() {
         let roof = tiers(&[0.0]);
         let sky = Sky::over(&[&roof], roof.frame());
-        // Close over its middle: V(l) is 1 for l up and 0 for l down, to first order ½ + ¾ z (by hand: 3 · mean of V z = ¾).
+        // Close above its middle, V(l) is 1 for l up and 0 for l down: to first order ½ + ¾ z (by hand: 3 · mean of V z = ¾).
         let outlook = sky.from(DVec3::new(0.0, 0.0, 0.08));
         assert!((outlook.share - 0.5).abs() < 0.06, "{outlook:?}");
         assert!((outlook.toward - Vec3::Z * 0.75).abs().max_element() < 0.1, "{outlook:?}");
@@ -179,7 +179,7 @@ mod tests {
         let sky = Sky::over(&[&roof], roof.frame());
         let corner = roof.frame().centre + DVec3::splat(roof.frame().radius);
         assert!(sky.from(corner).share > 0.85);
-        assert_eq!(sky.from(corner * 50.0).share, 1.0, "nothing lies beyond the pictures");
+        assert_eq!(sky.from(corner * 50.0).share, 1.0, "nothing lies outside the shadow maps");
     }
 
     #[test]
@@ -191,7 +191,7 @@ mod tests {
         for i in 1..20 {
             let share = f64::from(i) / 20.0;
             let outlook = sky.from(corners[0].lerp(corners[2], share));
-            // But for suns that graze it.
+            // Only grazing suns are hidden.
             assert!(outlook.share > 0.9 && outlook.toward.length() < 0.2, "{outlook:?}");
         }
     }

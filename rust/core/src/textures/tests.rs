@@ -38,7 +38,7 @@ fn screen(foliage: &Foliage, size: f32, z: f32) -> Vec<ScreenTriangle<'_>> {
         .collect()
 }
 
-/// Base colour, premultiplied.
+/// Returns the base color, premultiplied.
 fn drawn(triangles: &[ScreenTriangle], width: usize, height: usize, samples: Samples) -> Canvas {
     rasterise(triangles, width, height, samples, &[Channel::BaseColor]).remove(0)
 }
@@ -50,7 +50,7 @@ fn samples(count: usize) -> Samples {
 #[test]
 fn coverage_is_exact_on_the_sample_grid() {
     let white = square(0.0, Material::default());
-    // 2.5 pixels wide: two full, one half, with 4 samples a side.
+    // 2.5 pixels wide: two full pixels and a half one, with 4 samples a side.
     let canvas = drawn(&screen(&white, 2.5, 0.0), 4, 4, samples(4));
     let alpha: Vec<f32> = canvas.pixels[4 * 3..].iter().map(|p| p.w).collect();
     assert_eq!(alpha, [0.0; 4], "the square hangs from the top: row 3 is empty");
@@ -103,14 +103,14 @@ fn single_sided_backs_are_not_drawn() {
     assert_eq!(drawn(&triangles, 4, 4, samples(1)).pixels[5].w, 0.0);
 }
 
-/// A picture whose left half is transparent green, its right half opaque half-grey.
+/// An image with a transparent green left half and an opaque mid-gray right half.
 fn half_image() -> Image {
     let pixel = |i: usize| if i % 8 < 4 { [0, 255, 0, 0] } else { [128, 128, 128, 255] };
     Image::new(8, 8, (0..64).map(pixel).collect::<Vec<_>>()).unwrap()
 }
 
 #[test]
-fn masked_texels_let_through_and_do_not_tint() {
+fn masked_texels_are_transparent_and_do_not_tint() {
     let material = Material { image: Some(half_image()), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() };
     let foliage = square(0.0, material);
     let image = Channel::BaseColor.to_image(&drawn(&screen(&foliage, 8.0, 0.0), 8, 8, samples(4)));
@@ -124,7 +124,7 @@ fn masked_texels_let_through_and_do_not_tint() {
 }
 
 #[test]
-fn what_is_as_opaque_as_its_cutoff_has_no_holes() {
+fn alpha_equal_to_the_cutoff_has_no_holes() {
     // 255/255 and 102/255, filtered and as a factor of 0.8 in 32 bits.
     for (code, factor, cutoff) in [(255, 1.0, 1.0), (255, 0.8, 0.8), (102, 1.0, 0.4), (102, 0.5, 0.2)] {
         let image = Image::new(7, 7, vec![[9, 9, 9, code]; 49]).unwrap();
@@ -142,7 +142,7 @@ fn blended_alpha_is_coverage() {
         let material = Material { alpha_mode: AlphaMode::Blend, ..coloured(Vec4::new(1.0, 1.0, 1.0, alpha)) };
         let foliage = square(0.0, material);
         let canvas = drawn(&screen(&foliage, 4.0, 0.0), 4, 4, samples(count));
-        // Exact within a triangle; the pixels of the diagonal hold samples of two.
+        // Exact within a triangle; pixels on the diagonal hold samples of two triangles.
         let within = (0..16).filter(|i| i % 4 + i / 4 != 3);
         assert!(within.map(|i| canvas.pixels[i].w).all(|w| (w - alpha).abs() < 1e-6), "{count} {alpha}");
     }
@@ -156,7 +156,7 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let foliage = square(0.0, Material { image: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..Material::default() });
     let corner = |x: f64, y: f64| foliage.frame().to_local(DVec3::new(x, y, 0.0));
     let plane = Plane::through(corner(0., 0.), DVec3::Z);
-    // A wide outline cannot be turned unseen.
+    // A wide outline cannot be rotated unnoticed.
     let (low, high) = (corner(-1.0, 0.0), corner(2.0, 1.0));
     let (x, y) = plane.axes();
     let along = |p: DVec3| DVec2::new(x.dot(p), y.dot(p));
@@ -190,16 +190,16 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
         };
         assert_eq!(look(0.25, 0.25), [255, 0, 0, 255]);
         for empty in [look(0.75, 0.25), look(0.25, 0.75), look(-0.5, 0.25)] {
-            assert_eq!(empty, [255, 0, 0, 0], "colour is filled in under what is transparent");
+            assert_eq!(empty, [255, 0, 0, 0], "color is filled in under transparent texels");
         }
     }
 }
 
 #[test]
-fn edges_are_as_near_as_is_said() {
+fn edges_keep_the_stated_bound() {
     use crate::common::random::Random;
     use crate::common::stability::{case, worse};
-    // Triangles anywhere on the largest page; the pixels around them, by exact orientation tests in f64.
+    // Triangles anywhere on the largest page. The pixels around them are checked by exact orientation tests in f64.
     let white = square(0.0, Material::default());
     let mut random = Random(52);
     let mut worst: f64 = 0.0;
@@ -208,7 +208,7 @@ fn edges_are_as_near_as_is_said() {
         let corners: [Vec3; 3] = std::array::from_fn(|_| {
             (at + Vec2::new(random.signed() as f32, random.signed() as f32) * 40.0).max(Vec2::ZERO).extend(0.0)
         });
-        // Drawn where it lies, but only the part of the page around it is looked at.
+        // Drawn at its place, but only the part of the page around it is checked.
         let origin = (at - 45.0).max(Vec2::ZERO).floor();
         let page = 16_384;
         let columns = origin.x as usize..(origin.x as usize + 90).min(page);
@@ -238,11 +238,11 @@ fn edges_are_as_near_as_is_said() {
         .holds(worst, 2f64.powi(-8));
 }
 
-/// The pixels whose middle a triangle covers, anywhere on the largest page; drawn tile by tile as the rasteriser does.
+/// Returns the pixels with a center that a triangle covers, anywhere on the largest page, drawn tile by tile as the rasterizer does.
 fn covered_pixels(triangle: &ScreenTriangle) -> std::collections::HashSet<(usize, usize)> {
     let Window { columns, rows, view } = triangle.window.clone();
     let width = columns.end;
-    // Only the rows of the clip are kept: a strip of the page, moved up by whole tiles, keeps the coordinates within a tile.
+    // Only the rows of the clip are drawn. Moving the strip up by whole tiles keeps the coordinates within a tile.
     let first = rows.start / 32 * 32;
     let up = Vec3::Y * first as f32;
     let window = Window { columns, rows: rows.start - first..rows.end - first, view };

@@ -1,12 +1,12 @@
-//! The colours of a page once its alpha cutoff is known.
+//! Color correction of a page for its alpha cutoff.
 //!
-//! A cutoff takes a choice among texels: full ones are drawn, those along the edges of leaves are not. Where edges have another colour than
-//! what they surround (the lit fringe of needles, the pale rim of a leaf) the choice shifts the mean colour of a crown, by 5 % of its light on a
-//! pine, though every texel is right by itself. So what fails gives its colour to what passes next to it, in proportion to its alpha: then the
-//! mean of what is drawn is the mean of what was seen. What fails shows the colour of what passes around it, so that bilinear filtering and plain
-//! mips find no other. O(texels).
+//! A cutoff draws full texels and drops those along the edges of leaves. If edges have another color than the inside (the lit fringe of
+//! needles, the pale rim of a leaf), this shifts the mean color of a crown, by 5 % of its light on a pine, although every single texel is
+//! right. So texels below the cutoff give their color to adjacent texels that reach it, in proportion to their alpha: then the mean color
+//! of the drawn texels is that of all texels. Texels below the cutoff take the color of drawn texels around them, so that bilinear
+//! filtering and box-filtered mip levels find no other color. O(texels).
 //!
-//! Known limit: what has no neighbour that passes gives its colour to nobody.
+//! Known limit: the color of a texel without a drawn neighbor is lost.
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use super::raster::Canvas;
 use crate::color::{decode_table, encode};
 use crate::foliage::Image;
 
-/// The image with the colour of texels below the cutoff given to those next to them that reach it. Alpha stays.
+/// Returns the image with the color of texels below the cutoff given to adjacent texels that reach it. Alpha stays.
 #[must_use]
 pub fn gathered(image: &Image, cutoff: f32) -> Image {
     let around = Around { width: image.width(), height: image.height() };
@@ -27,7 +27,7 @@ pub fn gathered(image: &Image, cutoff: f32) -> Image {
         return image.clone();
     }
     let seen = Canvas::of_color(image);
-    // What each failing texel gives to each of those that take from it.
+    // The color that each texel below the cutoff gives to each of its takers.
     let gift = |texel: usize| {
         let takers = if seen.pixels[texel].w > 0.0 && !passes(texel) { around.count(texel, passes) } else { 0 };
         if takers == 0 { Vec4::ZERO } else { seen.pixels[texel] / takers as f32 }
@@ -48,7 +48,7 @@ pub fn gathered(image: &Image, cutoff: f32) -> Image {
     Image::new(image.width(), image.height(), kept.collect::<Vec<_>>()).expect("as many texels as before")
 }
 
-/// The image with its linear colours multiplied, and cut at full scale.
+/// Returns the image with its linear colors multiplied and clamped at full scale.
 #[must_use]
 pub fn scaled(image: &Image, factors: Vec3) -> Image {
     let table = |factor: f32| decode_table().map(|linear| encode(linear * factor));
@@ -56,7 +56,7 @@ pub fn scaled(image: &Image, factors: Vec3) -> Image {
     image.mapped(|[r, g, b, a]| [red[r as usize], green[g as usize], blue[b as usize], a])
 }
 
-/// The eight texels around one, as far as the image goes.
+/// The up to eight texels around a texel.
 #[derive(Clone, Copy)]
 struct Around {
     width: usize,
@@ -84,18 +84,18 @@ mod tests {
 
     #[test]
     fn a_fringe_gives_its_colour_to_what_it_surrounds() {
-        // One full black texel; white around it with alpha a quarter.
+        // One opaque black texel, with white texels of alpha ¼ around it.
         let pixels: Vec<[u8; 4]> = (0..9).map(|i| if i == 4 { [0, 0, 0, 255] } else { [255, 255, 255, 64] }).collect();
         let settled = gathered(&Image::new(3, 3, pixels).unwrap(), 0.5);
         let linear = decode_table()[settled.pixels()[4][0] as usize];
         let expected = 8.0 * 64.0 / (8.0 * 64.0 + 255.0);
         assert!((linear - expected).abs() < 0.01, "{linear} instead of {expected}");
-        assert!(settled.pixels().iter().all(|p| p[0] == settled.pixels()[4][0]), "what fails shows what passes");
+        assert!(settled.pixels().iter().all(|p| p[0] == settled.pixels()[4][0]), "all show one color");
         assert_eq!([settled.pixels()[0][3], settled.pixels()[4][3]], [64, 255]);
     }
 
     #[test]
-    fn nothing_that_passes_changes_nothing() {
+    fn an_image_below_the_cutoff_stays() {
         let image = Image::new(2, 1, vec![[9, 8, 7, 20], [1, 2, 3, 90]]).unwrap();
         assert_eq!(gathered(&image, 0.5), image);
     }
@@ -107,7 +107,8 @@ mod tests {
     }
 
     proptest! {
-        /// In blocks of 3 × 3 whose middle alone passes, each middle gets the mean of its block, weighted by alpha, and all of the block shows it.
+        /// In blocks of 3 × 3 where only the middle passes, the middle gets the mean of its block, weighted by alpha, and the whole block
+        /// shows it.
         #[test]
         fn each_block_has_its_mean(texels in prop::collection::vec((any::<[u8; 3]>(), 1u8..127), 81)) {
             let middle = |i: usize| i % 9 % 3 == 1 && i / 9 % 3 == 1;

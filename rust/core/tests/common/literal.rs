@@ -1,5 +1,5 @@
-//! Algorithm 1 of Lacewell et al. as it is printed (with its one slip mended: the best of N is kept), written for clarity: the yardstick
-//! that the fitter is measured against. One thread, f64, no leaf is kept whole, no plane is refined.
+//! Algorithm 1 of Lacewell et al. as printed, with one error corrected: the best of N candidates is kept. Written for clarity, as the
+//! baseline for the fitter. It uses one thread and f64, splits leaves and refines no planes.
 
 use glam::DVec3;
 use leafcloud::Foliage;
@@ -8,7 +8,7 @@ use leafcloud::geometry::Plane;
 
 use super::random::Random;
 
-/// The planes, local, that the search finds; `epsilon` is a share of R, triangles without area are left out.
+/// Returns the planes found, local frame. `epsilon` is a share of R; triangles without area are left out.
 pub fn search(foliage: &Foliage, epsilon: f64, candidates: usize, seed: u64) -> Vec<Plane> {
     let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
     let all = (0..foliage.triangle_count()).map(|t| foliage.corners(t));

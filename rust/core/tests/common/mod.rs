@@ -1,5 +1,5 @@
-//! What tests and benches share.
-#![allow(dead_code)] // none of them uses everything
+//! Helpers for tests and benches.
+#![allow(dead_code)] // no test or bench uses all of them
 
 pub mod exact;
 pub mod literal;
@@ -11,12 +11,12 @@ pub mod targets;
 
 use std::path::PathBuf;
 
-/// A file or folder of the repository.
+/// Returns the path of a file or folder in the repository.
 pub fn in_repository(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
 }
 
-/// The measured trees beside the repository, as far as they are there; (name, path).
+/// Returns (name, path) of the measured trees found beside the repository.
 pub fn trees() -> Vec<(String, PathBuf)> {
     let mut found: Vec<_> = std::fs::read_dir(in_repository("../shared/foliage"))
         .into_iter()

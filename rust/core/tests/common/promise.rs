@@ -1,4 +1,4 @@
-//! What every cloud promises, checked without rounding.
+//! The bound ε of every cloud, checked without rounding.
 
 use leafcloud::fit::{FitSettings, Method};
 use leafcloud::{Cloud, Foliage};
@@ -7,10 +7,10 @@ use num_traits::ToPrimitive;
 
 use super::exact::{dot, exact};
 
-/// The greatest distance of a vertex from its triangle's plane, as a share of ε: at most 1 is promised. Local frame; the
-/// plane's normal is divided by its own exact length. Rounded once, at the end.
+/// Returns the greatest distance of a vertex from its triangle's plane, as a share of ε; the limit is 1. Local frame; the plane's normal is
+/// divided by its own exact length. Rounded once, at the end.
 ///
-/// ε is what was asked for; k-means, which promises none, is held to what it reports.
+/// ε is the requested one, except for k-means, which takes no ε: there it is the bound that the cloud reports.
 pub fn farthest_share(foliage: &Foliage, cloud: &Cloud, settings: &FitSettings) -> f64 {
     let bound = match settings.method {
         Method::KMeans => exact(cloud.bound) / exact(foliage.frame().radius),

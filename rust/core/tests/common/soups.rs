@@ -1,4 +1,4 @@
-//! Small foliage, and the settings of every method.
+//! Small foliage, and settings of every method.
 
 use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, Method, Named, fit};
@@ -8,19 +8,19 @@ use leafcloud::{Cloud, Foliage, Progress, gltf};
 use super::in_repository;
 use super::random::Random;
 
-/// The shrub that comes with the repository.
+/// Returns the shrub in the repository.
 pub fn shrub() -> Foliage {
     gltf::read(&in_repository("examples/shrub.glb"), &gltf::DEFAULT_NAMES).unwrap()
 }
 
-/// Triangles by their corners; triangles that share a place only are leaves of their own.
+/// Returns a foliage of separate triangles. Triangles are separate leaves even if corners coincide.
 pub fn soup(corners: &[[DVec3; 3]]) -> Foliage {
     let positions: Vec<DVec3> = corners.iter().flatten().copied().collect();
     let triangles = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
 }
 
-/// The corners of small triangles that face any way, in a ball.
+/// Returns the corners of small, randomly oriented triangles in a ball.
 pub fn random_corners(count: usize, seed: u64) -> Vec<[DVec3; 3]> {
     let mut random = Random(seed);
     (0..count)
@@ -31,12 +31,12 @@ pub fn random_corners(count: usize, seed: u64) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// A quick search.
+/// Returns settings of a quick search.
 pub fn quick() -> FitSettings {
     FitSettings { candidates: 100, ..FitSettings::default() }
 }
 
-/// Every method, the stochastic one with every effort but the longest.
+/// Returns settings of every method; the stochastic one with every effort except the longest.
 pub fn all_settings() -> Vec<FitSettings> {
     let of = |method, effort| FitSettings {
         method,
@@ -49,7 +49,7 @@ pub fn all_settings() -> Vec<FitSettings> {
     all
 }
 
-/// The cloud of a foliage.
+/// Returns the cloud of a foliage.
 pub fn fitted(foliage: &Foliage, settings: &FitSettings) -> Cloud {
     fit(foliage, settings, Progress::silent()).unwrap()
 }

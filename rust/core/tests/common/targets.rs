@@ -1,5 +1,5 @@
-//! What the fuzzer drives (`make fuzz`) and every test run replays (`corpus.rs`): any bytes become input; what comes out is held to what is
-//! promised, and a refusal is an answer.
+//! Fuzz targets, for the fuzzer (`make fuzz`) and for replay in every test run (`corpus.rs`). They turn any bytes into input and check the
+//! promises of the result; a refusal is a valid result.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -10,36 +10,36 @@ use leafcloud::sheet::{PageSize, Sheet, SheetSettings};
 use leafcloud::textures::{Channel, Samples, ScreenTriangle, Window, rasterise};
 use leafcloud::{Foliage, Progress, gltf};
 
-/// What a target does with some bytes.
+/// A fuzz target: a function of any bytes.
 pub type Target = fn(&[u8]);
 
-/// All targets, by name.
+/// All targets with their names.
 pub const TARGETS: [(&str, Target); 4] =
     [("fit", fit_anything), ("pack", pack_anything), ("raster", draw_anything), ("read_gltf", read_anything)];
 
-/// A foliage of any numbers, fitted by any method.
+/// Fits a foliage of any numbers by any method.
 pub fn fit_anything(bytes: &[u8]) {
     let _ = try_fit(&mut Unstructured::new(bytes));
 }
 
-/// Outlines of any size on any page.
+/// Packs outlines of any size on any page.
 pub fn pack_anything(bytes: &[u8]) {
     let _ = try_pack(&mut Unstructured::new(bytes));
 }
 
-/// Triangles anywhere on and beyond a small canvas.
+/// Draws triangles anywhere on and outside a small canvas.
 pub fn draw_anything(bytes: &[u8]) {
     let _ = try_draw(&mut Unstructured::new(bytes));
 }
 
-/// A document that lies in no folder, whatever its meshes are called.
+/// Reads a glTF document without a folder, with meshes of any name.
 pub fn read_anything(bytes: &[u8]) {
     if let Ok(foliage) = gltf::parse(bytes, None, &[""]) {
         assert!((0..foliage.triangle_count()).all(|t| foliage.corners(t).iter().all(|p| p.is_finite())));
     }
 }
 
-/// Mostly tame numbers, of any size; sometimes any bits at all.
+/// Returns mostly ordinary numbers, sometimes huge ones or arbitrary bits.
 fn number(u: &mut Unstructured) -> Result<f64> {
     Ok(match u.int_in_range(0..=31)? {
         0 => f64::from_bits(u64::arbitrary(u)?),
@@ -67,7 +67,7 @@ fn some_foliage(u: &mut Unstructured) -> Result<leafcloud::Result<Foliage>> {
 fn try_fit(u: &mut Unstructured) -> Result<()> {
     let Ok(foliage) = some_foliage(u)? else { return Ok(()) };
     let method = *u.choose(&[Method::Stochastic, Method::Stochastic, Method::Density, Method::KMeans])?;
-    // The density method's grid is as fine as ε, whatever there is to fit: slow, not wrong. A budget would try several.
+    // The density method's grid is as fine as ε, so a small ε is slow, though not wrong; a budget would try several ε.
     let epsilons: &[f64] =
         if method == Method::Density { &[0.1, 0.3, 1.0] } else { &[0.04, 0.3, 1.0, 1e-3, 1e-6, 1e-9] };
     let settings = FitSettings {
@@ -87,7 +87,7 @@ fn try_fit(u: &mut Unstructured) -> Result<()> {
     let Ok(cloud) = fit(&foliage, &settings, Progress::silent()) else { return Ok(()) };
     assert_eq!(cloud.parents.len(), foliage.triangle_count());
     let bound = cloud.bound / foliage.frame().radius;
-    // A budget decides the bound, and k-means reports one; else it is what was asked for.
+    // The bound is the requested ε, except with a budget, which determines it, and for k-means, which reports one.
     if settings.max_billboards.is_none() && settings.method != Method::KMeans {
         assert!(bound <= settings.epsilon * (1.0 + 1e-15), "{settings:?}: {bound}");
     }
@@ -103,7 +103,7 @@ fn try_fit(u: &mut Unstructured) -> Result<()> {
 
 fn some_outline(u: &mut Unstructured) -> Result<Outline> {
     let count = u.int_in_range(1..=12)?;
-    // Outlines lie in a plane of the local frame: what is farther than the unit ball cannot be.
+    // Outlines lie in the unit ball of the local frame: larger coordinates are replaced.
     let coordinate = |u: &mut Unstructured| number(u).map(|x| if x.abs() <= 2.0 { x } else { 0.5 });
     let points = (0..count).map(|_| Ok(DVec2::new(coordinate(u)?, coordinate(u)?))).collect::<Result<Vec<_>>>()?;
     let corners = u.int_in_range(3..=16)?;

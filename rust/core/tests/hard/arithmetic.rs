@@ -1,4 +1,4 @@
-//! Sums, single precision, and the order of work.
+//! Accuracy of sums, and independence of the number of threads.
 
 use glam::DVec3;
 use leafcloud::foliage::{Attributes, area_vector};
@@ -12,12 +12,12 @@ use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Arithmetic";
 
-/// How many leaves the sums go over.
+/// Number of triangles in the sums.
 const MANY: u32 = 10_000_000;
 
 #[test]
 fn areas_of_ten_million_triangles() {
-    // One vertex each, shared: the soup is a fan of needles and broad leaves, areas over nine orders of magnitude.
+    // A fan, with one new vertex for each triangle: needles and broad leaves, with areas over nine orders of magnitude.
     let mut random = Random(31);
     let mut positions = vec![DVec3::ZERO];
     positions.extend((0..=MANY).map(|i| {
@@ -30,7 +30,7 @@ fn areas_of_ten_million_triangles() {
     let plane = Plane { normal: DVec3::Z, distance: 0.25 };
     let cloud = Cloud::new(&foliage, vec![plane], vec![0; MANY as usize], 1.0);
     let found = cloud.mean_deviation(&foliage);
-    // The same products, summed without rounding: as whole multiples of 2⁻¹⁰⁰, which all of them are above their last bit.
+    // The same products, summed without rounding as multiples of 2⁻¹⁰⁰: the last bits of all products are above that.
     let whole = |x: f64| (x * 2f64.powi(100)) as i128;
     let (mut moved, mut area) = (0i128, 0i128);
     for t in 0..MANY as usize {
@@ -45,7 +45,7 @@ fn areas_of_ten_million_triangles() {
 
 #[test]
 fn sums_that_cancel() {
-    // Kahan's own trap: 1 beside 10¹⁰⁰ and its opposite, here as areas that differ by sixteen orders of magnitude.
+    // Kahan's example, 1 beside 10¹⁰⁰ and −10¹⁰⁰, here as areas that differ by sixteen orders of magnitude.
     let corners: Vec<[DVec3; 3]> = (0..4001)
         .map(|i| {
             let size = if i == 0 { 1.0 } else { 1e-8 };
@@ -108,7 +108,7 @@ fn frames_there_and_back() {
     case(
         GROUP,
         "to the local frame and back, sizes 10⁻³⁰ to 10³⁰, offsets to 10⁶ R, relative error",
-        "definition: four roundings an axis",
+        "definition: four roundings per axis",
     )
     .holds(worst, 4.0 * 3f64.sqrt() * 2f64.powi(-53));
 }

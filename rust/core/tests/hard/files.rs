@@ -1,4 +1,4 @@
-//! glTF that is broken or hostile: a named error, never a panic, never a byte from outside the document's folder.
+//! Broken or hostile glTF: a named error, never a panic, never a byte from outside the document's folder.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::common::stability::case;
 
 const GROUP: &str = "Files";
 
-/// One triangle, 36 bytes of positions and three indices of two bytes, in a data URI.
+/// A document with one triangle: 36 bytes of positions and three indices of two bytes, in a data URI.
 const GOOD: &str = r#"{
   "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
   "nodes": [{"mesh": 0, "name": "leaf"}],
@@ -28,7 +28,7 @@ fn read(text: &str) -> Result<Foliage> {
     parse(text.as_bytes(), Some(Path::new("/nowhere")), &DEFAULT_NAMES)
 }
 
-/// The good document with one thing replaced.
+/// Reads the good document with one part replaced.
 fn broken(what: &str, by: &str) -> Result<Foliage> {
     assert!(GOOD.contains(what), "{what}");
     read(&GOOD.replacen(what, by, 1))
@@ -55,7 +55,7 @@ fn matrices_of_nodes() {
     };
     let expected = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(place);
     let found = moved.corners(0).map(|p| moved.frame().to_caller(p));
-    // A matrix that mirrors turns the winding round, so that fronts stay fronts: in which order is free.
+    // Mirroring reverses the winding so that fronts stay fronts; the order of the corners is free.
     let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
     assert!(normal(found).dot(normal(expected)) < 0.0);
     let nearest = |p: DVec3| found.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
@@ -88,7 +88,7 @@ fn with_normals() -> String {
 
 #[test]
 fn normals_and_gloss() {
-    // A mirrored and stretched node turns normals, too.
+    // Mirrored and stretched nodes transform normals, too.
     let text = with_normals();
     let stretched = r#"{"mesh": 0, "matrix": [-1,0,1,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "#;
     let foliage = read(&text.replacen(r#"{"mesh": 0, "#, stretched, 1)).unwrap();
@@ -107,7 +107,7 @@ fn normals_and_gloss() {
         r#""textures": [{"source": 0}], "images": [{"uri": "a.png"}], "buffers""#,
         1,
     ));
-    case(GROUP, "a gloss texture that cannot be read is no metal", "definition: a factor of 0")
+    case(GROUP, "an unreadable metallic-roughness texture means no metal", "definition: a factor of 0")
         .equals(unread.unwrap().material(0).metallic, 0.0);
 }
 
@@ -129,7 +129,7 @@ fn normals_that_lie() {
     refused("normals beyond their view", with(&beyond), "NORMAL, accessor 2");
 }
 
-/// The second corner's texture coordinates where the base colour's texture names this set: positions stand for set 0, normals for set 1.
+/// Reads the second corner's texture coordinates if the base color texture uses this set. Set 0 reuses the positions, set 1 the normals.
 fn second_uv(set: u32) -> Result<Vec2> {
     let uvs = |view: u32| format!(r#"{{"bufferView": {view}, "componentType": 5126, "count": 3, "type": "VEC2"}}"#);
     let text = with_normals()
@@ -157,9 +157,9 @@ const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAA
 
 #[test]
 fn texture_coordinates_are_those_of_base_colours() {
-    // Of the floats 0 0 | 0 1 | 0 0 and 0 0 | 1 0 | 0 1 the second pair, whose v comes to point up.
-    case(GROUP, "a base colour with the first set", "literal").equals(second_uv(0).unwrap(), Vec2::new(0.0, 0.0));
-    case(GROUP, "a base colour with the second set", "literal").equals(second_uv(1).unwrap(), Vec2::new(1.0, 1.0));
+    // The second pair of the floats 0 0 | 0 1 | 0 0 and 0 0 | 1 0 | 0 1, with v flipped to point up.
+    case(GROUP, "a base color with the first set", "literal").equals(second_uv(0).unwrap(), Vec2::new(0.0, 0.0));
+    case(GROUP, "a base color with the second set", "literal").equals(second_uv(1).unwrap(), Vec2::new(1.0, 1.0));
 }
 
 #[test]
@@ -239,9 +239,9 @@ fn documents_that_lie() {
     refused("no JSON", read("{"), "EOF");
     refused("nothing at all", read(""), "");
     refused(
-        "a binary header that says 0 bytes",
+        "a binary header with a length of 0",
         parse(b"glTF\x02\0\0\0\0\0\0\0\x14\0\0\0JSON{}", None, &DEFAULT_NAMES),
-        "says that the file has 0 bytes",
+        "a length of 0 bytes",
     );
     refused("a cut binary header", parse(b"glTF\x02\0\0\0", None, &DEFAULT_NAMES), "");
     refused(
@@ -269,7 +269,7 @@ fn documents_that_lie() {
         "zero area",
     );
     refused("a scale of 10³⁹", broken(r#"{"mesh": 0, "#, r#"{"mesh": 0, "scale": [1e39, 1, 1], "#), "");
-    refused("a base colour above 1", broken("[0, 1, 0, 1]", "[0, 5, 0, 1]"), "base colour");
+    refused("a base color above 1", broken("[0, 1, 0, 1]", "[0, 5, 0, 1]"), "base color");
     refused(
         "a cutoff above 1",
         broken(r#"{"pbrMetallicRoughness""#, r#"{"alphaMode": "MASK", "alphaCutoff": 7, "pbrMetallicRoughness""#),
@@ -280,7 +280,7 @@ fn documents_that_lie() {
     refused("JSON a hundred thousand levels deep", broken(r#""asset""#, &format!(r#""extras": {deep}, "asset""#)), "");
 }
 
-/// A base colour image of this URI.
+/// Reads the good document with a base color image at this URI.
 fn with_image(uri: &str) -> Result<Foliage> {
     let text = GOOD.replacen(r#""baseColorFactor""#, r#""baseColorTexture": {"index": 0}, "baseColorFactor""#, 1);
     read(&text.replacen(
@@ -290,7 +290,7 @@ fn with_image(uri: &str) -> Result<Foliage> {
     ))
 }
 
-/// The header of a PNG that says how large it is, and nothing else.
+/// Returns only the header of a PNG of this size.
 fn png_header(width: u32, height: u32) -> String {
     use base64::Engine;
     let mut chunk = b"IHDR".to_vec();
@@ -337,7 +337,7 @@ fn uris_that_leave_the_folder() {
     refused(
         "a file named by a document in memory",
         parse(GOOD.replacen("data:application/octet-stream;base64,AAAA", "a.bin", 1).as_bytes(), None, &DEFAULT_NAMES),
-        "lies in no folder",
+        "has no folder",
     );
 }
 
@@ -351,12 +351,12 @@ fn images_that_lie() {
             1,
         ))
     };
-    refused("an image that lies nowhere", declared("{}"), "image 0 has neither");
+    refused("an image without a URI or a view", declared("{}"), "image 0 has neither");
     refused("an image in a view, of no type", declared(r#"{"bufferView": 0}"#), "image 0 has neither");
     refused("an image of 2³¹ × 2³¹ pixels in 50 bytes", with_image(&png_header(1 << 31, 1 << 31)), "image 0");
     refused("an image of 60 000 × 60 000 pixels in 50 bytes", with_image(&png_header(60_000, 60_000)), "image 0");
     refused("an image without data", with_image(&png_header(16, 16)), "image 0");
     refused("an image of no size", with_image(&png_header(0, 0)), "image 0");
-    refused("an image that is none", with_image("data:image/png;base64,AAAA"), "image 0");
+    refused("an image of unknown format", with_image("data:image/png;base64,AAAA"), "image 0");
     refused("an image that is not base64", with_image("data:image/png;base64,&&&"), "data URI");
 }

@@ -1,4 +1,4 @@
-//! Shapes that have no good plane, or too many.
+//! Shapes without a good plane, or with too many.
 
 use glam::{DMat3, DVec2, DVec3};
 use leafcloud::fit::{Effort, FitSettings, Method};
@@ -14,8 +14,8 @@ use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Geometry";
 
-/// Every method's cloud keeps its promise, in exact arithmetic. The searches over all offsets need at most `most` billboards; the others draw
-/// planes at random, cut plane space into cells, or are told how many.
+/// Checks in exact arithmetic that every method's cloud keeps ε. Searches over all offsets need at most `most` billboards. This does not
+/// hold for the other methods, which draw random planes, use a grid of planes, or get the billboard count as input.
 fn kept_by_all_methods(name: &'static str, oracle: &'static str, foliage: &Foliage, most: usize) {
     let mut worst: f64 = 0.0;
     for settings in all_settings() {
@@ -37,7 +37,7 @@ fn small(at: DVec3, u: DVec3, v: DVec3) -> [DVec3; 3] {
     [at, at + u * 0.05, at + v * 0.05]
 }
 
-/// Small triangles that face up, at a height.
+/// Small triangles that face up, all at one height.
 fn layer(count: usize, z: f64, seed: u64) -> Vec<[DVec3; 3]> {
     let mut random = Random(seed);
     let mut flat = || DVec3::new(random.signed(), random.signed(), 0.0);
@@ -85,8 +85,8 @@ fn layers_closer_than_a_slab() {
 
 #[test]
 fn layers_as_far_apart_as_a_slab_and_an_ulp_more_or_less() {
-    // The corners (±1, 0) make R = 1 exactly, so that ε is 0.04 to either side. The layers are wide: no tilted plane holds both. That an ulp
-    // more takes two planes is what the exact check says; how close to ε one plane is found is up to the search's own margin, a tenth.
+    // The corners (±1, 0) make R = 1 exactly, so that ε is 0.04 to either side. The layers are wide: no tilted plane holds both. The exact
+    // check shows that one ulp more requires two planes. The search finds a single plane within its own margin, a tenth of ε.
     let half: f64 = 0.04;
     for (name, z, most) in [
         ("two layers exactly as far apart as a slab is thick", half, 2),
@@ -112,7 +112,7 @@ fn slivers_among_good_triangles() {
             0 => [at; 3],                                                              // a point
             1 => [at, at + along * 0.1, at + along * 0.3],                             // a segment
             2 => [at, at + along * 0.5, at + along * 0.25 + aside * 5e-9],             // a needle of aspect 10⁸
-            _ => [at, at + along * 0.5, at + along * 0.5 + aside * f64::MIN_POSITIVE], // collapsed but for a denormal
+            _ => [at, at + along * 0.5, at + along * 0.5 + aside * f64::MIN_POSITIVE], // collapsed except for a denormal
         });
     }
     kept_by_all_methods("points, segments and needles of aspect 10⁸ among good triangles", HELD, &soup(&corners), 180);
@@ -134,7 +134,7 @@ fn leaves_larger_than_epsilon_in_every_direction() {
     kept_by_all_methods("leaves larger than ε in every direction", HELD, &foliage, 120);
 }
 
-/// An octahedron whose faces are cut in four, corners on a sphere.
+/// An octahedron with faces cut into four, and corners on a sphere.
 fn ball(at: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
     let mut faces = Vec::new();
     for (x, y, z) in [
@@ -179,13 +179,13 @@ fn faces_doubled_with_opposite_winding() {
         apart += cloud.parents.as_chunks::<2>().0.iter().filter(|[front, back]| front != back).count();
         assert!(farthest_share(&foliage, &cloud, &settings) <= 1.0);
     }
-    case(GROUP, "faces doubled with opposite winding", "invariance: both lie in one place, so both take one plane")
+    case(GROUP, "faces doubled with opposite winding", "invariance: both coincide, so both take one plane")
         .holds(apart as f64, 0.0);
 }
 
 #[test]
 fn one_subdivided_triangle() {
-    // Cut in the middles of its sides, again and again, a triangle covers the same points.
+    // A triangle cut repeatedly at the midpoints of its sides covers the same points.
     let mut faces = vec![[DVec3::ZERO, DVec3::X, DVec3::new(0.3, 0.8, 0.1)]];
     for _ in 0..4 {
         faces = faces
@@ -220,8 +220,8 @@ fn normals_at_the_poles() {
     let most = turned.fold(0.0, worse);
     case(
         GROUP,
-        "billboards where normals are the poles of (θ, φ), density method",
-        "invariance: no more than in eight oblique positions",
+        "billboards with normals at the poles of (θ, φ), density method",
+        "invariance: at most as many as in eight oblique orientations",
     )
     .holds(planes(DMat3::IDENTITY), most);
 }
@@ -229,7 +229,7 @@ fn normals_at_the_poles() {
 #[test]
 fn recursion_down_to_one_billboard() {
     let foliage = soup(&random_corners(200, 8));
-    // Rectangles around what lies in the ball reach beyond it, where no plane within R holds them all; outlines of 16 corners hardly do.
+    // Rectangles around parts of the ball reach beyond it, so that no plane holds them all within R; outlines of 16 corners hardly do.
     let fit = FitSettings { max_corners: 16, ..quick() };
     let settings =
         ChainSettings { levels: 12, cross: false, texture_size: 128.into(), fit, ..ChainSettings::default() };
@@ -273,7 +273,7 @@ fn outlines_without_area() {
 
 #[test]
 fn nearly_collinear_seeds() {
-    // Three points on a line but for an ulp: a direction or nothing, never NaN.
+    // Three points collinear to an ulp give a direction or nothing, never NaN.
     let mut worst: f64 = 0.0;
     for i in 0..200 {
         let along = DVec3::new(1.0, f64::from(i) * 1e-3, 0.3);
@@ -283,7 +283,7 @@ fn nearly_collinear_seeds() {
         }
     }
     assert_eq!(Plane::through_points([DVec3::ZERO, DVec3::ONE, DVec3::ONE * 2.0]), None);
-    case(GROUP, "planes through points that are collinear but for an ulp", "definition: unit normals or none")
+    case(GROUP, "planes through points that are collinear to an ulp", "definition: unit normals or none")
         .holds(worst, 4e-16);
 }
 
@@ -294,14 +294,14 @@ fn no_foliage_at_all() {
     };
     let refuse = |name, found, naming| case(GROUP, name, "a named error").refuses::<Foliage, _>(found, naming);
     refuse("no triangles", none(&[], vec![]), "no triangles");
-    refuse("one place only", none(&[DVec3::ONE; 3], vec![[0, 1, 2]]), "zero area");
+    refuse("one position only", none(&[DVec3::ONE; 3], vec![[0, 1, 2]]), "zero area");
     refuse("a segment only", none(&[DVec3::ZERO, DVec3::X, DVec3::X * 2.0], vec![[0, 1, 2]]), "zero area");
-    refuse("a vertex that is not a number", none(&[DVec3::NAN, DVec3::X, DVec3::Y], vec![[0, 1, 2]]), "vertex 0");
+    refuse("a vertex of NaN", none(&[DVec3::NAN, DVec3::X, DVec3::Y], vec![[0, 1, 2]]), "vertex 0");
     refuse("a vertex at infinity", none(&[DVec3::INFINITY, DVec3::X, DVec3::Y], vec![[0, 1, 2]]), "vertex 0");
     refuse(
         "a vertex beyond single precision",
         none(&[DVec3::X * 1e38, DVec3::X, DVec3::Y], vec![[0, 1, 2]]),
         "vertex 0",
     );
-    refuse("an index that no vertex has", none(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 3]]), "index 3");
+    refuse("an index beyond the vertices", none(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 3]]), "index 3");
 }

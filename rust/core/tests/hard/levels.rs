@@ -1,4 +1,4 @@
-//! Whole chains and pictures of things of which hardly anything can be seen: something, or a named error, never an empty success.
+//! Chains and pictures of barely visible foliage: the result shows something, or a named error says why not.
 
 use glam::{DVec3, Vec4};
 use leafcloud::foliage::{AlphaMode, Attributes, Material, Opacity};
@@ -30,7 +30,7 @@ fn chain(foliage: &Foliage, wood: Option<&Foliage>, settings: &ChainSettings) ->
     build_chain(foliage, wood, settings, Progress::silent())
 }
 
-/// Needles through a ball, of this width beside their length.
+/// Needles of length 1 and this width in a ball.
 fn needles(width: f64) -> Foliage {
     let mut random = Random(71);
     let needle = |_| {
@@ -40,7 +40,7 @@ fn needles(width: f64) -> Foliage {
     soup(&(0..40).map(needle).collect::<Vec<_>>())
 }
 
-/// Squares that lie in one horizontal plane.
+/// Squares in one horizontal plane.
 fn lying() -> Foliage {
     let mut random = Random(72);
     let mut positions = Vec::new();
@@ -54,7 +54,7 @@ fn lying() -> Foliage {
     Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
 }
 
-/// Texels that are drawn, on the page that has fewest.
+/// Returns the least number of drawn texels on any page.
 fn fewest_drawn(chain: &Chain) -> usize {
     let drawn = |level: &leafcloud::lod::Level| {
         let cutoff = (f64::from(level.alpha_cutoff) * 255.0).ceil() as u8;
@@ -70,7 +70,7 @@ fn leaves_thinner_than_a_texel() {
         .equals(fewest_drawn(&thin) > 0, true);
     let found = chain(&needles(1e-9), None, &settings()).map(|_| ());
     case(GROUP, "needles of aspect 10⁹, thinner than any sample", "a named error")
-        .refuses(found, "nothing shows on a page");
+        .refuses(found, "no leaf shows on an atlas page");
 }
 
 #[test]
@@ -79,17 +79,17 @@ fn foliage_that_lies_flat() {
     let cross = flat.levels.last().unwrap();
     assert_eq!((cross.method, cross.sheet.billboards.len()), ("cross", 1));
     assert!(fewest_drawn(&flat) > 0);
-    // Seen along its plane neither covers anything, from everywhere else both cover the same.
+    // Seen along the plane, neither leaves nor cross impostor cover anything; from everywhere else both cover the same.
     let off = (cross.judgement.coverage - 1.0).abs();
     case(
         GROUP,
-        "coverage lost by the cross of leaves that lie in one plane",
-        "closed form: 0, but for texels at edges",
+        "coverage lost by the cross impostor of leaves in one plane",
+        "closed form: 0, except for texels at edges",
     )
     .holds(off, 0.05);
 }
 
-/// Horizontal squares at any height, tilted by a little, and a stem.
+/// Horizontal squares at random heights, slightly tilted, and a stem.
 fn tiers(tilt: f64) -> (Foliage, Foliage) {
     let mut random = Random(78);
     let square = |_| {
@@ -112,16 +112,16 @@ fn foliage_of_horizontal_tiers() {
             least = least.min(cross.judgement.coverage);
         }
     }
-    // Seen obliquely the tiers overlap less on one plane than in space: about half of what the leaves cover is there.
+    // Seen obliquely, the tiers overlap more on one plane than in space: about half of the coverage is kept.
     case(
         GROUP,
-        "coverage that the cross of horizontal tiers lacks, with a stem and without",
-        "definition: most is there",
+        "coverage lost by the cross impostor of horizontal tiers, with and without a stem",
+        "bound: three fifths",
     )
     .holds(1.0 - least, 0.6);
 }
 
-/// A wall of one-sided squares that face along an axis.
+/// A wall of single-sided squares that face along an axis.
 fn wall(normal: DVec3) -> Foliage {
     let (x, y) = normal.any_orthonormal_pair();
     let mut random = Random(79);
@@ -142,18 +142,18 @@ fn one_sided_leaves_that_face_away() {
             for back_sides in [None, Some(false), Some(true)] {
                 let found = chain(&wall(normal), None, &ChainSettings { back_sides, ..settings() }).unwrap();
                 blank += usize::from(found.levels[0].judgement.coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
-                // One plane shows a wall; nothing is kept that would show it from its edge.
+                // One plane shows the wall; planes that would show it edge-on are left out.
                 let planes = found.levels.last().unwrap().sheet.billboards.iter().filter(|b| !b.back).count();
                 blank += usize::from(planes != 1);
             }
         }
     }
-    case(GROUP, "one-sided walls that face any way: levels that do not show them", "definition: none")
+    case(GROUP, "single-sided walls that face along each axis: levels that do not show them", "definition: none")
         .holds(blank as f64, 0.0);
 }
 
 #[test]
-fn leaves_of_which_hardly_anything_can_be_seen() {
+fn barely_visible_leaves() {
     let faint = |alpha: f32, mode: AlphaMode| {
         let color = Vec4::new(1.0, 1.0, 1.0, alpha);
         soup(&random_corners(30, 80)).with_materials(|m| Material { base_color: color, alpha_mode: mode, ..m.clone() })
@@ -164,18 +164,18 @@ fn leaves_of_which_hardly_anything_can_be_seen() {
         ("leaves of alpha 0.4 at a cutoff of 0.5, without an image", 0.4, AlphaMode::Mask(0.5)),
     ] {
         case(GROUP, name, "a named error")
-            .refuses(chain(&faint(alpha, mode), None, &settings()).map(|_| ()), "nothing can be seen of the leaves");
+            .refuses(chain(&faint(alpha, mode), None, &settings()).map(|_| ()), "no leaf is visible");
     }
     let tiny: Vec<_> =
         random_corners(40, 81).into_iter().map(|[a, b, c]| [a, a + (b - a) * 0.01, a + (c - a) * 0.01]).collect();
     let found = chain(&soup(&tiny), None, &settings());
-    let answered = found.as_ref().map_or_else(|e| e.to_string().contains("nothing shows"), |c| fewest_drawn(c) > 0);
+    let answered = found.as_ref().map_or_else(|e| e.to_string().contains("no leaf shows"), |c| fewest_drawn(c) > 0);
     case(GROUP, "leaves of R/2000", "definition: levels that show something, or a named error").equals(answered, true);
 }
 
 #[test]
 fn foliage_that_is_faint_all_over() {
-    // A needle foliage of which no pixel of the judge's is half covered, and leaves that are blended everywhere.
+    // Needles that cover no pixel of the metrics renderer by half, and leaves that are blended everywhere.
     let mut least: f64 = 1.0;
     for alpha in [0.03, 0.06, 0.1, 0.15, 0.25, 0.4] {
         let leaves = soup(
@@ -192,17 +192,17 @@ fn foliage_that_is_faint_all_over() {
     }
     let thin = chain(&needles(0.006), None, &ChainSettings { texture_size: 1024.into(), ..settings() }).unwrap();
     least = thin.levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
-    // A cutoff draws what is faint as if it were not, or not at all: too much is better than nothing.
+    // A cutoff draws faint leaves as opaque or not at all: too much is better than nothing.
     case(GROUP, "coverage lost of faint leaves and needles", "bound: four fifths").holds(1.0 - least, 0.8);
 }
 
 #[test]
 fn nothing_asked_for() {
     let none = ChainSettings { levels: 0, cross: false, ..settings() };
-    case(GROUP, "no levels and no cross", "a named error")
+    case(GROUP, "no levels and no cross impostor", "a named error")
         .refuses(chain(&lying(), None, &none).map(|_| ()), "levels is 0");
     let cross = chain(&lying(), None, &ChainSettings { levels: 0, ..settings() }).unwrap();
-    case(GROUP, "no levels, the cross alone", "definition: one level").equals(cross.levels.len(), 1);
+    case(GROUP, "no levels, only the cross impostor", "definition: one level").equals(cross.levels.len(), 1);
 }
 
 #[test]
@@ -212,14 +212,14 @@ fn wood_out_of_proportion() {
         soup(&random_corners(20, 74).into_iter().map(|t| t.map(|p| p * scale + DVec3::X * at)).collect::<Vec<_>>())
     };
     for (name, wood) in
-        [("wood 10³⁰ times as large as the leaves", wood(1e30, 0.0)), ("wood 10⁹ R away", wood(1.0, 1e9))]
+        [("a trunk 10³⁰ times as large as the leaves", wood(1e30, 0.0)), ("a trunk 10⁹ R away", wood(1.0, 1e9))]
     {
         case(GROUP, name, "a named error")
-            .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the wood reaches");
+            .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the trunk reaches");
     }
     let fine = ChainSettings { texture_size: 1024.into(), ..settings() };
     let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &fine).unwrap();
-    case(GROUP, "wood twenty times as large", "definition: every page shows something")
+    case(GROUP, "a trunk twenty times as large as the leaves", "definition: every page shows something")
         .equals(fewest_drawn(&tall) > 0, true);
 }
 
@@ -233,13 +233,13 @@ fn a_collapsed_triangle_far_away() {
     corners.push([DVec3::splat(1e9); 3]);
     case(GROUP, "a triangle of zero area at 10⁹ R", "a named error")
         .refuses(found(&corners).map(|_| ()), "triangle 50 has zero area and lies");
-    // The ball has a radius of about one: just within what is taken, and just beyond.
+    // The ball has a radius of about one: just beyond the limit, and just within.
     corners[50] = [DVec3::X * 1100.0; 3];
     assert!(found(&corners).is_err());
     corners[50] = [DVec3::X * 900.0; 3];
     assert!(found(&corners).is_ok());
     corners[50] = [DVec3::splat(3.0); 3];
-    case(GROUP, "a triangle of zero area at 5 R", "definition: taken, as any other")
+    case(GROUP, "a triangle of zero area at 5 R", "definition: accepted like any other")
         .equals(found(&corners).is_ok(), true);
 }
 
@@ -258,15 +258,14 @@ fn views_that_see_nothing() {
         case(GROUP, name, "a named error").refuses(render(parts, &view).map(|_| ()), naming);
     };
     refused("a picture of nothing", &[], view, "no parts");
-    refused("a centre that is not a number", &[&leaves], View { centre: DVec3::NAN, ..view }, "the view's centre");
+    refused("a center of NaN", &[&leaves], View { centre: DVec3::NAN, ..view }, "the view's centre");
     refused("an up at infinity", &[&leaves], View { up: DVec3::INFINITY, ..view }, "the view's up");
     refused("a direction of no length", &[&leaves], View { direction: DVec3::ZERO, ..view }, "the view's direction");
-    refused("a radius of 10⁻³⁰⁰", &[&leaves], View { radius: 1e-300, ..view }, "radii from the picture's centre");
-    refused("a radius that is not a number", &[&leaves], View { radius: f64::NAN, ..view }, "a picture of radius NaN");
+    refused("a radius of 10⁻³⁰⁰", &[&leaves], View { radius: 1e-300, ..view }, "radii from the image's center");
+    refused("a radius of NaN", &[&leaves], View { radius: f64::NAN, ..view }, "an image with the radius NaN");
     refused("a picture of no pixels", &[&leaves], View { size: 0, ..view }, "0 pixels");
     let along = render(&[&leaves], &View { up: DVec3::Y, ..view }).unwrap();
-    case(GROUP, "a view along up", "definition: a picture all the same")
-        .equals(along.pixels().iter().any(|p| p[3] > 0), true);
+    case(GROUP, "a view along up", "definition: still a picture").equals(along.pixels().iter().any(|p| p[3] > 0), true);
 }
 
 #[test]
@@ -298,7 +297,7 @@ fn a_plane_for_each_of_65_537_triangles() {
         let row = |y: usize| &page.pixels()[y * page.width() + b.region.x..][..b.region.width];
         (b.region.y..b.region.y + b.region.height).all(|y| row(y).iter().all(|p| p[3] == 0))
     };
-    // A sample sees a triangle when it is wider than a quarter of a texel everywhere that counts: all but slivers.
+    // A sample hits a triangle that is wider than a quarter of a texel: all but slivers.
     let wide = |b: &&leafcloud::sheet::Billboard| {
         let corners = foliage.corners(b.plane as usize);
         let longest = (0..3).map(|i| corners[i].distance(corners[(i + 1) % 3])).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! Outlines on a page and what is drawn there: none, one and too many of everything.
+//! Outlines and textures on an atlas page: none, one and too many of everything.
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use leafcloud::foliage::{AlphaMode, Attributes, Image, Material, Opacity};
@@ -23,7 +23,7 @@ fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result
     Sheet::pack(&vec![plane; outlines.len()], outlines, SheetSettings { size: size.into(), gutter, back_sides: false })
 }
 
-/// Texels that two regions, or a region and the outside of the page, share.
+/// Returns the number of texels shared by two regions, or outside the page.
 fn shared(sheet: &Sheet) -> usize {
     let mut owners = vec![0u32; sheet.size.texels()];
     let mut outside = 0;
@@ -72,20 +72,20 @@ fn more_billboards_than_a_page_holds() {
     case(GROUP, "1000 billboards on a page of 64 texels", "a named error")
         .refuses(packed(&outlines, 64, 2).map(|_| ()), "1000 billboards");
     case(GROUP, "a page of no texels", "a named error")
-        .refuses(packed(&outlines[..1], 0, 2).map(|_| ()), "a texture of 0 × 0 texels");
+        .refuses(packed(&outlines[..1], 0, 2).map(|_| ()), "the texture size is 0 × 0 texels");
     case(GROUP, "an image of no texels", "a named error").refuses(Image::new(0, 4, vec![]).map(|_| ()), "0 × 4");
-    case(GROUP, "an image with fewer texels than it says", "a named error")
+    case(GROUP, "an image with fewer texels than its size", "a named error")
         .refuses(Image::new(2, 2, vec![[0; 4]; 3]).map(|_| ()), "2 × 2");
     let huge = Image::new(usize::MAX, 2, vec![[0; 4]; 3]).map(|_| ());
     case(GROUP, "an image whose size overflows", "a named error").refuses(huge, "both sides must be at least 1");
 }
 
-/// Base colour, premultiplied.
+/// Returns the base color, premultiplied.
 fn drawn(triangles: &[ScreenTriangle], width: usize, height: usize, samples: Samples) -> Canvas {
     rasterise(triangles, width, height, samples, &[Channel::BaseColor]).remove(0)
 }
 
-/// A hundred leaf cards in a ball with this image.
+/// A hundred leaf cards with this image, in a ball.
 fn cards(image: Image, mode: AlphaMode) -> Foliage {
     let mut random = Random(22);
     let (mut positions, mut triangles, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
@@ -115,7 +115,7 @@ fn chain(foliage: &Foliage) -> leafcloud::Result<Chain> {
     build_chain(foliage, None, &settings, Progress::silent())
 }
 
-/// Texels of the first level's page that are opaque, of all; the whole chain is built and judged.
+/// Builds and measures a whole chain; returns the share of texels with alpha above 0 on the first level's page.
 fn opaque_share(foliage: &Foliage) -> f64 {
     let chain = chain(foliage).unwrap();
     for level in &chain.levels {
@@ -130,7 +130,7 @@ fn opaque_share(foliage: &Foliage) -> f64 {
 fn alpha_at_its_ends() {
     let refused = |name, image, mode| {
         let found = chain(&cards(image, mode)).map(|_| ());
-        case(GROUP, name, "a named error").refuses(found, "nothing can be seen of the leaves");
+        case(GROUP, name, "a named error").refuses(found, "no leaf is visible");
     };
     refused("alpha all 0, masked", image(8, 8, |_| 0), AlphaMode::Mask(0.5));
     refused("alpha all 0, blended", image(8, 8, |_| 0), AlphaMode::Blend);
@@ -141,7 +141,8 @@ fn alpha_at_its_ends() {
     case(GROUP, "alpha all 1", "invariance: as without alpha")
         .holds((opaque_share(&all) - opaque_share(&plain)).abs(), 0.0);
     let one = opaque_share(&cards(image(64, 64, |i| if i == 32 * 64 + 32 { 255 } else { 0 }), AlphaMode::Mask(0.5)));
-    case(GROUP, "alpha of one texel in 4096", "definition: something, and little").equals(one > 0.0 && one < 0.5, true);
+    case(GROUP, "alpha of one texel in 4096", "definition: more than 0, less than half")
+        .equals(one > 0.0 && one < 0.5, true);
     let everything = cards(image(4, 4, |i| (i * 16) as u8), AlphaMode::Mask(0.0));
     case(GROUP, "a cutoff of 0", "invariance: as without alpha")
         .holds((opaque_share(&everything) - opaque_share(&plain)).abs(), 0.0);
@@ -152,8 +153,8 @@ fn textures_of_any_shape() {
     let share = |width, height| opaque_share(&cards(image(width, height, |_| 255), AlphaMode::Mask(0.5)));
     let plain = share(1, 1);
     assert!(plain > 0.05);
-    case(GROUP, "a texture of 16 384 × 1", "invariance: as of 1 × 1").holds((share(16_384, 1) - plain).abs(), 0.0);
-    case(GROUP, "a texture of 1 × 16 384", "invariance: as of 1 × 1").holds((share(1, 16_384) - plain).abs(), 0.0);
+    case(GROUP, "a texture of 16 384 × 1", "invariance: same as 1 × 1").holds((share(16_384, 1) - plain).abs(), 0.0);
+    case(GROUP, "a texture of 1 × 16 384", "invariance: same as 1 × 1").holds((share(1, 16_384) - plain).abs(), 0.0);
 }
 
 #[test]
@@ -169,7 +170,7 @@ fn coordinates_beyond_any_texture() {
 
 #[test]
 fn no_texel_is_trimmed_away() {
-    // One opaque texel anywhere in a card: the hull of what can be seen holds its middle.
+    // One opaque texel anywhere in a card: the hull of the visible part contains its center.
     let mut random = Random(23);
     let mut lost = 0;
     for _ in 0..200 {
@@ -186,7 +187,7 @@ fn no_texel_is_trimmed_away() {
         });
         lost += usize::from(!inside);
     }
-    case(GROUP, "single opaque texels that trimming leaves out, of 200", "definition: none")
+    case(GROUP, "single opaque texels outside the trimmed outline, of 200", "definition: none")
         .holds(f64::from(lost as u32), 0.0);
 }
 
@@ -196,12 +197,12 @@ fn triangles_that_leave_the_canvas() {
     let far = [1e3f32, 1e5, 1e7];
     let mut wrong = 0;
     for reach in far {
-        // The lower left half of the canvas, the rest of the triangle far outside.
+        // The triangle covers the lower left half of the canvas; the rest lies far outside.
         let corners = [Vec3::new(-reach, -reach, 0.0), Vec3::new(-reach, reach, 0.0), Vec3::new(reach, reach, 0.0)];
         let triangle =
             ScreenTriangle { reach: f32::INFINITY, corners, foliage: &white, triangle: 0, window: &Window::WHOLE };
         let Canvas { pixels, .. } = drawn(&[triangle], 64, 64, Samples::new(1).unwrap());
-        // Error bound: edges lie where f32 puts them at that size.
+        // Error bound: f32 rounding of the edges at that size.
         let slack = f64::from(reach) * 2f64.powi(-22) + 1.0;
         for (i, p) in pixels.iter().enumerate() {
             let below = (i / 64) as f64 - (i % 64) as f64;
@@ -219,13 +220,13 @@ fn triangles_that_leave_the_canvas() {
     let triangle =
         ScreenTriangle { reach: f32::INFINITY, corners: broken, foliage: &white, triangle: 0, window: &Window::WHOLE };
     let any = drawn(&[triangle], 8, 8, Samples::new(2).unwrap()).pixels.iter().any(|p| *p != Vec4::ZERO);
-    case(GROUP, "a corner that is not a number", "definition: nothing is drawn").equals(any, false);
+    case(GROUP, "a corner of NaN", "definition: nothing is drawn").equals(any, false);
 }
 
-/// Two triangles over a whole canvas of this size, front to the viewer or back.
+/// Two triangles over a whole canvas of this size, with their front or their back to the viewer.
 fn drawn_whole(of: &Foliage, size: usize, samples: usize, front: bool) -> Image {
     let side = size as f32;
-    // The quads' corners in the order of their texture coordinates: lower left, lower right, upper right, upper left; rows go down.
+    // Corners in the order of their texture coordinates: lower left, lower right, upper right, upper left; rows go down.
     let [a, b, c, d] = [[0.0, side], [side, side], [side, 0.0], [0.0, 0.0]].map(|[x, y]| {
         let x = if front { x } else { side - x };
         Vec3::new(x, y, 0.0)
@@ -247,7 +248,7 @@ fn textures_survive_being_drawn() {
     let pixels: Vec<[u8; 4]> = (0..64 * 64).map(|_| std::array::from_fn(|_| random.below(256) as u8)).collect();
     let image = Image::new(64, 64, pixels).unwrap();
     let masked = cards(image.clone(), AlphaMode::Mask(0.5));
-    // One sample, in the middle of a texel: filtering takes that texel alone.
+    // One sample in the center of a texel: filtering reads that texel alone.
     let found = drawn_whole(&masked, 64, 1, true);
     let wrong = found
         .pixels()
@@ -256,22 +257,22 @@ fn textures_survive_being_drawn() {
         .filter(|(a, b)| if f32::from(b[3]) / 255.0 >= 0.5 { **a != [b[0], b[1], b[2], 255] } else { a[3] != 0 });
     case(
         GROUP,
-        "a texture drawn texel on texel, premultiplied and back",
-        "definition: the same codes where alpha passes",
+        "a texture drawn texel for texel, premultiplied and back",
+        "definition: the same codes where alpha reaches the cutoff",
     )
     .holds(wrong.count() as f64, 0.0);
     let mirrored = drawn_whole(&masked, 64, 1, false);
     let turned = (0..64 * 64).filter(|i| found.pixels()[i / 64 * 64 + 63 - i % 64] != mirrored.pixels()[*i]).count();
-    case(GROUP, "two-sided leaves seen from behind", "invariance: the mirrored picture").holds(turned as f64, 0.0);
+    case(GROUP, "double-sided leaves seen from behind", "invariance: the mirrored picture").holds(turned as f64, 0.0);
     let single = masked.with_materials(|m| Material { double_sided: false, ..m.clone() });
     let seen = |front| drawn_whole(&single, 64, 1, front).pixels().iter().any(|p| p[3] > 0);
-    case(GROUP, "one-sided leaves, from the front and from behind", "definition: seen, not seen")
+    case(GROUP, "single-sided leaves, from the front and from behind", "definition: visible, not visible")
         .equals([seen(true), seen(false)], [true, false]);
-    // Blended alpha: the share of samples whose threshold it exceeds.
+    // Blended alpha is the share of samples with a lower threshold.
     let constant = |alpha: u8| cards(Image::new(1, 1, vec![[90, 90, 90, alpha]]).unwrap(), AlphaMode::Blend);
     let off = |alpha: u8| {
         let found = drawn_whole(&constant(alpha), 8, 16, true);
-        // The triangles meet in the pixels of the diagonal, whose samples take their thresholds from two orders.
+        // Pixels on the diagonal hold samples of both triangles, with thresholds in two orders.
         let inside = found.pixels().iter().enumerate().filter(|(i, _)| i / 8 + i % 8 != 7);
         inside.map(|(_, p)| (f64::from(p[3]) - f64::from(alpha)).abs()).fold(0.0, f64::max)
     };
@@ -284,7 +285,7 @@ fn colours_survive_round_trips() {
     let mut wrong = 0;
     for code in 0..=255u8 {
         for alpha in [1u8, 2, 127, 128, 254, 255] {
-            // A canvas holds linear light premultiplied by coverage: it and back.
+            // A canvas holds linear light premultiplied by coverage: convert there and back.
             let linear = {
                 let x = f64::from(code) / 255.0;
                 if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }

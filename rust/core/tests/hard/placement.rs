@@ -1,4 +1,4 @@
-//! Far from the origin, very small, very large: the result must follow.
+//! Foliage far from the origin, very small or very large: the result must follow the input.
 
 use glam::DVec3;
 use leafcloud::fit::{FitSettings, Method, fit};
@@ -10,8 +10,7 @@ use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Placement";
 
-/// Triangles whose coordinates are whole multiples of 2⁻¹², so that moving them by powers of two and scaling them by powers of two
-/// rounds nothing. R is about 1.
+/// Triangles with coordinates that are multiples of 2⁻¹², so that moving and scaling them by powers of two rounds nothing. R is about 1.
 fn on_a_grid(count: usize) -> Vec<[DVec3; 3]> {
     let grid = |p: DVec3| (p * 4096.0).round() / 4096.0;
     random_corners(count, 11).into_iter().map(|t| t.map(grid)).collect()
@@ -26,7 +25,7 @@ fn decided(cloud: &Cloud) -> (Vec<[f64; 4]>, Vec<u32>) {
     (planes.collect(), cloud.parents.clone())
 }
 
-/// The same planes in the local frame and the same parents, to the bit, by every method.
+/// Checks that every method gives bit-identical planes, in the local frame, and parents after the move `to`.
 fn follows(name: &'static str, to: impl Fn(DVec3) -> DVec3) {
     let corners = on_a_grid(250);
     let (plain, there) = (soup(&corners), moved(&corners, to));
@@ -61,7 +60,7 @@ fn offsets_that_round() {
 
 #[test]
 fn in_the_callers_coordinates() {
-    // There a plane's distance is rounded at the size of the offset: an ulp of it, and three of the products.
+    // In the caller's coordinates a plane's distance is rounded at the size of the offset: an ulp of it, and three ulps of the products.
     for (name, far) in [
         ("planes in the caller's coordinates, 10⁶ R away", 1e6),
         ("planes in the caller's coordinates, 10⁸ R away", 1e8),
