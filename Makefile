@@ -1,22 +1,21 @@
-# Leafcloud. `make` lists what there is to make.
+# Leafcloud. `make` lists the targets.
 #
-# Every environment carries stamp files (.blender, .wheel, .test …) that say what was installed and when; what is up to
-# date is not touched.
+# Stamp files in every environment (.blender, .wheel, .test …) record the time of each installation, so that make skips
+# whatever is up to date.
 
 MAKEFLAGS += --no-builtin-rules
 .NOTPARALLEL:
 .DEFAULT_GOAL := help
 
-# What to bake: any .glb, .gltf, .obj or .blend. Without one, the measured pine beside the repository or the small shrub
-# that comes with it.
+# The file to bake: a .glb, .gltf, .obj or .blend. Default: the measured pine beside the repository, or the small shrub in it.
 MEASURED := ../shared/foliage/pine_cards_20k.glb
 INPUT ?= $(if $(wildcard $(MEASURED)),$(MEASURED),examples/shrub.glb)
 OUT ?= out
 ARGS ?=
-# Of each fuzz target.
+# Duration of each fuzz target.
 SECONDS ?= 600
 
-# pyo3 asks a Python about itself when it is built; the same one everywhere, or it is built again and again.
+# pyo3's build reads a Python's configuration. The same Python everywhere avoids rebuilding it.
 export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
 
 PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
@@ -46,11 +45,11 @@ test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(env
 	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
 
 .PHONY: environments
-environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download what the tests need beside .venv
+environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download the other environments and packages of the tests
 	@tools/prerequisites.sh chromium
 
 .PHONY: bench
-bench: ## measure the speed of the core, and what it makes beside what else one might use (hours)
+bench: ## measure the speed of the core, and compare its results with alternatives (hours)
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
@@ -60,17 +59,17 @@ bench: ## measure the speed of the core, and what it makes beside what else one 
 	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
 
 .PHONY: fidelity
-fidelity: setup .venv/.fidelity ## compare level 1 with the leaves and with what else one might use, in Cycles (two hours; less again)
+fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives with the leaves, in Cycles (two hours; later runs take less)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/fidelity.py $(ARGS)
 
 .PHONY: curves
-curves: setup .venv/.fidelity ## measure what accuracy costs in time, for docs/accuracy.md (hours; ARGS=--verify: the judge beside Cycles)
+curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--verify compares the metrics with Cycles)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/curves.py $(ARGS)
 
 .PHONY: flight
-flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and see whether anything pops (an hour)
+flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and measure popping (an hour)
 	@mkdir -p docs/bench
 	PYTHONPATH=$(CURDIR) .venv/bin/python tools/flight.py $(ARGS)
 
@@ -80,13 +79,13 @@ forest: setup ## measure a forest of 10,000 pines from seven distances: triangle
 	.venv/bin/python tools/forest.py $(ARGS)
 
 .PHONY: speed
-speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time Cycles and three.js on the leaves and on the levels, near and far
+speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time the leaves and the levels in Cycles and three.js, near and far
 	@tools/prerequisites.sh chromium
 	@mkdir -p docs/bench
 	.venv/bin/python tools/speed.py $(ARGS)
 
 .PHONY: relit
-relit: setup ## light level 1 and its leaves with six suns in Cycles, and compare
+relit: setup ## compare level 1 with its leaves under six suns, in Cycles
 	@mkdir -p docs/bench
 	.venv/bin/python tools/relit.py $(ARGS)
 
@@ -96,32 +95,32 @@ size: setup .venv/.fidelity ## compare billboards of the default size with billb
 	.venv/bin/python tools/size.py $(ARGS)
 
 .PHONY: wood
-wood: setup ## measure the wood beside each level: triangles, error, what it covers
+wood: setup ## measure the trunk of each level: triangles, error, coverage
 	@mkdir -p docs/bench
 	.venv/bin/python tools/wood.py $(ARGS)
 
 .PHONY: plan
-plan: setup ## compare what the plan expects effects to cost with what they cost, over all trees (on a machine that does nothing else)
+plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)
 	@mkdir -p docs/bench
 	.venv/bin/python tools/plan_costs.py $(ARGS)
 
 .PHONY: minimal
-minimal: setup .venv/.fidelity ## bake a scene that calls for next to nothing as planned, and with everything forced on
+minimal: setup .venv/.fidelity ## bake a scene that needs few effects as planned, and with everything forced on
 	@mkdir -p docs/bench
 	.venv/bin/python tools/minimal.py $(ARGS)
 
 .PHONY: blending
-blending: setup ## measure what cutting billboards for blending costs, and how far it gets
+blending: setup ## measure the cost and the accuracy of splitting billboards for alpha blending
 	@mkdir -p docs/bench
 	.venv/bin/python tools/blending.py $(ARGS)
 
 .PHONY: grazing
-grazing: setup ## measure what leaving out billboards that are seen on edge does to a picture
+grazing: setup ## measure pictures without the billboards seen edge-on
 	@mkdir -p docs/bench
 	.venv/bin/python tools/grazing.py $(ARGS)
 
 .PHONY: three
-three: setup $(THREE)/node_modules/.package-lock.json ## see how level 1 keeps its coverage in three.js, with PNG and with KTX2
+three: setup $(THREE)/node_modules/.package-lock.json ## measure the levels' coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium
 	.venv/bin/python tools/three.py $(ARGS)
 
@@ -134,7 +133,7 @@ viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browse
 stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
 	.venv/bin/python tools/stability.py
 
-# Nightly, for the fuzzer instruments what it drives, and AddressSanitizer watches.
+# The fuzzer's instrumentation and AddressSanitizer need nightly Rust.
 .PHONY: fuzz
 fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly Rust and cargo-fuzz
 	@tools/prerequisites.sh rust
@@ -146,11 +145,11 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 	done
 
 .PHONY: measure
-measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check what came out: validator, ε, coverage, overlap
+measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check the files: validator, ε, coverage, overlap
 	.venv/bin/python tools/measure.py $(ARGS)
 
 .PHONY: docs
-docs: setup ## make the pictures of the documentation anew
+docs: setup ## remake the pictures of the documentation
 	.venv/bin/python bake.py --input "$(INPUT)" --out out/docs
 	cp out/docs/preview.png docs/pine.png
 	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
@@ -169,11 +168,11 @@ extension: setup ## build the Blender extension's zip into dist/
 	.venv/bin/python tools/build_extension.py --wheel $(WHEELS)/leafcloud-*.whl --out dist
 
 .PHONY: clean
-clean: ## remove everything that was made, the environments too
+clean: ## remove all build outputs and environments
 	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules $(THREE)/node_modules .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# $(1) an environment's folder, $(2) its Blender
+# Rules of one environment. $(1): its folder, $(2): its Blender version
 define environment
 $(1)/.blender: tools/requirements/blender-$(2).txt
 	@tools/prerequisites.sh rust python blender
@@ -211,7 +210,7 @@ $(WHEELS)/.built: $(RUST_SOURCES) .venv/.build
 	.venv/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
 	@touch $@
 
-# npm writes this file itself.
+# npm writes this target itself.
 %/node_modules/.package-lock.json: %/package-lock.json
 	@tools/prerequisites.sh node
 	@npm ci --prefix $* --no-audit --no-fund --silent

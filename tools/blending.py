@@ -1,11 +1,11 @@
-"""What cutting billboards for blending costs, and how far it gets: `make blending`.
+"""Measures the cost and the accuracy of splitting billboards for alpha blending: `make blending`.
 
 usage: python tools/blending.py [TREE.glb …]
 
-Level 1 of each tree is cut with more and more pieces allowed. Rays from six eyes pass the crown; of all pairs of what
-one meets, it is counted how many are drawn the wrong way round: the nearer before the farther. Beside it the same where
-whole triangles are sorted by the distance of their middles. Prints a table in Markdown; for all trees it also writes
-docs/bench/blending.md.
+Splits level 1 of each tree with several limits on the number of pieces. Rays from six eyes cross the crown. Among all
+pairs of triangles on a ray it counts the pairs drawn in the wrong order, the nearer first. For comparison it counts the
+same with whole triangles sorted by the distance of their centers. Prints a table in Markdown; for all trees it also
+writes docs/bench/blending.md.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ def main() -> None:
     trees = named or [FOLIAGE / f"{name}.glb" for name in TREES]
     columns = [f"{most} ×: triangles, seconds, wrong" for most in MOST]
     lines = [
-        "Level 1 cut for blending, so many pieces allowed for each triangle; and sorted without a cut.",
+        "Level 1 split for alpha blending, by maximum pieces per triangle; and sorted without splitting.",
         "",
-        f"| tree | leaves' triangles | billboards' | {' | '.join(columns)} | sorted by middles: wrong |",
+        f"| tree | leaves' triangles | billboards' | {' | '.join(columns)} | sorted by centers: wrong |",
         "|---" * (len(MOST) + 4) + "|",
     ]
     for tree in trees:
@@ -69,7 +69,7 @@ def row(tree: Path) -> str:
 
 
 class Eyes:
-    """Who looks through a crown from all around it, the same each time."""
+    """Fixed random rays through a crown, from eyes all around it."""
 
     def __init__(self, centre: NDArray[np.float64], radius: float) -> None:
         random = np.random.default_rng(1)
@@ -78,7 +78,7 @@ class Eyes:
         self.aims = centre + 0.7 * radius * random.uniform(-1.0, 1.0, (EYES, RAYS, 3))
 
     def wrong(self, drawing: Drawing) -> float:
-        """The share of pairs, on all rays, of which the nearer is drawn first."""
+        """Return the fraction of pairs, over all rays, whose nearer triangle is drawn first."""
         wrong = pairs = 0
         for eye, aims in zip(self.eyes, self.aims, strict=True):
             drawn = drawing(eye)
@@ -91,7 +91,7 @@ class Eyes:
 
 
 def met(triangles: Triangles, eye: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far away a ray meets those of the triangles (t, 3, 3) that it meets, in their order."""
+    """Return the distances, in units of `along`, to the triangles (t, 3, 3) that a ray hits, in their order."""
     a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = np.cross(u, v) @ along
     start = eye - a

@@ -1,4 +1,4 @@
-"""Asks a page something in Chromium, without a display: for what only an engine's own code can tell."""
+"""Runs a page in Chromium without a display, to get answers that need an engine's own code."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 FILES = "/files/"
 
-# No sandbox, for root has none: the page is our own. SwiftShader draws without a graphics card, the same everywhere.
+# No sandbox, because root has none; the page is our own. SwiftShader needs no graphics card and renders the same
+# everywhere.
 CHROMIUM = [
     *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
@@ -28,11 +29,11 @@ CHROMIUM = [
 
 
 class BrowserError(Exception):
-    """The page failed, or gave no answer in time. One line, and the page's stack."""
+    """The page failed, or did not answer in time. The message is one line, then the page's stack if any."""
 
 
 class _Handler(SimpleHTTPRequestHandler):
-    """Serves the repository, one more folder under `FILES`, and the question; takes the page's answer."""
+    """HTTP handler that serves the repository, `files` under `FILES` and the question, and receives the answer."""
 
     def __init__(
         self, *args: Any, question: bytes, answers: queue.Queue[bytes], files: Path | None, **more: Any
@@ -61,14 +62,14 @@ class _Handler(SimpleHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the console is the caller's."""
+        """Log nothing."""
 
 
 def ask(page: str, question: object, *, patience: float, files: Path | None = None) -> Any:
-    """What `page`, a path in the repository, posts to /answer; it finds the question (JSON) at /question.
+    """Open `page`, a path in the repository, and return the JSON that it posts to /answer.
 
-    `files` is a folder that it finds under `FILES`. Raises `BrowserError` for an answer {"error": …}, and for none
-    within `patience` seconds.
+    The page reads `question` (JSON) from /question and the folder `files` under `FILES`. Raises `BrowserError` for an
+    answer {"error": …}, and if there is no answer within `patience` seconds.
     """
     answers: queue.Queue[bytes] = queue.Queue()
     handler = partial(_Handler, question=json.dumps(question).encode(), answers=answers, files=files)
@@ -87,12 +88,12 @@ def _first(answers: queue.Queue[bytes], browser: subprocess.Popen[bytes], patien
         except queue.Empty:
             if browser.poll() is not None:
                 raise BrowserError(f"chromium ended with status {browser.returncode}") from None
-    raise BrowserError(f"the page said nothing within {patience:.0f} s")
+    raise BrowserError(f"the page did not answer within {patience:.0f} s")
 
 
 @contextmanager
 def _serving(handler: Any) -> Iterator[str]:
-    """The address of a server that lives as long as the block."""
+    """Run a server during the block; yield its address."""
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
@@ -103,7 +104,7 @@ def _serving(handler: Any) -> Iterator[str]:
 
 @contextmanager
 def _browser(address: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Chromium at `address`, with a profile of its own; ended with the block."""
+    """Run Chromium at `address` during the block, with a temporary profile."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [*CHROMIUM, f"--user-data-dir={profile}", address]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:

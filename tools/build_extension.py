@@ -1,9 +1,9 @@
-"""Builds the Blender extension: the add-on's folder, the wheel and the shaders' laws as one zip, by Blender's own tool.
+"""Builds the Blender extension: the add-on's folder, the wheel and leafcloud.glsl in one zip, with Blender's own tool.
 
     python tools/build_extension.py --wheel target/wheels/leafcloud-….whl --out dist
 
-Runs under a Python that has the bpy wheel, and prints the zip's path. The add-on's manifest in the repository names no
-wheel, because a wheel is made for one platform; the copy in the zip names the given one and its platform.
+Needs a Python with the bpy wheel, and prints the zip's path. The add-on's manifest in the repository lists no wheel,
+because a wheel is for one platform; the copy in the zip lists the given wheel and its platform.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 ADDON, LAWS = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl"
 
-# How a wheel's platform tag begins and ends, and what Blender calls the platform.
+# Blender's name of a platform by start and end of a wheel's platform tag.
 PLATFORMS = {
     ("manylinux", "x86_64"): "linux-x64",
     ("manylinux", "aarch64"): "linux-arm64",
@@ -35,7 +35,7 @@ PLATFORMS = {
 
 
 def blender_platform(wheel: Path) -> str:
-    """Returns Blender's name of the platform that ``wheel`` is made for; exits with one line for an unknown one."""
+    """Return Blender's name of the platform of `wheel`. Exit with a message if it is unknown."""
     tag = wheel.stem.split("-")[-1]
     for (system, machine), platform in PLATFORMS.items():
         if tag.startswith(system) and tag.endswith(machine):
@@ -44,10 +44,10 @@ def blender_platform(wheel: Path) -> str:
 
 
 def extension_tool() -> Path:
-    """Returns the path of ``blender_ext.py``, the command-line tool for extensions inside the bpy wheel."""
+    """Return the path of `blender_ext.py`, the command-line tool for extensions inside the bpy wheel."""
     spec = importlib.util.find_spec("bpy")
     if spec is None or spec.origin is None:
-        sys.exit(f"{sys.executable} has no bpy: run this with the Python of an environment that make setup made.")
+        sys.exit(f"{sys.executable} has no bpy: run this with .venv/bin/python, which `make setup` makes.")
     tools = list(Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
     if len(tools) != 1:
         sys.exit(f"Expected one blender_ext.py below {Path(spec.origin).parent}, found {len(tools)}.")
@@ -55,7 +55,7 @@ def extension_tool() -> Path:
 
 
 def with_wheel(manifest: str, wheel: Path) -> str:
-    """Returns the text of the manifest with its wheel and platform, which stand before the first table."""
+    """Return the text of the manifest with wheel and platform added before the first table."""
     head, bracket, tables = manifest.partition("\n[")
     entries = {"platforms": [blender_platform(wheel)], "wheels": [f"./wheels/{wheel.name}"]}
     # A JSON list of plain strings is a TOML list.
@@ -64,7 +64,7 @@ def with_wheel(manifest: str, wheel: Path) -> str:
 
 
 def build(wheel: Path, out: Path) -> Path:
-    """Builds and validates the zip in ``out`` (made when missing); returns its path."""
+    """Build and validate the zip in `out`, which is created if missing; return its path."""
     tool = extension_tool()
     manifest = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8")
     fields = tomllib.loads(manifest)
@@ -87,7 +87,7 @@ def build(wheel: Path, out: Path) -> Path:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Builds the Blender extension as a zip.")
+    parser = argparse.ArgumentParser(description="Build the Blender extension as a zip.")
     parser.add_argument("--wheel", type=Path, required=True, help="the wheel to bundle")
     parser.add_argument("--out", type=Path, required=True, help="the folder for the zip")
     arguments = parser.parse_args()

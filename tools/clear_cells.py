@@ -1,9 +1,9 @@
-"""Leaves out of a mesh what its textures make clear, so that Cycles sees the same sooner.
+"""Removes the transparent parts of a mesh, so that Cycles renders the same picture faster.
 
-A ray stops at each card that it crosses to ask how much of it is there, and most of a card is not: 84 % of a twig's, 90
-% of a billboard's. Here triangles are quartered, again and again, and those go whose texels have no alpha at all, one
-texel more on either side for the filter. What is left lies in the same planes and looks up the same texels; pictures
-are the same but for the rounding of the new corners.
+A ray stops at each card that it crosses for an alpha test, and most of a card is transparent: 84 % of a twig's, 90 %
+of a billboard's. This module splits triangles into four repeatedly, and removes those without any alpha in their
+texels, including a margin of one texel for the filter. The rest lies in the same planes and uses the same texels.
+Pictures differ only by the rounding of the new corners.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST = 1_000_000
-"""Triangles of a mesh, beyond which no quartering goes."""
+"""Maximum number of triangles of a mesh."""
 FINEST = 4.0
-"""Texels along a triangle's longer side, below which it is not quartered."""
+"""Texels along a triangle's longer side below which it is not split."""
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Corners (n, 3, 3) and their texture coordinates (n, 3, 2)."""
 
 
 def alpha_of(material: bpy.types.Material | None) -> NDArray[np.bool_] | None:
-    """Where alpha is above zero (rows from below, columns); None where no single image at plain coordinates says it."""
+    """Return a mask (rows from below, columns) of alpha above 0.
+
+    None unless a single image at unchanged texture coordinates defines alpha.
+    """
     if material is None or not material.use_nodes:
         return None
     images = [
@@ -42,7 +45,7 @@ def alpha_of(material: bpy.types.Material | None) -> NDArray[np.bool_] | None:
 
 
 class Sums:
-    """How many texels of a rectangle have alpha, at once: sums over all rectangles from the corner of 2 × 2 tiles."""
+    """Summed-area table over 2 × 2 tiles of a mask, to count the texels with alpha in any rectangle."""
 
     def __init__(self, drawn: NDArray[np.bool_]) -> None:
         self.size = np.array(drawn.shape[::-1])
@@ -50,7 +53,7 @@ class Sums:
         self.sums[1:, 1:] = np.tile(drawn, (2, 2)).cumsum(0, dtype=np.int32).cumsum(1, dtype=np.int32)
 
     def within(self, places: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Texels with alpha in the rectangle around each triangle (n, 3, 2), and all texels in it."""
+        """Return the texels with alpha and all texels in the rectangle around each triangle (n, 3, 2)."""
         first = np.floor(places.min(1) * self.size).astype(np.int64) - 1
         last = np.ceil(places.max(1) * self.size).astype(np.int64) + 1
         tile = first // self.size * self.size
@@ -61,7 +64,7 @@ class Sums:
 
 
 def quartered(corners: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Each triangle's four: at its corners, and the middle one."""
+    """Split each triangle into four at the midpoints of its edges."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
     four = np.stack([np.stack(each, 1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], 1)
@@ -69,7 +72,7 @@ def quartered(corners: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def without_clear(triangles: Triangles, drawn: NDArray[np.bool_], most: int) -> Triangles:
-    """Triangles without those that are clear, quartered down to a few texels or until there are `most`."""
+    """Remove transparent triangles, after splitting down to a few texels or up to `most` triangles."""
     sums = Sums(drawn)
     corners, places = triangles
     done: list[Triangles] = []
@@ -89,7 +92,7 @@ def without_clear(triangles: Triangles, drawn: NDArray[np.bool_], most: int) -> 
 
 
 def triangles_of(mesh: bpy.types.Mesh) -> tuple[Triangles, NDArray[np.int32]]:
-    """The triangles of a mesh, and the material of each."""
+    """Return the triangles of a mesh, and the material index of each."""
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     points, layout = np.empty(3 * len(mesh.vertices), np.float32), np.zeros(2 * len(mesh.loops), np.float32)
@@ -125,7 +128,10 @@ def mesh_of(triangles: Triangles, materials: NDArray[np.int32], source: bpy.type
 
 
 def leave_out_clear(obj: bpy.types.Object) -> None:
-    """Gives `obj` a mesh without what is clear; one with shapes, colours or several coordinates stays as it is."""
+    """Remove the transparent parts of an object's mesh.
+
+    A mesh with modifiers, shape keys, color attributes or not exactly one UV map stays unchanged.
+    """
     mesh = obj.data
     if mesh.shape_keys or obj.modifiers or mesh.color_attributes or len(mesh.uv_layers) != 1 or not len(mesh.polygons):
         return

@@ -1,4 +1,4 @@
-"""Which commit a figure is of."""
+"""The commit that measurements belong to."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def measured_commit() -> str:
-    """The commit that is checked out; "-dirty" behind it where more than documents differ from it."""
+    """Return the name of the current commit, with "-dirty" if files outside docs differ from it."""
 
     def git(*words: str) -> str:
         return subprocess.run(

@@ -1,11 +1,11 @@
-"""Whether cost curves keep what they promise; prints tables in Markdown.
+"""Checks of the guarantees of cost curves. Prints the results.
 
-usage: python tools/curve_checks.py errors [COUNT]           how often a requested error is met: COUNT bakes (100) of
-                                                             varied crowns and settings
-       python tools/curve_checks.py budget [TREE.glb]        seconds asked for beside those taken
-       python tools/curve_checks.py front [TREE.glb]         whether more time ever gives a worse result: 20 seeds
+usage: python tools/curve_checks.py errors [COUNT]           count the bakes that meet a requested error: COUNT bakes
+                                                             (100) of varied crowns and settings
+       python tools/curve_checks.py budget [TREE.glb]        compare requested with actual seconds
+       python tools/curve_checks.py front [TREE.glb]         count the steps to more time with a worse result: 20 seeds
 
-Predicted beside measured seconds: `cargo run --release -p leafcloud-curve --example predicted TREE.glb …`.
+To compare predicted with measured seconds: `cargo run --release -p leafcloud-curve --example predicted TREE.glb …`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def trees(named: list[str]) -> list[Path]:
 
 
 def crown(seed: int) -> leafcloud.Foliage:
-    """Cards in a ball: 100 to 900 of them, of one to three sizes, all upright, or lying, or any way."""
+    """Build a ball of 100 to 900 random cards of three sizes: mostly upright, mostly flat, or in any direction."""
     random = np.random.default_rng(seed)
     count = int(random.integers(100, 900))
     places = random.normal(size=(count, 3))
@@ -67,7 +67,7 @@ def errors(arguments: list[str]) -> None:
             "texture_size": int(random.choice([256, 512])),
             "seed": seed,
         }
-        # Between a coarse and a fine cloud, so that it can be met.
+        # An error between those of a coarse and a fine cloud is reachable.
         ends = [leafcloud.build_chain(foliage, epsilon=e, **settings).levels[0].image_error for e in (0.16, 0.02)]
         asked = min(ends) * (max(ends) / min(ends)) ** random.uniform(0.1, 1.0)
         try:
@@ -78,8 +78,8 @@ def errors(arguments: list[str]) -> None:
             continue
         met += reached <= asked
         worst = max(worst, reached / asked - 1.0)
-        print(f"{seed}: asked {asked:.3f}, reached {reached:.3f}", flush=True)
-    print(f"\n{met} of {count} met, {refused} refused, never missed by more than {100 * max(worst, 0.0):.0f} %")
+        print(f"{seed}: requested {asked:.3f}, reached {reached:.3f}", flush=True)
+    print(f"\n{met} of {count} met, {refused} refused, largest excess {100 * max(worst, 0.0):.0f} %")
 
 
 def budget(arguments: list[str]) -> None:
@@ -93,7 +93,7 @@ def budget(arguments: list[str]) -> None:
             chain = leafcloud.build_chain(foliage, seconds=times * quick)
             took = time.perf_counter() - begun
             print(
-                f"{tree.stem}: asked {times * quick:.1f} s, took {took:.1f} s, error {chain.levels[0].image_error:.3f}"
+                f"{tree.stem}: wanted {times * quick:.1f} s, took {took:.1f} s, error {chain.levels[0].image_error:.3f}"
             )
 
 

@@ -1,11 +1,11 @@
-"""What accuracy costs in time, tree by tree: `make curves` makes docs/accuracy.md.
+"""Measures error over time, tree by tree: `make curves` makes docs/accuracy.md.
 
 usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
-       python tools/curves.py --verify [TREE.glb]      judge and Cycles on ten settings (minutes; of cards an hour)
+       python tools/curves.py --verify [TREE.glb]      metrics and Cycles on ten settings (minutes; cards an hour)
 
-A curve of a tree takes minutes to an hour; it goes into docs/bench/curves.json, its charts and pictures into
-docs/curves, as soon as they are there, and docs/accuracy.md shows what those hold. What the curve promises is measured
-by tools/curve_checks.py, what safeguards cost by the bench `safeguards`.
+A tree's curve takes minutes to an hour. It goes into docs/bench/curves.json immediately, its charts and pictures into
+docs/curves; docs/accuracy.md shows them. tools/curve_checks.py measures the guarantees of the curve, the bench
+`safeguards` the cost of safeguards.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ CHARTS, MEASURED, PAGE = (
 )
 TEXT, SAFEGUARDS = ROOT / "tools" / "accuracy.md", ROOT / "docs" / "bench" / "safeguards.md"
 TREE_LIMIT = 200_000
-"""Triangles up to which all settings are tried."""
-NOTHING = "None was measured yet: `make curves`, on a machine that does nothing else meanwhile."
+"""Maximum triangles of a tree for a full curve; larger trees get a quick one."""
+NOTHING = "Not measured yet: `make curves`, on an idle machine."
 COSTS: tuple[leafcloud.Cost, ...] = ("seconds", "billboards", "bytes")
 PICTURE, GAP = 256, 8
 VERIFIED = (
@@ -49,11 +49,11 @@ VERIFIED = (
     {"epsilon": 0.2, "texture_size": 512},
     {"epsilon": 0.3, "texture_size": 256},
 )
-"""Settings that the judge and Cycles rank."""
+"""Settings for the rank correlation of the metrics with Cycles."""
 
 
 def points(rows: list[leafcloud.CurveRow]) -> list[leafcloud.CurveRow]:
-    """Five of the front, the quickest and the best among them, the others as even as may be in error."""
+    """Return up to five rows of the front, from the fastest to the best, at even ratios of error."""
     front = sorted((row for row in rows if row["front"]), key=lambda row: -row["image_error"])
     wanted = np.geomspace(front[0]["image_error"], front[-1]["image_error"], 5)
     chosen = [min(front, key=lambda row: abs(math.log(row["image_error"] / error))) for error in wanted]
@@ -61,12 +61,12 @@ def points(rows: list[leafcloud.CurveRow]) -> list[leafcloud.CurveRow]:
 
 
 def options(row: leafcloud.CurveRow) -> dict[str, Any]:
-    """What level 1 of a row is built with."""
+    """Return the options that build level 1 of a row."""
     return {**row["settings"], "levels": 1, "cross": False}
 
 
 def look(foliage: leafcloud.Foliage, part: leafcloud.Foliage) -> NDArray[np.uint8]:
-    """A picture over light grey."""
+    """Render a part over light gray."""
     seen = leafcloud.render(
         [part], (0.6, -1.0, 0.25), PICTURE, centre=foliage.centre.tolist(), radius=1.02 * foliage.radius
     )
@@ -77,7 +77,7 @@ def look(foliage: leafcloud.Foliage, part: leafcloud.Foliage) -> NDArray[np.uint
 
 
 def strip(foliage: leafcloud.Foliage, rows: list[leafcloud.CurveRow]) -> NDArray[np.uint8]:
-    """The tree at some points of its curve, the leaves themselves last."""
+    """Return a picture of the tree at points of its curve, with the leaves themselves last."""
     levels = [leafcloud.build_chain(foliage, **options(row)).levels[0].foliage() for row in rows]
     gap = np.full((PICTURE, GAP, 4), 255, np.uint8)
     pictures = [picture for part in (*levels, foliage) for picture in (gap, look(foliage, part))]
@@ -85,7 +85,7 @@ def strip(foliage: leafcloud.Foliage, rows: list[leafcloud.CurveRow]) -> NDArray
 
 
 def measure(tree: Path) -> dict[str, Any]:
-    """The curve of a tree; its charts and pictures are written."""
+    """Measure the curve of a tree, and write its charts and pictures."""
     foliage = leafcloud.read_gltf(str(tree))
     curve = leafcloud.cost_curve(foliage, quick=foliage.triangle_count > TREE_LIMIT)
     CHARTS.mkdir(parents=True, exist_ok=True)
@@ -133,7 +133,7 @@ HEAD = [
 
 
 def tree_part(row: dict[str, Any]) -> str:
-    """What the page says of a tree."""
+    """Return the section of a tree in docs/accuracy.md."""
     name, rows = row["tree"], row["rows"]
     charts = "\n\n".join(f"![{name}: error over {cost}](curves/{name}_{cost}.svg)" for cost in COSTS)
     shown = "; ".join(
@@ -152,7 +152,7 @@ def tree_part(row: dict[str, Any]) -> str:
 
 
 def write_page(rows: list[dict[str, Any]]) -> None:
-    """docs/accuracy.md: the words of tools/accuracy.md around what was measured."""
+    """Write docs/accuracy.md: the text of tools/accuracy.md with the measurements."""
     safeguards = SAFEGUARDS.read_text() if SAFEGUARDS.is_file() else "Not measured yet: `make bench`."
     trees = "\n\n".join(tree_part(row) for row in rows) or NOTHING
     text = TEXT.read_text().replace("{trees}", trees)
@@ -167,7 +167,7 @@ def run(*command: object) -> str:
 
 
 def verify(tree: Path) -> None:
-    """Ranks ten settings by the judge's error and by FLIP of Cycles' pictures from other views of the files."""
+    """Print ten settings' errors by the metrics, FLIP of Cycles' pictures from other views, and their correlation."""
     from fidelity import flip
     from scipy.stats import spearmanr
 
@@ -190,15 +190,15 @@ def verify(tree: Path) -> None:
         [f"{s['epsilon']:g}", str(s["texture_size"]), f"{mine:.3f}", f"{theirs:.4f}"]
         for s, mine, theirs in zip(VERIFIED, judged, rendered, strict=True)
     ]
-    print(lines_of(["ε / R", "page", "the judge's error", "Cycles' FLIP"], rows))
+    print(lines_of(["ε / R", "page", "metrics' error", "Cycles' FLIP"], rows))
     print(f"\n{tree.stem}: rank correlation {spearmanr(judged, rendered).statistic:.3f}")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What accuracy costs in time, tree by tree.")
+    parser = argparse.ArgumentParser(description="Measure error over time, tree by tree.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: those of ../shared/foliage)")
-    parser.add_argument("--verify", action="store_true", help="compare the judge with Cycles on ten settings instead")
-    parser.add_argument("--page", action="store_true", help="only write docs/accuracy.md from what is kept")
+    parser.add_argument("--verify", action="store_true", help="compare the metrics with Cycles on ten settings instead")
+    parser.add_argument("--page", action="store_true", help="only write docs/accuracy.md from the kept results")
     arguments = parser.parse_args()
     if arguments.verify:
         verify((arguments.trees or [FOLIAGE / "shapespark_tree1.glb"])[0])

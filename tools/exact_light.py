@@ -1,9 +1,9 @@
-"""The leaves where their billboards put them, each place as bright as it is in the crown.
+"""Leaves collapsed onto their billboards, with the exact light of the leaves in the crown.
 
-That is what a texture on these billboards gives under a sun that has each leaf's own light: what is left of the error
-is where leaves lie. Cycles bakes the light on the leaves, with the shadows that they cast, to the corners of their
-quartered triangles, of either side apart. Shown are the same triangles, a hundredth of the way from their billboard to
-the leaf, so that they hide one another in the order in which a page has them.
+This is the best result of any texture on these billboards: the remaining error comes from the leaves' positions.
+Cycles bakes the light on the leaves, with their shadows, to the corners of subdivided triangles, for each side
+separately. The result shows the same triangles at a hundredth of the way from their billboard to the leaf, so that
+they hide one another in the same order as on an atlas page.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from flat_views import make_flat
 from numpy.typing import NDArray
 
 TRIANGLES = 200_000
-"""Quartered until there are as many."""
+"""Minimum number of triangles after subdivision."""
 ABOVE = 0.01
-"""Of the way from a billboard to the leaf: keeps the order of what lies on one billboard."""
+"""Fraction of the way from a billboard to the leaf. Keeps the depth order of leaves on one billboard."""
 APART = 1e-4
-"""Of the crown's size, from a leaf to where its light is received: it does not shade itself."""
+"""Distance of the light receivers from a leaf, as a fraction of the crown's size, so that it does not shade itself."""
 SIDES = ("front", "back")
 
 Corners = NDArray[np.float32]
-"""Of triangles (n, 3, k)."""
+"""Values at the corners of triangles (n, 3, k)."""
 
 
 class ExactLight:
-    """`shown` has the light of the scene's sun after `receive`; the leaves, white, cast the shadows."""
+    """An object `shown` with the exact light of the leaves after each `receive`. The white leaves cast shadows."""
 
     def __init__(self, leaves: bpy.types.Object) -> None:
         self.leaves = leaves
@@ -51,8 +51,8 @@ class ExactLight:
             self.shown.data.color_attributes.new(side, "FLOAT_COLOR", "CORNER")
 
     def receive(self) -> None:
-        """Bakes the light of the scene on either side, and shows it."""
-        bpy.context.scene.render.use_persistent_data = False  # Bakes come back empty with it.
+        """Bake the light of the scene on both sides, store it in `shown` and show that instead of the leaves."""
+        bpy.context.scene.render.use_persistent_data = False  # With it bakes are empty.
         self.leaves.hide_render, self.shown.hide_render = False, True
         for side, obj in zip(SIDES, self.receivers, strict=True):
             light = baked(obj)
@@ -62,7 +62,7 @@ class ExactLight:
 
 
 def flattened(mesh: bpy.types.Mesh) -> Corners:
-    """Where the morph target puts the corners of the triangles."""
+    """Return the corners (n, 3, 3) of the triangles in the morph target `Billboards`."""
     points, vertices = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)
     mesh.shape_keys.key_blocks["Billboards"].data.foreach_get("co", points)
     mesh.loop_triangles.foreach_get("vertices", vertices)
@@ -79,7 +79,7 @@ def corner_normals(mesh: bpy.types.Mesh) -> Corners:
 def receiver(
     leaves: bpy.types.Object, triangles: tuple[Corners, Corners], normals: Corners, materials: NDArray[np.int32]
 ) -> bpy.types.Object:
-    """What the light is baked on: white all over, and casts no shadow."""
+    """Add an opaque white object without a shadow, to bake the light on."""
     mesh = mesh_of(triangles, materials, leaves.data)
     lengths = np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
     mesh.normals_split_custom_set((normals / lengths).reshape(-1, 3))
@@ -100,7 +100,7 @@ def receiver(
 
 
 def baked(obj: bpy.types.Object) -> Corners:
-    """The light on `obj` (triangles, 3, 4)."""
+    """Bake the direct light on `obj`; return it (triangles, 3, 4)."""
     obj.hide_render = False
     bpy.ops.object.select_all(action="DESELECT")
     obj.select_set(True)
@@ -113,7 +113,7 @@ def baked(obj: bpy.types.Object) -> Corners:
 
 
 def glowing(material: bpy.types.Material) -> bpy.types.Material:
-    """Light of the attributes of either side, where the material's alpha lets it."""
+    """Return a copy of the material that emits the attribute of the visible side, with the material's alpha."""
     glow = material.copy()
     make_flat(glow)
     tree = glow.node_tree

@@ -1,14 +1,14 @@
-"""Level 1 beside the leaves, and beside what one might use instead: `make fidelity`.
+"""Compares level 1 and its alternatives with the leaves: `make fidelity`.
 
 usage: python tools/fidelity.py [--judge] [--samples 32] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
-The alternatives are made from the same leaves by ../shared/measure: the published method done literally, a cross of two
-billboards, meshoptimizer's sloppy simplification to as many triangles. Level 1 has no more billboards than the
-published method and as many texels, then a quarter of them. Cycles renders all from 8 views (tools/flat_views.py); the
-project's judge looks from there, too. Pictures that do not depend on the project are kept in target/fidelity. A tree
-takes Cycles a quarter of an hour and the judge a minute; with --judge it looks alone, and what Cycles saw before is
-left standing. What was measured of a tree goes into docs/bench/fidelity.json as soon as it is there, with the commit
-that was measured, and docs/bench/fidelity.md shows what that holds.
+../shared/measure makes the alternatives from the same leaves: the published method implemented literally, a cross of
+two billboards, and meshoptimizer's sloppy simplification to the same number of triangles. Level 1 has at most the
+billboards of the published method and the same number of texels, then a quarter of them. Cycles (tools/flat_views.py)
+and the project's own renderer for metrics both render all of them from 8 views. target/fidelity keeps the pictures
+that do not depend on the project. A tree takes Cycles a quarter of an hour and the metrics a minute. With --judge
+only the metrics are measured, and Cycles' earlier results stay. Each tree's results go into docs/bench/fidelity.json
+immediately, with the measured commit; docs/bench/fidelity.md shows them.
 """
 
 from __future__ import annotations
@@ -38,38 +38,38 @@ FOLIAGE, INSTRUMENT = ROOT.parent / "shared" / "foliage", ROOT.parent / "shared"
 KEPT = ROOT / "target" / "fidelity"
 MEASURED = ROOT / "docs" / "bench" / "fidelity.json"
 TREE_LIMIT = 200_000
-"""Triangles up to which the alternatives are made."""
+"""Maximum triangles of a tree in the comparison."""
 EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
 SIZES = ("256", "64")
 SAMPLES, JUDGED = 32, 16
-"""Along a pixel, of Cycles (alternatives that are far off have half as many) and of the judge."""
+"""Samples along a pixel's side, in Cycles (cross and sloppy have half as many) and in the metrics."""
 ALTERNATIVES = {"literal": "paper", "cross": "cross", "sloppy": "sloppy"}
-"""The files' stems."""
+"""Stems of the alternatives' files."""
 LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}
-"""The side of the page."""
+"""Width of the atlas page in texels."""
 
 Pictures = NDArray[np.float32]
 """(views, size, size, 4), linear light, premultiplied."""
 
 INTRODUCTION = f"""# Fidelity
 
-Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, seen from {VIEWS} directions by Cycles,
-flat-lit, orthographic, on a grid of samples in each pixel: so many along its side (for cross and sloppy, which are far
-off, half as many). FLIP is the mean within four pixels of either silhouette, over grey. Beside it what one might use
-instead, made from the same leaves. Trees of more than {TREE_LIMIT:,} triangles are left out: they are there for speed.
+Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, rendered from {VIEWS} directions by
+Cycles, flat-lit, orthographic, on a grid of samples in each pixel. *Samples* are along its side (half as many for
+cross and sloppy, which differ a lot). FLIP is the mean within four pixels of either silhouette, over gray. The
+alternatives are made from the same leaves. Trees with more than {TREE_LIMIT:,} triangles are left out: they are for
+speed tests.
 
 - *literal*: the published algorithm (ε = {EPSILON} R, N = {CANDIDATES}), rectangles, one front texture each,
   {TEXELS / 1e6:.1f} M texels.
 - *cross*: two perpendicular billboards. *sloppy*: meshoptimizer's simplifySloppy to as many triangles as *literal*.
-- *level 1*: no more billboards than *literal*, one texture for both sides, a page of {LEVELS["level 1"]}²; *a quarter*:
-  one of {LEVELS["a quarter"]}².
-- *coverage*: alpha over that of the leaves. *floor*: the leaves against themselves, sampled half a sample beside: what
-  the instrument itself is worth.
-- *the judge*: the project's own renderer and its FLIP, from the same views, with {JUDGED} × {JUDGED} samples in each
-  pixel at which textures are looked up in points, without a filter. It is compared with Cycles where both looked at the
-  same files.
+- *level 1*: at most the billboards of *literal*, one texture for both sides, an atlas page of {LEVELS["level 1"]}²;
+  *a quarter*: a page of {LEVELS["a quarter"]}².
+- *coverage*: alpha relative to the leaves. *floor*: the leaves against themselves, sampled half a sample aside: the
+  error of the sampling itself.
+- *metrics*: the project's own renderer and its FLIP, from the same views, with {JUDGED} × {JUDGED} unfiltered texture
+  samples in each pixel. The metrics are compared with Cycles on trees where both measured the same files.
 """
 
 
@@ -85,7 +85,7 @@ def digest(*files: Path) -> str:
 
 
 def make_alternatives(tree: Path, folder: Path) -> int:
-    """Writes leaves.glb, paper.glb, cross.glb and sloppy.glb; returns how many billboards paper.glb has."""
+    """Write leaves.glb, paper.glb, cross.glb and sloppy.glb; return the number of billboards in paper.glb."""
     count = folder / f"billboards-{digest(tree)}"
     if not count.is_file():
         folder.mkdir(parents=True, exist_ok=True)
@@ -101,14 +101,14 @@ def make_alternatives(tree: Path, folder: Path) -> int:
 
 
 def bake(leaves: Path, billboards: int, side: int, out: Path) -> Path:
-    """Level 1 of the leaves alone, as a file."""
+    """Bake level 1 of the leaves; return its file."""
     shape = ("--max-billboards", billboards, "--texture-size", side, "--levels", 1, "--no-cross", "--effects", "none")
     run(sys.executable, ROOT / "bake.py", "--input", leaves, "--out", out, *shape)
     return out / f"{leaves.stem}_LOD1.glb"
 
 
 def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
-    """Cycles' pictures of models, framed by that of the leaves."""
+    """Render models with Cycles, framed by the model `frame`."""
     file = folder / "views.npz"
     run(sys.executable, ROOT / "tools" / "flat_views.py", file, SIZE, VIEWS, grid, *models, f"{frame}:@frame")
     with np.load(file) as pictures:
@@ -116,7 +116,7 @@ def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
 
 
 def reference(folder: Path, samples: int) -> dict[str, Pictures]:
-    """Pictures of the leaves and the alternatives; made once."""
+    """Return Cycles' pictures of the leaves and the alternatives, rendered once and kept."""
     leaves = folder / "leaves.glb"
     tools = (ROOT / "tools" / name for name in ("flat_views.py", "clear_cells.py"))
     file = folder / f"reference-{samples}-{digest(leaves, *tools)}.npz"
@@ -131,7 +131,7 @@ def reference(folder: Path, samples: int) -> dict[str, Pictures]:
 
 
 def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
-    """The same views by the project's own renderer."""
+    """Render the same views with the project's own renderer."""
     golden = math.pi * (3.0 - math.sqrt(5.0))
     foliage = leafcloud.read_gltf(str(model), names=names)
     pictures = []
@@ -153,7 +153,7 @@ def smaller(pictures: Pictures, times: int) -> Pictures:
 
 
 def flip(base: Pictures, other: Pictures) -> float:
-    """Mean over the views, each within four pixels of either silhouette."""
+    """Return the mean FLIP over the views, each within four pixels of either silhouette."""
 
     def over_grey(picture: NDArray[np.float32]) -> NDArray[np.float32]:
         alpha = picture[..., 3:]
@@ -185,7 +185,7 @@ def figures(base: Pictures, others: dict[str, Pictures]) -> dict[str, dict[str, 
 
 
 def measure(tree: Path, samples: int | None) -> dict[str, Any]:
-    """What is seen of a tree by the judge and, unless `samples` is None, by Cycles."""
+    """Measure a tree with the metrics and, unless `samples` is None, with Cycles."""
     folder = KEPT / tree.stem
     billboards = make_alternatives(tree, folder)
     leaves = folder / "leaves.glb"
@@ -230,12 +230,12 @@ def error_table(rows: list[dict[str, Any]], who: str, size: str) -> str:
     ]
     head = [*(["samples"] if floor else []), *names]
     body.append(["mean", *[""] * len(head), *(f"**{x:.2f}**" for x in ratios.mean(axis=0))])
-    title = {"cycles": "Cycles", "judge": "the judge"}[who]
+    title = {"cycles": "Cycles", "judge": "metrics"}[who]
     return lines_of([f"FLIP at {size}², {title}", *head, *(f"{level} / literal" for level in LEVELS)], body)
 
 
 def coverage_table(rows: list[dict[str, Any]]) -> str:
-    """By Cycles where it looked."""
+    """Return the table of coverages, from Cycles for the trees that it rendered."""
     names = [*ALTERNATIVES, *LEVELS]
     body = []
     for row in rows:
@@ -246,7 +246,7 @@ def coverage_table(rows: list[dict[str, Any]]) -> str:
 
 
 def agreement_table(rows: list[dict[str, Any]]) -> str:
-    """Of the judge with Cycles, over trees of which both looked at the same files."""
+    """Return the table that compares the metrics with Cycles, over trees where both rendered the same files."""
     names = [*ALTERNATIVES, *LEVELS]
 
     def errors(who: str, row: dict[str, Any], size: str) -> NDArray[np.float64]:
@@ -261,7 +261,7 @@ def agreement_table(rows: list[dict[str, Any]]) -> str:
 
     body = [[row["tree"], *cells([row])] for row in rows]
     head = [part for size in SIZES for part in (f"rank correlation at {size}²", "greatest difference")]
-    return lines_of(["judge and Cycles", *head], [*body, ["all", *cells(rows)]])
+    return lines_of(["metrics and Cycles", *head], [*body, ["all", *cells(rows)]])
 
 
 def tables(rows: list[dict[str, Any]]) -> str:
@@ -279,13 +279,13 @@ def triangles(tree: Path) -> int:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Level 1 beside the leaves, and beside what one might use instead.")
+    parser = argparse.ArgumentParser(description="Compare level 1 and its alternatives with the leaves.")
     parser.add_argument(
         "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
     )
-    parser.add_argument("--judge", action="store_true", help="look by the project's own renderer only")
+    parser.add_argument("--judge", action="store_true", help="measure with the project's own renderer only")
     parser.add_argument(
-        "--samples", type=int, default=SAMPLES, help=f"of Cycles along a pixel (default: {SAMPLES}; even)"
+        "--samples", type=int, default=SAMPLES, help=f"Cycles' samples along a pixel, even (default: {SAMPLES})"
     )
     arguments = parser.parse_args()
     trees = arguments.trees or [tree for tree in sorted(FOLIAGE.glob("*.glb")) if triangles(tree) <= TREE_LIMIT]

@@ -1,13 +1,12 @@
-"""Renders models from a ring of views, flat-lit, with Cycles: what `measure.py` and `fidelity.py` compare.
+"""Renders models from several views, flat-lit, with Cycles, for `measure.py`, `fidelity.py` and others.
 
 usage: python flat_views.py OUT.npz SIZE VIEWS GRID MODEL …
 
 A MODEL is FILE.glb, or FILE.glb:NODE for one of its nodes, or FILE.glb:NODE@1 with its morph target set. @half moves
-the samples by half their distance, which shows what the sampling itself is worth. All are framed by the bounding sphere
-of the first, or of that with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4) per model as asked
-for: linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel; that converges faster
-than random samples under a wide filter. Independent of the project's own renderer and judge: Blender imports, Cycles
-renders.
+the samples by half their distance, to measure the sampling error. The bounding sphere of the first model frames all
+pictures, or that of the model with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4) per model:
+linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel. That converges faster
+than random samples under a wide filter. Independent of the project's own renderer: Blender imports, Cycles renders.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from mathutils import Vector
 from numpy.typing import NDArray
 
 MARGIN = 1.0 / 128.0
-"""Of the picture's side, kept around what is rendered."""
+"""Margin around the rendered region, as a fraction of the picture's side."""
 
 
 def directions(count: int) -> Iterator[Vector]:
-    """A spiral over the upper three quarters of the sphere: trees are rarely seen from straight below."""
+    """Yield directions on a spiral over the upper three quarters of the sphere: trees are rarely seen from below."""
     for i in range(count):
         z = 1.0 - 1.5 * (i + 0.5) / count
         radius, angle = math.sqrt(1.0 - z * z), i * math.pi * (3.0 - math.sqrt(5.0))
@@ -37,7 +36,7 @@ def directions(count: int) -> Iterator[Vector]:
 
 
 def make_flat(material: bpy.types.Material) -> None:
-    """Emission of the base colour where alpha lets it: no light, no gloss, no normals."""
+    """Make the material emit its base color, with its alpha and without lighting."""
     tree = material.node_tree
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
@@ -57,7 +56,7 @@ def make_flat(material: bpy.types.Material) -> None:
 
 
 def visible_meshes(model: str) -> list[bpy.types.Object]:
-    """Opens a model; everything else in its file is hidden."""
+    """Open a model's file and hide all its other meshes; return the visible ones."""
     file, _, rest = model.partition(".glb")
     name, _, state = rest.lstrip(":").partition("@")
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -74,7 +73,7 @@ def visible_meshes(model: str) -> list[bpy.types.Object]:
 
 
 def places_of(objects: list[bpy.types.Object]) -> NDArray[np.float64]:
-    """All vertices in the world (n, 3)."""
+    """Return all vertices (n, 3) in world space."""
     world = []
     for obj in objects:
         points = np.empty(3 * len(obj.data.vertices))
@@ -91,7 +90,7 @@ def bounding_sphere(objects: list[bpy.types.Object]) -> tuple[Vector, float]:
 
 
 def set_up_camera(side: int, radius: float) -> bpy.types.Object:
-    """One sample in the middle of each pixel of a picture of `side` pixels."""
+    """Add an orthographic camera for a picture of `side`² pixels, with one sample at the center of each."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", 1
@@ -114,7 +113,7 @@ def set_up_camera(side: int, radius: float) -> bpy.types.Object:
 def look_from(
     camera: bpy.types.Object, direction: Vector, centre: Vector, radius: float, places: NDArray[np.float64]
 ) -> None:
-    """Turns the camera; what lies beyond the vertices at `places` is not rendered, for there is nothing."""
+    """Rotate the camera to a view from `direction`, and limit the rendered region to the vertices at `places`."""
     turned = direction.to_track_quat("Z", "Y")
     camera.location, camera.rotation_euler = centre + direction * radius * 4.0, turned.to_euler()
     seen = (places - np.array(centre)) @ np.array(turned.to_matrix())[:, :2] / camera.data.ortho_scale

@@ -1,13 +1,13 @@
-"""A camera flies away from a tree, past all its levels: `make flight`.
+"""Measures popping while a camera flies away from a tree, past all its levels: `make flight`.
 
 usage: python tools/flight.py [--frames N] [TREE.glb …]      (default: pine and oak of ../shared/foliage)
 
-Cycles, 256², 8 samples of one seed, a sun and a sky; from 1 to 60 radii, every frame as much farther as the one before.
-Three times: as baked; with the same levels switched plainly, without a transition; with the leaves alone, as a control.
-What pops is a change from frame to frame that is greater than those around it: the greatest FLIP between neighbouring
-frames near a switch, over the median of the frames around that. Prints a table in Markdown. A whole flight also goes
-into docs/bench/flight.json, with the commit that flew, as soon as it is over; docs/bench/flight.md shows what that
-holds, and docs/flight_TREE.png a strip of frames and the curve.
+Cycles, 256², 8 samples of one seed, a sun and a sky; from 1 to 60 radii, each frame farther by the same factor. Flies
+three times: as baked; with the same levels switched without transitions; with the leaves alone, as a control. A pop
+is a change between frames that is larger than the changes around it. It is measured as the largest FLIP between
+neighboring frames near a switch, divided by the median of the frames around them. Prints a table in Markdown. A
+complete flight also goes into docs/bench/flight.json, with the measured commit; docs/bench/flight.md shows it, and
+docs/flight_TREE.png a strip of frames and the curve.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("pine_cards_20k", "oak_cards_11k")
 SIZE, SAMPLES, FRAMES = 256, 8, 240
 NEAREST, FARTHEST = 1.0, 60.0
-"""Distances from the crown's centre in its radii."""
+"""Distances from the crown's center in crown radii."""
 DIRECTION = Vector((0.8, -0.55, 0.25)).normalized()
 AT_SWITCH, AROUND = 3, 12
-"""Frames on either side that count as the switch, and as around it."""
+"""Frames on either side of a switch that belong to it, and that are compared with it."""
 NEVER = 1e9
 STRIP = 8
 
 Frames = list[NDArray[np.float32]]
-"""Pictures (SIZE, SIZE, 3) as they are seen, sRGB in [0, 1]."""
+"""Pictures (SIZE, SIZE, 3), sRGB in [0, 1]."""
 
 MEASURED = ROOT / "docs" / "bench" / "flight.json"
 HEAD = ["| | switch | at | transitions | plain | leaves |", "|---|---|---|---|---|---|"]
@@ -64,8 +64,9 @@ HEAD = ["| | switch | at | transitions | plain | leaves |", "|---|---|---|---|--
 INTRODUCTION = f"""# A flight past the levels
 
 Made by `make flight` (see `tools/flight.py`): {FRAMES} frames from {NEAREST:.0f} to {FARTHEST:.0f} radii, {SIZE}²,
-{SAMPLES} samples. For each switch the greatest FLIP between neighbouring frames, over the median of the frames around
-it: with transitions, with plain switching of the same levels, and of the leaves alone at the same frames.
+{SAMPLES} samples. For each switch the largest FLIP between neighboring frames, divided by the median of the frames
+around it: with transitions, with the same levels switched without them (plain), and for the leaves alone at the same
+frames.
 """
 
 
@@ -78,7 +79,7 @@ class Flight:
 
 
 def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
-    """The tree's levels, baked for the flight's camera, under a sun and a sky."""
+    """Bake the tree's levels for the flight's camera, and add a sun and a sky; return the bake and the camera."""
     load(tree)
     scene = bpy.context.scene
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
@@ -106,13 +107,13 @@ def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
 
 
 def distances(count: int) -> NDArray[np.float64]:
-    """In radii."""
+    """Return the distance of each frame in crown radii."""
     return np.geomspace(NEAREST, FARTHEST, count)
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Cycles tells standard output of each sample."""
+    """Discard standard output during the block: Cycles prints a line per sample."""
     kept = os.dup(1)
     with open(os.devnull, "w") as nothing:
         os.dup2(nothing.fileno(), 1)
@@ -124,7 +125,7 @@ def quiet() -> Iterator[None]:
 
 
 def fly(baked: Baked, camera: bpy.types.Object, frames: Sequence[int], count: int) -> dict[int, NDArray[np.float32]]:
-    """The pictures of these frames out of `count`."""
+    """Render these frames of a flight of `count`; return the pictures by frame."""
     foliage = baked.prepared.foliage
     pictures = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -145,11 +146,11 @@ def fly(baked: Baked, camera: bpy.types.Object, frames: Sequence[int], count: in
 
 
 def with_transitions(baked: Baked) -> None:
-    """As it was baked."""
+    """Change nothing: the levels as baked."""
 
 
 def switched_plainly(baked: Baked) -> None:
-    """The same levels at the same distances, without moving or fading."""
+    """Switch the same levels at the same distances, without morphing or fading."""
     appearing = [lod_input(level.object, "Appear") for level in baked.levels]
     for level, vanish in zip(baked.levels, [*appearing[1:], NEVER], strict=True):
         plain = {"Start": NEVER, "End": NEVER, "Whole": 0.0, "Fading": NEVER, "Vanish": vanish}
@@ -163,7 +164,7 @@ def lod_input(obj: bpy.types.Object, name: str) -> float:
 
 
 def leaves_alone(baked: Baked) -> None:
-    """LOD 0 at any distance."""
+    """Show LOD 0 at any distance."""
     for level in baked.levels:
         for obj in (level.object, *([level.wood] if level.wood else [])):
             obj.modifiers.clear()
@@ -178,7 +179,7 @@ WAYS: dict[str, Callable[[Baked], None]] = {
 
 
 def changes(pictures: dict[int, NDArray[np.float32]], count: int) -> NDArray[np.float64]:
-    """(count − 1,) the mean FLIP between each frame and the next; NaN where one is missing."""
+    """Return (count − 1,) the mean FLIP between each frame and the next; NaN if one is missing."""
 
     def change(frame: int) -> float:
         if frame not in pictures or frame + 1 not in pictures:
@@ -190,14 +191,14 @@ def changes(pictures: dict[int, NDArray[np.float32]], count: int) -> NDArray[np.
 
 
 def switches(baked: Baked, count: int) -> list[int]:
-    """Between which frame and the next each level takes over, as far as the flight goes there."""
+    """Return the last frame before each switch, for the switches within the flight."""
     takes_over = np.array(baked.switch_distances[1:]) / baked.prepared.foliage.radius
     found = np.searchsorted(distances(count), takes_over) - 1
     return [int(frame) for frame in found if AROUND < frame < count - 1 - AROUND]
 
 
 def pop(changes: NDArray[np.float64], switch: int) -> float:
-    """The greatest change at the switch over the median of those around it."""
+    """Return the largest change at the switch, divided by the median of the changes around it."""
     at = changes[switch - AT_SWITCH : switch + AT_SWITCH + 1]
     around = np.concatenate(
         [changes[switch - AROUND : switch - AT_SWITCH], changes[switch + AT_SWITCH + 1 : switch + AROUND + 1]]
@@ -206,7 +207,10 @@ def pop(changes: NDArray[np.float64], switch: int) -> float:
 
 
 def measure(tree: Path, count: int, *, whole: bool) -> tuple[list[list[str]], dict[str, Flight], list[int]]:
-    """The table's rows; without `whole` only the frames around the switches are rendered."""
+    """Fly past a tree; return the table's rows, the flights by way, and the frames of the switches.
+
+    Without `whole` only the frames around the switches are rendered.
+    """
     baked, camera = stage(tree)
     found = switches(baked, count)
     near = {frame + i for frame in found for i in range(-AROUND, AROUND + 2)}
@@ -227,7 +231,7 @@ def measure(tree: Path, count: int, *, whole: bool) -> tuple[list[list[str]], di
 
 
 def picture(flights: dict[str, Flight], found: Sequence[int], path: Path) -> None:
-    """The strip of frames over the curves."""
+    """Write a chart: the strip of frames above the curves."""
     figure, (strip, curve) = pyplot.subplots(2, 1, figsize=(9, 4.5), height_ratios=[1, 2.2])
     strip.imshow(np.concatenate(flights["transitions"].strip, axis=1).clip(0.0, 1.0))
     strip.axis("off")
@@ -248,7 +252,7 @@ def lines_of(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def keep(tree: Path, rows: list[list[str]]) -> None:
-    """Adds a whole flight to those that were measured."""
+    """Add a complete flight to the files of results."""
     measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
     measured[tree.stem] = {"commit": measured_commit(), "rows": rows}
     MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
@@ -258,9 +262,9 @@ def keep(tree: Path, rows: list[list[str]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="A camera flies away from a tree, past all its levels.")
+    parser = argparse.ArgumentParser(description="Measure popping on a flight past all levels of a tree.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: pine and oak of ../shared/foliage)")
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of the whole flight (default: %(default)s)")
+    parser.add_argument("--frames", type=int, default=FRAMES, help="frames of a flight (default: %(default)s)")
     parser.add_argument("--switches", action="store_true", help="render only the frames around the switches")
     arguments = parser.parse_args()
     trees = arguments.trees or [FOLIAGE / f"{name}.glb" for name in TREES]

@@ -2,11 +2,11 @@
 
 usage: python tools/forest.py [TREE.glb]      (default: the pine of ../shared/foliage)
 
-Three ways to draw it: the *forest* as the extension plants it (levels and pruned leaves by distance, neighbours apart);
-*plain*, the same levels without pruned leaves, all switching at one distance; and the *leaves* at every distance. From
-each distance: how many triangles all instances have together; how long Blender takes to choose the instances anew when
-the camera has moved; how long Cycles renders a small picture, and how much memory that takes. Every case has a process
-of its own. Prints a table in Markdown; for the pine it also writes docs/bench/forest.md.
+Draws it in three ways: *forest*, as the extension plants it (levels and pruned leaves by distance, neighbors
+switching apart); *plain*, the same levels without pruned leaves, all switching at one distance; *leaves*, at every
+distance. Measures at each distance: the triangles of all instances; the time that Blender takes to choose instances
+after a camera move; the time and memory of a small picture in Cycles. Every case runs in a process of its own. Prints
+a table in Markdown; for the pine it also writes docs/bench/forest.md.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from addon.settings import BakeSettings
 
 TREE = FOLIAGE / "pine_cards_20k.glb"
 SIDE, SPACING = 100, 3.0
-"""Trees along a side, and how far each stands from the next, in radii of the crown."""
+"""Trees along a side, and the distance between neighbors in crown radii."""
 DISTANCES = np.geomspace(15.0, 5000.0, 7)
-"""Of the camera from the middle of the forest, in radii: the forest ends at 150."""
+"""Distances of the camera from the center of the forest, in radii: the forest ends at 150."""
 RISE = 0.1
-"""The camera is higher than the crowns' middles by this share of its distance."""
+"""Height of the camera above the crowns' centers, as a fraction of its distance."""
 WAYS = ("forest", "plain", "leaves")
 SIZE, SAMPLES, UPDATES = 256, 4, 15
 NICE = 10
@@ -48,21 +48,21 @@ NICE = 10
 INTRODUCTION = f"""# A forest
 
 Made by `make forest` (see `tools/forest.py`): {SIDE * SIDE:,} pines, {SPACING:.0f} R apart, R the radius of a crown,
-seen from {DISTANCES[0]:.0f} R from the middle, inside, to {DISTANCES[-1]:.0f} R; the forest ends at
+seen from {DISTANCES[0]:.0f} R from the center, inside, to {DISTANCES[-1]:.0f} R; the forest ends at
 {SIDE * SPACING / 2:.0f} R. *Forest*: as the extension plants it, baked with `--chain both`. *Plain*: the same levels,
-switched at one distance, no pruned leaves. *Leaves*: all of them at any distance. Nothing is culled by the view.
-Of this pine level 1 takes over before half of the leaves are pruned: the forest has no pruned variant, only trees that
-switch apart, none nearer than in *plain* and up to 15 % farther away.
+switched at one distance, no pruned leaves. *Leaves*: all of them at any distance. No trees are culled by the view.
+For this pine level 1 takes over before half of the leaves are pruned. So the forest has no pruned variant. Its trees
+only switch apart, none nearer than in *plain* and up to 15 % farther away.
 
-- *Triangles*: of all instances together, wood included. Instances share their meshes: this is what a rasteriser draws,
-  not what lies in memory.
-- *Evaluation*: median and longest of {UPDATES} updates of the scene after the camera has moved, each until Blender has
+- *Triangles*: of all instances together, trunks included. Instances share their meshes: a rasterizer draws this many,
+  but memory holds fewer.
+- *Evaluation*: median and longest of {UPDATES} updates of the scene after a camera move, each until Blender has
   the new list of instances.
-- *Render*: Cycles, {SIZE}², {SAMPLES} samples. Blender handing over the scene and Cycles building its BVH are in it.
-- Both are processor time, of all threads together, for others share the machine: what passes on the clock is less where
-  there is more than one core.
-- *Cycles*: the peak that Cycles reports in its statistics. *Process*: by how much the process's greatest resident set
-  grew while it rendered. Both in MiB, one process a case.
+- *Render*: Cycles, {SIZE}², {SAMPLES} samples, including scene export and BVH build.
+- Both are processor time of all threads together, because other programs share the machine. Elapsed time is shorter on
+  several cores.
+- *Cycles*: the peak in Cycles' statistics. *Process*: growth of the process's largest resident set during the render.
+  Both in MiB, one process per case.
 """
 HEADER = (
     "camera",
@@ -87,7 +87,7 @@ class Case:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Measures a forest of 10,000 trees from seven distances.")
+    parser = argparse.ArgumentParser(description="Measure a forest of 10,000 trees from seven distances.")
     parser.add_argument("tree", nargs="?", type=Path, default=TREE, help="a GLB file (default: the pine)")
     parser.add_argument("--case", nargs=3, metavar=("FILE", "WAY", "DISTANCE"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -115,7 +115,7 @@ def row(distance: float, way: str, case: Case) -> str:
 
 
 def plant(baked: Baked, file: Path) -> None:
-    """Saves a scene with the points of the forest, one object for each way, and the size of it all."""
+    """Save a scene with the forest's points, one object per way, and its center and radius as custom properties."""
     radius, centre = baked.prepared.foliage.radius, baked.prepared.foliage.centre
     bpy.context.scene.collection.children.unlink(baked.collection)
     points = places(radius)
@@ -145,7 +145,7 @@ def forest_of(baked: Baked, way: str) -> Forest:
 
 
 def places(radius: float) -> NDArray[np.float64]:
-    """(n, 3) on a grid about the origin, each moved by up to a third of the spacing."""
+    """Return points (n, 3) on a grid about the origin, each moved at random by up to a third of the spacing."""
     along = (np.arange(SIDE) - (SIDE - 1) / 2.0) * SPACING * radius
     grid = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     moved = np.random.default_rng(0).uniform(-1.0, 1.0, grid.shape) * SPACING * radius / 3.0
@@ -187,7 +187,7 @@ def measure(file: Path, way: str, distance: float) -> Case:
 
 
 def updated_in(camera: bpy.types.Object, eye: Vector, aside: float) -> float:
-    """Seconds of processor time until the instances are known for a camera that has moved aside."""
+    """Move the camera aside; return the processor time in seconds until Blender has the new list of instances."""
     camera.location = eye + Vector((0.0, aside, 0.0))
     begin = time.process_time()
     len(bpy.context.evaluated_depsgraph_get().object_instances)
@@ -195,7 +195,7 @@ def updated_in(camera: bpy.types.Object, eye: Vector, aside: float) -> float:
 
 
 def drawn_triangles() -> int:
-    """Of all instances."""
+    """Return the number of triangles of all instances."""
     counts: dict[str, int] = {}
     total = 0
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:

@@ -1,13 +1,12 @@
-"""What leaving out billboards that are seen on edge does to a picture: `make grazing`.
+"""Compares pictures with and without billboards seen edge-on: `make grazing`.
 
 usage: python tools/grazing.py [TREE.glb …]
 
-Level 1 and level 2 of each tree, flat-lit, from six directions: with all billboards, and without those whose
-|cos| between normal and view is below each of three bounds, where a fade as wide as twice the bound is half done. A
-level is seen as large as where its deviation is 8 pixels, from where it takes over, and twice as large, as by who
-looks from too near. The error is the root mean square difference from the leaves, linear and premultiplied, over all
-pixels that either covers; coverage is that of the leaves. Prints a table in Markdown; for all trees it also writes
-docs/bench/grazing.md.
+Renders levels 1 and 2 of each tree, flat-lit, from six directions: with all billboards, and without billboards whose
+|cos| between normal and view is below each of three bounds. At the bound a fade twice as wide is half done. A level
+has the size at its switch, where its deviation is 8 pixels, and twice that size, as seen from too near. The error is
+the root mean square difference from the leaves, linear and premultiplied, over all pixels that either covers;
+coverage is relative to the leaves. Prints a table in Markdown; for all trees it also writes docs/bench/grazing.md.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ def main() -> None:
     columns[1:1] = [f"cos ≥ {bound} × {NEARER[0]}" for bound in BOUNDS[1:]]
     columns += [f"cos ≥ {bound} × {NEARER[1]}" for bound in BOUNDS[1:]]
     lines = [
-        "Levels without the billboards that are seen on edge (`make grazing`, see `tools/grazing.py`): error beside",
-        "the leaves and coverage of theirs, where the level takes over (× 1), and from half as far (× 2).",
+        "Levels without the billboards seen edge-on (`make grazing`, see `tools/grazing.py`): error against the leaves",
+        "and coverage relative to them, at the switch distance (× 1) and at half of it (× 2).",
         "",
         f"| tree | level | {' | '.join(columns)} |",
         "|---" * (len(columns) + 2) + "|",
@@ -67,7 +66,7 @@ def rows(tree: Path) -> Iterator[str]:
 
 
 def views() -> NDArray[np.float64]:
-    """A spiral over the upper three quarters of the sphere (n, 3), as `flat_views.directions`."""
+    """Return directions (n, 3) on a spiral over the upper three quarters of the sphere: `flat_views.directions`."""
     z = 1.0 - 1.5 * (np.arange(VIEWS) + 0.5) / VIEWS
     turn = np.arange(VIEWS) * np.pi * (3.0 - np.sqrt(5.0))
     radius = np.sqrt(1.0 - z * z)
@@ -75,7 +74,7 @@ def views() -> NDArray[np.float64]:
 
 
 def facing(level: leafcloud.Level, view: NDArray[np.float64], bound: float) -> leafcloud.Foliage:
-    """The level's billboards that are seen under at least this |cos|, from both sides."""
+    """Return the level's billboards with at least this |cos| between normal and view, for views of either side."""
     across = np.cross(level.corners[:, 1] - level.corners[:, 0], level.corners[:, 2] - level.corners[:, 0])
     steep = np.abs(across @ view) / np.linalg.norm(across, axis=1)
     kept = steep >= bound
@@ -91,7 +90,7 @@ def facing(level: leafcloud.Level, view: NDArray[np.float64], bound: float) -> l
 
 
 def seen(frame: leafcloud.Foliage, models: list[leafcloud.Foliage], size: int) -> Pictures:
-    """(n, size, size, 4), linear light, premultiplied."""
+    """Render the models, one per view: (n, size, size, 4), linear light, premultiplied."""
     centre, radius = frame.centre.tolist(), frame.radius
     shown = [
         leafcloud.render([model], view.tolist(), size, centre=centre, radius=radius)

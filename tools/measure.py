@@ -1,11 +1,11 @@
-"""Bakes real trees and measures what came out, from the files alone: `make measure`.
+"""Bakes real trees and measures the results from the files alone: `make measure`.
 
 usage: python tools/measure.py [--no-views] [TREE.glb …]      (default: all of ../shared/foliage)
 
-For each tree: exit status, wall time and peak memory of the bake; errors and warnings of the Khronos validator; the
-greatest distance of a vertex from its parent plane over ε, level by level, read from the GLB in f64; and from Cycles
-(8 views, 256², 6 × 6 samples, flat-lit) the coverage of LOD 1 over the leaves and the silhouette overlap of the
-collapsed leaves with LOD 1. Prints a table in Markdown; for all trees it also writes docs/measured.md and
+For each tree: exit status, wall time and peak memory of the bake; errors and warnings of the Khronos validator; for
+each level the largest distance of a vertex from its parent plane, divided by ε, from the GLB in f64; and from Cycles
+(8 views, 256², 6 × 6 samples, flat-lit) the coverage of LOD 1 relative to the leaves and the silhouette overlap of
+the collapsed leaves with LOD 1. Prints a table in Markdown; for all trees it also writes docs/measured.md and
 docs/bench/bake.json.
 """
 
@@ -29,19 +29,19 @@ from glb import Node, read_glb  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEW_LIMIT = 200_000
-"""Triangles up to which Cycles is asked."""
+"""Maximum triangles of a tree for the views in Cycles."""
 
 INTRODUCTION = """# Measured
 
-Made by `make measure` on two cores, from the files that a bake of each tree wrote; see `tools/measure.py`. The fit
-beside the published algorithm is printed by `make bench`, and kept in [bench/fit.md](bench/fit.md).
+Made by `make measure` on two cores, from the files of a bake of each tree; see `tools/measure.py`. `make bench`
+compares the fit with the published algorithm in [bench/fit.md](bench/fit.md).
 
-- *s*, *GiB*: wall time and peak memory of the whole command, Blender's start and import included.
+- *s*, *GiB*: wall time and peak memory of the whole command, including Blender's start and import.
 - *validator*: errors and warnings of the Khronos validator over all GLB files.
 - *billboards*, *greatest deviation / ε*: by level; in f64, along the normal, over every vertex of the level before. At
   most 1.
-- *coverage*: of LOD 1 over the leaves. *overlap*: of the silhouettes of the collapsed leaves (morph target at 1) and
-  LOD 1 (intersection over union of alpha > ½). Both from Cycles, flat-lit, mean of 8 views, 256², 6 × 6 samples.
+- *coverage*: of LOD 1 relative to the leaves. *overlap*: of the silhouettes of the collapsed leaves (morph target at 1)
+  and LOD 1 (intersection over union of alpha > ½). Both from Cycles, flat-lit, mean of 8 views, 256², 6 × 6 samples.
 """
 
 
@@ -55,16 +55,17 @@ def bake(tree: Path, out: Path) -> dict[str, Any]:
 
 
 def validate(files: list[Path]) -> int:
-    """How many errors and warnings the Khronos validator has."""
+    """Return the number of errors and warnings of the Khronos validator."""
     command = ["node", "validate.mjs", *(str(file) for file in files)]
     run = subprocess.run(command, cwd=ROOT / "tests" / "gltf_validator", capture_output=True, text=True, check=True)
     return sum(issue["severity"] <= 1 for issues in json.loads(run.stdout).values() for issue in issues)
 
 
 def greatest_deviation(node: Node) -> float:
-    """The greatest distance between a vertex and its morph target along the normal of the plane that the targets span.
+    """Return the largest distance between a vertex and its morph target, along the normal of the target's plane.
 
-    Vertices of one triangle share a plane; a triangle's own targets give its normal, unless they are nearly collinear.
+    Vertices of one triangle share a plane. The triangle's targets give the normal; triangles with nearly collinear
+    targets are skipped.
     """
     greatest = 0.0
     for primitive in node.primitives:
@@ -140,7 +141,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Bake real trees and measure what came out, from the files alone.")
+    parser = argparse.ArgumentParser(description="Bake real trees and measure the results from the files alone.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage)")
     parser.add_argument("--no-views", action="store_true", help="do not render with Cycles")
     arguments = parser.parse_args()

@@ -1,14 +1,14 @@
-"""What is left out where a scene does not call for it: `make minimal`.
+"""Measures the savings of leaving out effects that a scene does not need: `make minimal`.
 
 usage: python tools/minimal.py [TREE.glb] [--runs N]
 
-A tree, the pine where none is named, before a still camera 3.2 radii away, under a sun. It is baked as planned for this
-camera only, and with everything forced on but baked light, beside which the rest makes no sense. Seconds are those of
-the program beyond what --plan-only takes, which starts Blender and reads the scene, the least of the runs; bytes those
-of all .glb files and the .blend. What each effect took for itself, its bytes before they are packed, is what the report
-says. The pictures of both, by Cycles at the scene's own camera, are compared by FLIP, with and without the two effects
-that change what is seen near by: wind that is forced on moves leaves, and a shadow proxy shades them by billboards.
-Prints tables in Markdown, and writes them to docs/bench/minimal.md for the pine.
+The scene is a tree (default: the pine), a still camera 3.2 radii away, and a sun. It is baked twice: as planned for
+this camera only, and with all effects on except baked light, which excludes most others. Seconds are the program's,
+minimum over the runs, without the time of --plan-only (Blender's start and reading the scene). Bytes are those of all
+.glb files and the .blend. The cost of each effect, its bytes before compression, comes from the report. FLIP compares
+both bakes' pictures from Cycles at the scene's camera, with and without the two effects that change the near picture:
+forced wind moves leaves, and the shadow proxy shades them by billboards. Prints tables in Markdown; for the pine it
+also writes docs/bench/minimal.md.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def staged(tree: Path, path: Path) -> Path:
-    """A .blend of the tree, a camera and a sun."""
+    """Save a .blend of the tree, a camera and a sun; return its path."""
     load(tree)
     scene = bpy.context.scene
     read = extract(bpy.context.evaluated_depsgraph_get(), None)
@@ -93,14 +93,14 @@ def report(scene: Path, folder: Path, runs: int) -> list[str]:
     return [
         "| bake | seconds | MB of files |",
         "|---|---|---|",
-        f"| starting and reading, in neither of the two below | {reading:.1f} | |",
+        f"| start and reading, not included below | {reading:.1f} | |",
         f"| as planned | {seconds:.1f} | {size / 1e6:.2f} |",
         f"| everything on | {all_seconds:.1f} | {all_size / 1e6:.2f} |",
         "",
         f"As planned: {faster:.1f} × faster, {smaller:.1f} × smaller, FLIP {still:.4f}; {error:.4f} with "
-        "the wind and the shadow proxy that nothing in the scene calls for.",
+        "the wind and the shadow proxy, which the scene does not need.",
         "",
-        "| effect | planned | why | its seconds if it is forced on | its MB then |",
+        "| effect | planned | reason | seconds if forced on | MB if forced on |",
         "|---|---|---|---|---|",
         *(row(ours, on) for ours, on in zip(planned["effects"], forced["effects"], strict=True)),
     ]
@@ -112,14 +112,14 @@ def row(planned: dict[str, Any], forced: dict[str, Any]) -> str:
 
 
 def baked(scene: Path, out: Path, runs: int, *flags: str) -> tuple[dict[str, Any], float, int]:
-    """The report, the seconds of the whole program, the bytes of all files that engines and Blender read."""
+    """Bake; return the report, the seconds of the whole program, and the bytes of all .glb and .blend files."""
     seconds = timed(runs, "--input", str(scene), "--out", str(out), *flags)
     size = sum(file.stat().st_size for file in out.iterdir() if file.suffix in (".glb", ".blend"))
     return json.loads((out / "report.json").read_text(encoding="utf-8")), seconds, size
 
 
 def timed(runs: int, *flags: str) -> float:
-    """The seconds that bake.py takes, the least of the runs."""
+    """Run bake.py `runs` times; return the least seconds."""
     seconds = math.inf
     for _ in range(runs):
         begin = time.perf_counter()
@@ -129,12 +129,12 @@ def timed(runs: int, *flags: str) -> float:
 
 
 def flip(first: NDArray[np.float32], second: NDArray[np.float32]) -> float:
-    """The mean over two pictures."""
+    """Return the mean FLIP error between two pictures."""
     return float(np.mean(flip_evaluator.evaluate(first, second, "LDR", applyMagma=False)[0]))
 
 
 def picture(path: Path, *, as_it_is: bool = True) -> NDArray[np.float32]:
-    """(SIZE, SIZE, 3) what a file shows at its camera, by Cycles, sRGB; or what it would without wind and proxy."""
+    """Render a file at its camera with Cycles: (SIZE, SIZE, 3), sRGB. `as_it_is=False` hides wind and shadow proxy."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     if not as_it_is:
         for obj in bpy.data.objects:

@@ -1,4 +1,4 @@
-"""A part of a tree's page, channel beside channel: docs/page.png (`make docs`).
+"""Writes a picture of a part of a tree's atlas page, with its channels side by side: docs/page.png (`make docs`).
 
 usage: python tools/page_picture.py TREE.glb OUT.png
 """
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 import leafcloud
 
 SIDE = 360
-"""Of the square cut out of each channel, in texels."""
+"""Side of the square cut out of each channel, in texels."""
 GROUND = (120, 120, 120)
 
 
 def cut(image: NDArray[np.uint8], left: int, top: int) -> NDArray[np.uint8]:
-    """A square of a channel over the ground, opaque."""
+    """Cut an opaque square out of a channel, over the color `GROUND`."""
     part = image[top : top + SIDE, left : left + SIDE].astype(np.float32)
     alpha = part[..., 3:] / 255.0
     shown = np.full((SIDE, SIDE, 4), 255, np.uint8)

@@ -1,13 +1,12 @@
-"""Compares what the plan expects effects to cost with what they have cost: `make plan`.
+"""Compares estimated with actual costs of effects: `make plan`.
 
 usage: python tools/plan_costs.py [--runs N] [--texture-size N] [TREE.glb …]
 
-Trees are all of ../shared/foliage but the one of a million triangles, unless they are named. Each is baked with all
-effects on, with the chain `both`, once more with baked light, and once with the order of what is blended. Seconds are
-the least of the runs, for whatever else a machine does makes them more. Prints a table in Markdown: for each effect and
-tree what was measured over what was estimated, the greatest factor between the two either way, and by how much the rate
-in `addon/plan/costs.py` would have to be multiplied to make that least. For all trees it also writes
-docs/bench/plan.md.
+The default trees are all of ../shared/foliage except the one of a million triangles. Each is baked with all effects
+on and the chain `both`, with baked light, and with `blend_order`. Seconds are the minimum over the runs, because
+other load on the machine only adds time. Prints a table in Markdown: for each effect and tree the measured and the
+estimated cost, the largest factor between the two, and the factor on the rate in `addon/plan/costs.py` that minimizes
+it. For all trees it also writes docs/bench/plan.md.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ BAKES = (
     ("--effects", "blend_order"),
 )
 LEAST = {"seconds": 0.05, "bytes": 1000}
-"""What costs less is not compared: clocks are no finer."""
+"""Smaller costs are not compared, because they are below the clock's precision."""
 
 Costs = dict[tuple[str, str], tuple[float, float]]
-"""Measured and estimated, by effect and by what: seconds or bytes."""
+"""(measured, estimated) by effect and unit, "seconds" or "bytes"."""
 
 
 def main() -> None:
@@ -56,7 +55,7 @@ def main() -> None:
 
 
 def measured(tree: Path, runs: int, texture_size: int) -> Costs:
-    """Of the effects that were on, in the first of the bakes where each was; the least seconds of all runs."""
+    """Return the costs of the effects, each from the first bake with it on; seconds are the minimum over the runs."""
     costs: Costs = {}
     for flags in BAKES:
         here: Costs = {}
@@ -74,7 +73,7 @@ def measured(tree: Path, runs: int, texture_size: int) -> Costs:
 
 
 def bake(tree: Path, *flags: str) -> dict[str, Any]:
-    """The report of a bake in a process of its own."""
+    """Bake in a separate process and return the report."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", folder, *flags]
         subprocess.run(command, check=True, capture_output=True)
@@ -103,7 +102,7 @@ def cell(real: float, told: float, what: str) -> str:
 
 
 def summary(ratios: Sequence[float]) -> tuple[str, str]:
-    """The greatest factor either way, and what would make it least."""
+    """Return the largest factor between measured and estimated, and the factor on the rate that minimizes it."""
     worst = max(max(ratio, 1.0 / ratio) for ratio in ratios)
     return f"{worst:.2f}", f"{math.sqrt(min(ratios) * max(ratios)):.3f}"
 

@@ -1,14 +1,13 @@
-"""Level 1 under a sun that moves, beside the leaves, which cast shadows: `make relit`.
+"""Compares level 1 under several suns with the leaves and their shadows: `make relit`.
 
 usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
-The leaves are white paper in Cycles: diffuse, with the shadows that they cast upon one another. Level 1 is seen without
-any shadow that is traced, as by an engine: by its normals alone, and by normals times the share of the sun that its
-textures say reaches a place; beside it with shadows that Cycles traces between the billboards, and with the leaves' own
-light on them (tools/exact_light.py). 6 suns, 4 views each. The luminance error is the mean difference over what either
-covers, over the mean luminance of the leaves: 1 for a black picture. Prints a table in Markdown. A tree goes into
-docs/bench/relit.json, with the commit that was measured, as soon as it is there (some minutes each), and
-docs/bench/relit.md shows what that holds.
+In Cycles the leaves are white and diffuse, and cast shadows on one another. Level 1 is rendered in four ways: without
+shadows by its normals alone, as in an engine; with self-shadowing textures; with shadows that Cycles traces between the
+billboards; and with the exact light of the leaves (tools/exact_light.py). 6 suns, 4 views each. The luminance error is
+the mean difference over the pixels that either covers, divided by the leaves' mean luminance there: 1 for a black
+picture. Prints a table in Markdown. A tree takes some minutes. Its results go into docs/bench/relit.json immediately,
+with the measured commit; docs/bench/relit.md shows them.
 """
 
 from __future__ import annotations
@@ -41,23 +40,22 @@ SUNS = [
 ]
 WAYS = ("normals", "self-shadowed", "traced", "exact")
 COMPARED = ("self-shadowed", "exact")
-"""Over what normals alone leave."""
+"""Ways with a column of their error relative to normals alone."""
 MEASURED = ROOT / "docs" / "bench" / "relit.json"
 
 Pictures = NDArray[np.float32]
 Errors = dict[str, list[float]]
-"""By way: at SIZE, and of the same pictures at a quarter of it."""
+"""Errors by way: at SIZE, and of the same pictures at a quarter of it."""
 
 INTRODUCTION = """# Relit
 
-Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views each, beside the leaves with all the
-shadows that they cast in Cycles. *Normals*: no shadows, as an engine without shadow maps shows it. *Self-shadowed*:
-times the share of the sun that occlusion and visibility textures say reaches a place. *Traced*: with the shadows that
-the billboards cast upon one another in Cycles. *Exact*: every place of the billboards as bright as it is on its leaf:
-what is left is where leaves lie, which no texture mends that has each leaf's own light. The luminance error is the mean
-difference over what either covers, over the mean luminance of the leaves: at 128², and of the same pictures at 32². A
-black picture has 1: normals alone, which light what is in shadow, may have more. Files of more than 10 MB are left out:
-they are there for speed.
+Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views each, against the leaves with all their
+shadows in Cycles. *Normals*: no shadows, as in an engine without shadow maps. *Self-shadowed*: with the occlusion and
+bent-normal occlusion textures. *Traced*: with the billboards' shadows on one another in Cycles. *Exact*: every place
+of the billboards has the exact light of its leaf; the remaining error comes from the leaves' positions, which no
+texture can correct. The luminance error is the mean difference over the pixels that either covers, divided by the
+leaves' mean luminance there: at 128², and of the same pictures at 32². A black picture has 1. Normals alone may have
+more, because they light shadowed places. Files larger than 10 MB are left out: they are for speed tests.
 """
 
 
@@ -69,7 +67,7 @@ def bake(tree: Path, out: Path) -> Path:
 
 
 def open_level(blend: Path, level: int) -> bpy.types.Object:
-    """The level of a baked file, alone in an empty scene."""
+    """Load a level of a baked file into an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     name = f"{blend.stem}_LOD{level}"
     with bpy.data.libraries.load(str(blend)) as (_, wanted):
@@ -78,7 +76,7 @@ def open_level(blend: Path, level: int) -> bpy.types.Object:
     obj.hide_render = False
     obj.modifiers.clear()
     for slot in obj.material_slots:
-        slot.link = "DATA"  # What fades is the object's own.
+        slot.link = "DATA"  # The object's own materials fade.
     bpy.context.scene.collection.objects.link(obj)
     bpy.context.view_layer.update()
     return obj
@@ -92,7 +90,7 @@ def open_white_leaves(blend: Path) -> bpy.types.Object:
 
 
 def make_diffuse(material: bpy.types.Material, *, shadowed: bool) -> None:
-    """White paper with the material's alpha and normals; `shadowed`: as bright as the sun reaches it."""
+    """Make the material white and diffuse, with its alpha and normals. `shadowed` adds self-shadowing."""
     tree = material.node_tree
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     output, *fading = (node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
@@ -117,7 +115,7 @@ def make_diffuse(material: bpy.types.Material, *, shadowed: bool) -> None:
 
 
 def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """lc_sun_share of shaders/leafcloud.glsl as nodes; the attribute "sun" is in the billboards' axes."""
+    """Add lc_sun_share of shaders/leafcloud.glsl as nodes. The attribute "sun" is in the billboards' axes."""
     opened = next(node for node in tree.nodes if node.type == "SEPARATE_COLOR").outputs["Red"]
     toward, sun = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeAttribute")
     length, dot = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
@@ -166,7 +164,7 @@ def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
 
 
 def set_sun_attribute(obj: bpy.types.Object, sun: Vector) -> None:
-    """The direction to the sun along u, along v, and across, of each face."""
+    """Store each face's direction to the sun in the axes of u, v and normal, as the attribute "sun"."""
     mesh, sun = obj.data, (obj.matrix_world.to_3x3().inverted() @ sun).normalized()
     attribute = mesh.attributes.get("sun") or mesh.attributes.new("sun", "FLOAT_VECTOR", "FACE")
     layout = mesh.uv_layers.active.uv
@@ -182,7 +180,7 @@ def set_sun_attribute(obj: bpy.types.Object, sun: Vector) -> None:
 
 
 def render(frame: tuple[Vector, float], shine: Callable[[Vector], None], *, shadows: bool, folder: str) -> Pictures:
-    """(suns · views, size, size, 4), linear light, premultiplied; `shine` is told of each sun."""
+    """Render (suns · views, size, size, 4), linear light, premultiplied. Calls `shine` with each sun's direction."""
     centre, radius = frame
     camera = set_up_camera(SIZE * GRID, radius)
     cycles = bpy.context.scene.cycles
@@ -205,7 +203,7 @@ def render(frame: tuple[Vector, float], shine: Callable[[Vector], None], *, shad
 
 
 def error(base: Pictures, other: Pictures, times: int) -> float:
-    """Mean luminance difference over what either covers, over the mean luminance of the base there."""
+    """Return the luminance error, see the module's docstring, at SIZE / times."""
 
     def smaller(pictures: Pictures) -> Pictures:
         size = SIZE // times
@@ -218,7 +216,7 @@ def error(base: Pictures, other: Pictures, times: int) -> float:
 
 
 def seen(blend: Path, way: str, frame: tuple[Vector, float], folder: str) -> Pictures:
-    """Level 1 in one of WAYS."""
+    """Render level 1 in one of WAYS."""
     if way == "exact":
         exact = ExactLight(open_white_leaves(blend))
         return render(frame, lambda sun: exact.receive(), shadows=True, folder=folder)
@@ -237,7 +235,7 @@ def measure(tree: Path) -> Errors:
 
 
 def table(measured: dict[str, Errors]) -> str:
-    """Each cell has both sizes; a dash stands for what was not measured."""
+    """Return the table. Each cell has both sizes, or a dash if it was not measured."""
     head = ["tree", *WAYS, *(f"{way} / normals" for way in COMPARED)]
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
 
@@ -257,7 +255,7 @@ def table(measured: dict[str, Errors]) -> str:
 
 
 def keep(tree: str, errors: Errors) -> None:
-    """Adds a tree to those that were measured."""
+    """Add a tree's errors to the files of results."""
     measured = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
     measured[tree] = {"commit": measured_commit(), "errors": errors}
     MEASURED.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n")
@@ -266,7 +264,7 @@ def keep(tree: str, errors: Errors) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Level 1 under a sun that moves, beside the leaves.")
+    parser = argparse.ArgumentParser(description="Compare level 1 under several suns with the leaves.")
     parser.add_argument(
         "trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage but the largest)"
     )

@@ -2,10 +2,10 @@
 
 usage: python tools/size.py [TREE.glb …]      (default: all of ../shared/foliage up to 10 MB)
 
-Bakes each tree twice, with the default size limit and with --max-size 2, which limits nothing. For levels 1 and 2 of
-both bakes it reports billboards, triangles of leaves, the image error, the seconds of the core, and the fragments over
-those of level 0 at crowns of 400, 200, 100 and 50 pixels, as ../shared/measure/fragments.py counts them. Prints a table
-in Markdown; for all trees it also writes docs/bench/size.md.
+Bakes each tree twice: with the default size limit and with --max-size 2, which is no limit. For levels 1 and 2 of both
+bakes it reports billboards, triangles of leaves, image error, seconds of the core, and the number of fragments relative
+to level 0 at crowns of 400, 200, 100 and 50 pixels, counted by ../shared/measure/fragments.py. Prints a table in
+Markdown; for all trees it also writes docs/bench/size.md.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ BAKED = ROOT / "target" / "size"
 LARGEST_FILE = 10_000_000
 LEVELS = (1, 2)
 HEIGHTS = ("400", "200", "100", "50")
-"""Pixels of a crown, as the instrument names them."""
+"""Heights of a crown in pixels: the keys in the output of fragments.py."""
 LIMITS: dict[str, tuple[str, ...]] = {"none": ("--max-size", "2"), "default": ()}
 
 INTRODUCTION = """# The size of billboards
 
-Made by `make size` (see `tools/size.py`) on {commit}: the default size limit beside no limit. *Fragments*: 2 x 2 quads
-without early z, over those of level 0's leaves, at crowns of 400, 200, 100 and 50 pixels. *Error*: the report's image
-error. *Seconds*: of the core, for this level. Files of more than 10 MB are left out.
+Made by `make size` (see `tools/size.py`) on {commit}: the default size limit against no limit. *Fragments*: 2 x 2 quads
+without early z, relative to level 0's leaves, at crowns of 400, 200, 100 and 50 pixels. *Error*: the report's image
+error. *Seconds*: of the core, for this level. Files larger than 10 MB are left out.
 
 """
 HEADER = ("tree", "level", "limit", "billboards", "triangles", "fragments × leaves", "error", "seconds")
@@ -47,7 +47,7 @@ def bake(tree: Path, limit: str) -> Path:
 
 
 def fragments(files: list[Path]) -> list[list[float]]:
-    """Fragments of every file over those of the first, at the four sizes."""
+    """Return each file's number of fragments relative to the first file, at the four sizes."""
     command = [sys.executable, str(INSTRUMENT), "--json", *map(str, files)]
     told = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     counts = [[told[str(file)][height][0] for height in HEIGHTS] for file in files]
@@ -55,7 +55,7 @@ def fragments(files: list[Path]) -> list[list[float]]:
 
 
 def rows(tree: Path) -> list[list[str]]:
-    """A row for each level and limit."""
+    """Return a table row for each level and limit."""
     baked = {limit: bake(tree, limit) for limit in LIMITS}
     cases = [(level, limit) for level in LEVELS for limit in LIMITS]
     files = [baked[limit] / f"{tree.stem}_LOD{level}.glb" for level, limit in cases]

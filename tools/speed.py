@@ -2,11 +2,10 @@
 
 usage: python tools/speed.py [TREE.glb …]      (default: pine and oak of ../shared/foliage)
 
-Near: Cycles' samples per second, and three.js's time for a picture, of the leaves, of levels 1 and 2, and of a tenth of
-the leaves, all seen from 3 radii. Far: of the first tree, the triangles that are drawn and Cycles' time for a picture,
-at distances from where the crown fills the picture to 64 times as far, of the leaves, of levels 1 and 2, and of the
-leaves as they are pruned there. Prints tables in Markdown; for the default trees it also writes docs/bench/speed.md and
-the chart docs/speed.png.
+Near: Cycles' samples per second and three.js's time per picture, for the leaves, levels 1 and 2, and a tenth of the
+leaves, all from 3 radii. Far, for the first tree: the drawn triangles and Cycles' time per picture, for the leaves,
+levels 1 and 2, and the pruned leaves, from the distance where the crown fills the picture to 64 times that. Prints
+tables in Markdown; for the default trees it also writes docs/bench/speed.md and the chart docs/speed.png.
 """
 
 from __future__ import annotations
@@ -38,32 +37,33 @@ matplotlib.use("Agg")  # Without a display.
 TREES = tuple(FOLIAGE / f"{name}.glb" for name in ("pine_cards_20k", "oak_cards_11k"))
 SIZE, NEAR, DIRECTION = 256, 3.0, Vector((0.8, -0.55, 0.25)).normalized()
 FEW, MANY = 2, 10
-"""Samples of two renders: what differs between them is the samples, and not the scene and its BVH."""
+"""Samples of two renders. The time difference excludes scene export and BVH build."""
 PRUNED = 0.1
-"""The share of leaves drawn of the pruned tree that is seen near."""
+"""Fraction of the leaves drawn in the near measurement of the pruned tree."""
 PICTURE, ROUNDS, PATIENCE = 512, 9, 900.0
 FAR = 2.0 ** np.arange(7.0)
 """Z/Z₀."""
 FILLS = 1.0 / math.sin(math.radians(25.0))
-"""Z₀ in radii of the crown, whose sphere touches the picture's edges from there: the camera sees 50°."""
+"""Z₀ in crown radii: the distance where the crown's sphere touches the picture's edges, for a field of view of 50°."""
 SUBJECTS = ("leaves", "level 1", "level 2", "leaves, pruned")
 
 INTRODUCTION = f"""# Rendering a cloud instead of its leaves
 
-Made by `make speed` (see `tools/speed.py`). Each level with its wood, seen from {NEAR:.0f} R; *pruned*: λ = {PRUNED}.
+Made by `make speed` (see `tools/speed.py`). Each level with its trunk, from {NEAR:.0f} R; *pruned*: λ = {PRUNED}.
 
 - *Cycles*: {SIZE}², a sun and a sky, 1024 transparent bounces, on the processor. Samples of a pixel per second of
-  processor time, all threads together. It is the difference between {MANY} and {FEW} samples, without scene and BVH.
-- *three.js*: {PICTURE}², as the viewer draws it, in Chromium *without a graphics card* (SwiftShader draws in software,
-  where pixels cost more than they do on a card, and triangles less). Shortest of {ROUNDS} pictures, which took turns.
-- *×*: how much faster than the leaves. *Area*: of all cards or billboards over that of the leaves, with what is cut out
-  of them: each ray and each pixel that meets it has to ask whether it passes.
+  processor time, all threads together: the difference between {MANY} and {FEW} samples, without scene export and BVH.
+- *three.js*: {PICTURE}², as the viewer draws it, in Chromium *without a graphics card* (SwiftShader renders in
+  software, where pixels cost more than on a card, and triangles less). Shortest of {ROUNDS} pictures; the subjects
+  take turns.
+- *×*: speed relative to the leaves. *Area*: total area of cards or billboards relative to the leaves, including
+  transparent parts: every ray and pixel there needs an alpha test.
 """
 AT_DISTANCES = """
 ## Against distance
 
-The pine. Z₀ is the distance from which its crown fills the picture; the leaves are pruned as `--chain pruning` does.
-Seconds of processor time for a picture, scene and BVH left out.
+The pine. Z₀ is the distance where its crown fills the picture; the leaves are pruned as in `--chain pruning`.
+Seconds of processor time per picture, without scene export and BVH.
 
 ![Triangles and render time against distance](../speed.png)
 """
@@ -71,7 +71,7 @@ Seconds of processor time for a picture, scene and BVH left out.
 
 @dataclass(frozen=True)
 class Near:
-    """Of one subject, seen near: triangles, area without the wood, Cycles' samples a second, three.js's ms."""
+    """One subject near the camera: triangles, area without the trunk, Cycles' samples per second, three.js's ms."""
 
     triangles: int
     area: float
@@ -81,14 +81,14 @@ class Near:
 
 @dataclass(frozen=True)
 class Far:
-    """Of one subject at one distance: triangles, Cycles' seconds."""
+    """One subject at one distance: triangles, Cycles' seconds."""
 
     triangles: int
     seconds: float
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Times Cycles and three.js on the leaves and on the levels.")
+    parser = argparse.ArgumentParser(description="Time the leaves and the levels in Cycles and three.js.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: pine and oak of ../shared/foliage)")
     trees = parser.parse_args().trees or list(TREES)
     near = ["| | | triangles | area | Cycles, samples/s | × | three.js, ms | × |", "|---|---|---|---|---|---|---|---|"]
@@ -106,7 +106,7 @@ def main() -> None:
 
 
 def measure(tree: Path, *, with_distances: bool) -> tuple[list[Near], list[list[Far]]]:
-    """Of each subject what is seen near, and its curve over the distances."""
+    """Bake a tree; return the near figures of each subject, and its curve over the distances, if requested."""
     baked = bake_alone(tree, BakeSettings(effects="+pruning"))
     frames = in_browser(baked)
     camera = light_up(SIZE, MANY)
@@ -120,7 +120,7 @@ def measure(tree: Path, *, with_distances: bool) -> tuple[list[Near], list[list[
 
 
 def in_browser(baked: Baked) -> list[float]:
-    """Milliseconds of each subject's picture in three.js."""
+    """Return the least milliseconds per picture in three.js for each subject."""
     cases = [{"level": number, "keep": 1.0} for number in range(3)] + [{"level": 0, "keep": PRUNED}]
     with tempfile.TemporaryDirectory() as folder:
         write(Grove.of(baked), Path(folder), lambda stage, fraction: None, blend=False)
@@ -131,7 +131,7 @@ def in_browser(baked: Baked) -> list[float]:
 
 
 def near_in_cycles(baked: Baked, camera: bpy.types.Object, number: int, keep: float) -> tuple[int, float, float]:
-    """Triangles, area, and samples a second, of a level that does not follow the camera."""
+    """Return triangles, area and samples per second of a level at rest, with the fraction `keep` of its leaves."""
     show_only(baked, number)
     set_manual(baked.levels[number].object.modifiers[0], transition=0.0, keep=keep)
     place(baked, camera, NEAR)
@@ -150,17 +150,17 @@ def curve(baked: Baked, camera: bpy.types.Object, number: int) -> list[Far]:
 
 
 def show_only(baked: Baked, number: int) -> None:
-    """The level and its wood, at any distance; at rest, but for leaves that were baked to be pruned."""
+    """Show only this level and its trunk, at rest and at any distance. Leaves of a pruning chain are still pruned."""
     for level in baked.levels:
         for obj in (level.object, *([level.wood] if level.wood else [])):
             obj.hide_render = obj.hide_viewport = level.number != number
-            # Leaves of a chain that prunes go on following the camera.
+            # Leaves of a chain that prunes continue to follow the camera.
             if baked.prepared.settings.chain != "pruning" or obj is level.wood:
                 set_manual(obj.modifiers[0], transition=0.0, keep=1.0)
 
 
 def place(baked: Baked, camera: bpy.types.Object, distance: float) -> None:
-    """`distance` in radii of the crown."""
+    """Put the camera at `distance` in crown radii from the crown's center."""
     centre = Vector(baked.prepared.foliage.centre.tolist())
     look_at(camera, centre, centre + DIRECTION * (distance * baked.prepared.foliage.radius))
     camera.data.angle = math.radians(50.0)
@@ -168,7 +168,7 @@ def place(baked: Baked, camera: bpy.types.Object, distance: float) -> None:
 
 
 def sampling_time() -> float:
-    """Seconds of processor time that the samples of a picture take, as many as `MANY` − `FEW`."""
+    """Return the processor time in seconds of `MANY` − `FEW` samples per pixel."""
     seconds = []
     for samples in (FEW, MANY):
         bpy.context.scene.cycles.samples = samples

@@ -1,7 +1,7 @@
 """Runs the hard cases of both test suites and shows them: `make stability` writes docs/stability.md.
 
-Every case is recorded by the test that asserts it (rust/core/tests/common/stability.rs, tests/stability.py): the
-greatest error that was found beside what is allowed, or the error that refuses what can have no result.
+The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/stability.py): the largest
+error found and the allowed one, or the error message for input without a result.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ RUNS = [
 
 INTRODUCTION = """# Hard cases
 
-Made by `make stability` from the tests themselves; every test run asserts each of these cases. An oracle is what a
-result is compared with, and never comes from the code under test. *Worst* is the greatest error that was found,
-*allowed* what the oracle allows; 0 of 0 means equal to the bit, or that nothing was miscounted. What cannot have a
-result has a named error, never a number that is none, a hang, a panic or an empty success.
+Made by `make stability` from the tests themselves; every test run asserts each of these cases. An oracle is the
+reference for a result, and never comes from the code under test. *Worst* is the largest error found, *allowed* the
+oracle's limit. 0 of 0 means equal to the bit, or no miscounts. Input without a result raises a named error, and never
+gives NaN, a hang, a panic or an empty success.
 
-ε is 0.04 R in the geometry cases, and a cloud's worst is the greatest distance of a vertex from its plane over ε, in
+ε is 0.04 R in the geometry cases. A cloud's worst is the largest distance of a vertex from its plane divided by ε, in
 exact fractions: 1 is allowed. "Every method" is the stochastic method at efforts literal, default and final, density,
 and k-means.
 """
 
 
 def cases() -> list[dict[str, Any]]:
-    """Runs the tests; a case that was recorded more than once keeps its worst."""
+    """Run the tests and return their cases. A case recorded more than once keeps its worst."""
     with tempfile.TemporaryDirectory() as folder:
         record = Path(folder) / "cases.jsonl"
         for command in RUNS:
@@ -63,7 +63,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             text += f"| {case['name']} | {case['oracle']} | {number(case['worst'])} | {number(case['allowed'])} |\n"
     if refused:
         text += "\n" if measured else ""
-        text += "| what has no result | the error |\n|---|---|\n"
+        text += "| input without a result | error |\n|---|---|\n"
         for case in refused:
             message = " ".join(case["error"].split()).replace("|", "\\|")
             message = message if len(message) <= 160 else message[:159] + "…"

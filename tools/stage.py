@@ -1,4 +1,4 @@
-"""What the tools that time Cycles share: a baked tree alone in its scene, sun, sky and camera, and a timed render."""
+"""Common parts of the tools that time Cycles: a baked tree alone in its scene, sun, sky, camera and a timed render."""
 
 from __future__ import annotations
 
@@ -35,8 +35,11 @@ _MIB = {"K": 2.0**-10, "M": 1.0, "G": 2.0**10}
 
 @dataclass(frozen=True)
 class Render:
-    """What a picture took: seconds of processor time of all threads, which others on the machine change least; the
-    most memory that Cycles says it had at once, and that the process had, MiB."""
+    """The cost of a picture.
+
+    seconds: processor time of all threads, which other load on the machine changes least.
+    cycles, process: peak memory in Cycles' statistics and of the process, in MiB.
+    """
 
     seconds: float
     cycles: float
@@ -44,7 +47,7 @@ class Render:
 
 
 def bake_alone(tree: Path, settings: BakeSettings) -> Baked:
-    """The tree's levels, and nothing else, in the scene."""
+    """Bake a tree in a scene that then holds its levels only."""
     load(tree)
     scene = bpy.context.scene
     prepared = prepare(extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem), settings)
@@ -53,7 +56,7 @@ def bake_alone(tree: Path, settings: BakeSettings) -> Baked:
 
 
 def light_up(size: int, samples: int) -> bpy.types.Object:
-    """A sun, a sky, and a camera, for pictures of `size` pixels on a side; gives the camera."""
+    """Add a sun, a sky and a camera for pictures of `size`² pixels; return the camera."""
     scene = bpy.context.scene
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.3, 0.0)
@@ -75,7 +78,7 @@ def light_up(size: int, samples: int) -> bpy.types.Object:
 
 
 def look_at(camera: bpy.types.Object, place: Vector, eye: Vector) -> None:
-    """Puts the camera at `eye`, looking at `place`."""
+    """Put the camera at `eye`, looking at `place`."""
     camera.location = eye
     camera.rotation_euler = (eye - place).to_track_quat("Z", "Y").to_euler()
     camera.data.clip_end = 10.0 * (eye - place).length + 1e4
@@ -83,7 +86,7 @@ def look_at(camera: bpy.types.Object, place: Vector, eye: Vector) -> None:
 
 @contextmanager
 def output_in(path: Path) -> Iterator[None]:
-    """What Cycles tells standard output of each sample goes into a file."""
+    """Redirect standard output to a file during the block: Cycles prints a line per sample."""
     sys.stdout.flush()
     kept = os.dup(1)
     with path.open("w") as file:
@@ -96,7 +99,7 @@ def output_in(path: Path) -> Iterator[None]:
 
 
 def render() -> Render:
-    """Renders the scene once, and keeps no picture."""
+    """Render the scene once without keeping the picture; return its cost."""
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "told"
         begin = time.process_time()

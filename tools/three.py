@@ -1,14 +1,14 @@
-"""How levels keep their coverage in an engine as they become small: `make three`.
+"""Measures the coverage of levels in an engine as they become small: `make three`.
 
 usage: python tools/three.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
-Bakes each tree into target/three, and has three.js look at it, in Chromium without a display (tools/three/look.js):
-unlit, from 8 views, at sizes from 512² to 16² pixels, each the mean of looks from many places within a pixel. Level 1
-is seen with its PNG, of which the engine makes mip levels by plain means, and with its KTX2, whose mip levels keep
-coverage. The leaves are seen at 1024² and without mip levels: what they cover there they cover at any size. A second
-table has every level with its trunk at the size at which it takes over, and at that size halved twice. Prints tables in
-Markdown; for all trees it also writes docs/bench/three.md. target/three/TREE/strip.png shows the leaves, the
-PNG and the KTX2 of the first view at 256² and at 64², the latter enlarged.
+Bakes each tree into target/three and renders it with three.js, in Chromium without a display (tools/three/look.js):
+unlit, from 8 views, at sizes from 512² to 16² pixels, each the mean over many subpixel offsets. Level 1 is rendered
+with its PNG, with box-filtered mips from the engine, and with its KTX2, whose mip levels keep coverage. The leaves
+are rendered at 1024² without mip levels; that coverage is the reference for every size. A second table has every
+level with its trunk at the size of its switch, and at half and a quarter of it. Prints tables in Markdown; for all
+trees it also writes docs/bench/three.md. target/three/TREE/strip.png shows the leaves, the PNG and the KTX2 of the
+first view at 256² and at 64², the latter enlarged.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ FOLIAGE = ROOT.parent / "shared" / "foliage"
 BAKED = ROOT / "target" / "three"
 LARGEST_FILE = 10_000_000
 SIZES = {512: 1, 256: 2, 128: 4, 64: 8, 32: 8, 16: 8}
-"""Pixels along a side, and places along a pixel's from which it is looked."""
+"""Pixels along a picture's side, and the subpixel offsets along a pixel's side."""
 LEAVES = {1024: 1}
 """The same for the leaves."""
 SHOWN = (256, 64)
 PIXELS = 1080.0 / math.tan(math.radians(25.0))
-"""How large R is seen from a distance of R: half a view of 1080 rows and 50°."""
+"""Diameter in pixels of a sphere of radius R at the distance R, for 1080 rows and a field of view of 50°."""
 PARTS = (1, 2, 4)
 PATIENCE = 600.0
-"""Seconds that a tree may take."""
+"""Time limit of a page in seconds."""
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 Picture = NDArray[np.float32]
@@ -49,23 +49,23 @@ Picture = NDArray[np.float32]
 INTRODUCTION = """# In an engine
 
 Made by `make three` (see `tools/three.py`): level 1 in three.js, unlit, from 8 views, at sizes at which the leaves'
-bounding sphere fills the picture. *PNG*: the engine makes the mip levels, by plain means. *KTX2*: it takes those of the
-file, which keep coverage (`--engine three`). *Coverage*, *luminance*: level 1's over that of the leaves, which are seen
-without mip levels at 1024². *Texels*: on a pixel's side. Where that is less than 1, texels are magnified, and the level
-before is still drawn. Level 2, which is left out here, would take over where the crown is some 115 pixels large. Files
-of more than 10 MB are left out: they are there for speed.
+bounding sphere fills the picture. *PNG*: the engine makes the mip levels with a box filter. *KTX2*: it uses the
+file's mip levels, which keep coverage (`--engine three`). *Coverage*, *luminance*: level 1's divided by that of the
+leaves, rendered without mip levels at 1024². *Texels*: along a pixel's side. Below 1 texels are magnified, and the
+level before is still drawn. Level 2, which is not shown here, would take over at a crown of some 115 pixels. Files
+larger than 10 MB are left out: they are for speed tests.
 """
 
 HAND_OVERS = """## Where levels take over
 
-A bake of default settings, trunk included. *Own*: the level has the size at which it takes over, in a view of 1080 rows
-and 50°; then half and a quarter of that size. Coverage over that of the leaves and their trunk, as above.
+A bake with default settings, including the trunk. *Own*: the level's size at its switch, in a view of 1080 rows
+and 50°; then half and a quarter of that size. Coverage relative to the leaves and their trunk, as above.
 """
 
 
 @dataclass(frozen=True)
 class Look:
-    """What the page is asked for; see tools/three/look.js."""
+    """One request to the page; see tools/three/look.js."""
 
     url: str
     ktx2: bool = False
@@ -76,7 +76,10 @@ class Look:
 
 @dataclass(frozen=True)
 class Seen:
-    """By size: what each view covers of the picture and its light, (views, 4), and the first view's picture."""
+    """The renders of a model by size: mean linear RGB and coverage per view (views, 4), and the first view's picture.
+
+    texels: texels along the frame's side, or None without textures.
+    """
 
     texels: float | None
     means: dict[int, NDArray[np.float64]]
@@ -86,13 +89,13 @@ class Seen:
         return float(self.means[size][:, 3].mean())
 
     def luminance(self, size: int) -> float:
-        """Of what is covered; not a number where nothing is."""
+        """Return the mean luminance of the covered part; NaN if nothing is covered."""
         light = float(self.means[size][:, :3].mean(0) @ LUMINANCE)
         return light / self.coverage(size) if self.coverage(size) else math.nan
 
 
 def look(*looks: Look) -> list[Seen]:
-    """What three.js shows of each."""
+    """Render each model with three.js."""
     try:
         answer = ask("tools/three/look.html", [vars(wanted) for wanted in looks], patience=PATIENCE)
     except BrowserError as error:
@@ -110,24 +113,24 @@ def to_seen(answer: dict[str, Any]) -> Seen:
 
 
 def to_picture(text: str, size: int) -> Picture:
-    """WebGL's rows begin at the bottom."""
+    """Decode a picture (size, size, 4). WebGL's rows begin at the bottom, so the rows are reversed."""
     return np.frombuffer(base64.b64decode(text), np.float32).reshape(size, size, 4)[::-1]
 
 
 def bake(tree: Path, out: Path, *options: str) -> str:
-    """Bakes for three.js into `out`; the URL of the files, up to their suffixes."""
+    """Bake for three.js into `out`; return the URL of the files without their suffixes."""
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out)]
     subprocess.run([*command, "--engine", "three", *options], check=True, capture_output=True)
     return f"/{out.relative_to(ROOT).as_posix()}/{tree.stem}"
 
 
 def leaves_of(base: str, *, trunk: bool = False) -> Look:
-    """Mip levels would make the leaves' own textures thinner."""
+    """Return the request for the leaves, without mip levels, which would thin out the leaves' own textures."""
     return Look(f"{base}_LOD0.glb", mips=False, trunk=trunk, sizes=LEAVES)
 
 
 def measure(tree: Path) -> list[dict[str, Any]]:
-    """A row for each size."""
+    """Bake a tree and return a row for each size of level 1."""
     out = BAKED / tree.stem
     base = bake(tree, out, "--levels", "1", "--no-cross")
     leaves, png, ktx2 = look(leaves_of(base), Look(f"{base}_LOD1.glb"), Look(f"{base}_LOD1.glb", ktx2=True))
@@ -146,7 +149,7 @@ def measure(tree: Path) -> list[dict[str, Any]]:
 
 
 def measure_hand_overs(tree: Path) -> list[dict[str, Any]]:
-    """A row for each level: its size where it takes over, and its coverage there and at half and a quarter of that."""
+    """Return a row for each level: its size at its switch, and its coverage there and at half and a quarter of it."""
     out = BAKED / f"{tree.stem}_levels"
     base = bake(tree, out)
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
@@ -173,13 +176,13 @@ def measure_hand_overs(tree: Path) -> list[dict[str, Any]]:
 
 
 def ratios(level: Seen, leaves: Seen, size: int) -> tuple[float, float]:
-    """Coverage and luminance over the leaves', all views together."""
+    """Return coverage and luminance relative to the leaves, over all views."""
     [whole] = leaves.means
     return level.coverage(size) / leaves.coverage(whole), level.luminance(size) / leaves.luminance(whole)
 
 
 def strip(leaves: Seen, *levels: Seen) -> NDArray[np.uint8]:
-    """A row for each size that is shown, on white."""
+    """Return a picture on white with a row for each size in `SHOWN`."""
     [whole] = leaves.pictures.values()
     rows = []
     for size in SHOWN:
@@ -222,7 +225,7 @@ def hand_over_table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="How level 1 keeps its coverage in three.js as it becomes small.")
+    parser = argparse.ArgumentParser(description="Measure the coverage of levels in three.js as they become small.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: all of ../shared/foliage up to 10 MB)")
     parser.add_argument("--hand-overs", action="store_true", help="only the second table; writes no file")
     arguments = parser.parse_args()

@@ -1,13 +1,13 @@
-"""Measures the wood beside each level: `make wood`.
+"""Measures the trunk of each level: `make wood`.
 
-usage: python tools/wood.py [TREE.glb …]      (default: all of ../shared/foliage that have wood)
+usage: python tools/wood.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
 
-For each tree and cloud of a bake with the usual settings: triangles of the wood that came and of what is shown; how far
-that lies from what came, as a share of R. Then, in 8 views around it in which a pixel is what it is where the level
-takes over: what the wood alone covers, over what it covered; the overlap of the two silhouettes (intersection over
-union of alpha > ½); and the same two numbers of the whole level. At last what the wood takes in graphics memory, and
-how many billboards would show it with the same error, and take with texels as large as those of the level. Prints a
-table in Markdown; for all trees it also writes docs/bench/wood.md.
+Measures each cloud of a bake with default settings: the triangles of the original and of the simplified trunk, and
+the distance between the two as a fraction of R. Then, in 8 views with the pixel size of the level's switch: the
+coverage of the trunk relative to the original; the overlap of the two silhouettes (intersection over union of alpha >
+½); and both numbers for the whole level. Last the trunk's graphics memory, and the number and memory of the
+billboards that would show it with the same error and the level's texel size. Prints a table in Markdown; for all
+trees it also writes docs/bench/wood.md.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from addon.settings import BakeSettings  # noqa: E402
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEWS = [(math.cos(a), math.sin(a), 0.2) for a in np.arange(8) * math.pi / 4.0]
 HEADER = (
-    *("tree", "level", "came", "shown", "error / R", "coverage", "overlap", "level's coverage", "level's overlap"),
+    *("tree", "level", "original", "shown", "error / R", "coverage", "overlap", "level's coverage", "level's overlap"),
     *("KiB", "as billboards", "their KiB"),
 )
 CORNER_BYTES = 32
-"""Position, normal, texture coordinates."""
+"""Bytes of a corner: position, normal, texture coordinates."""
 
 
 def main() -> None:
@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def rows(baked: Baked) -> Iterator[list[str]]:
-    """One for each level that may have wood beside it, but for LOD 0."""
+    """Yield a row for each cloud. LOD 0 and the cross impostor have no simplified trunk."""
     radius = baked.prepared.foliage.radius
     bpy.context.scene.collection.children.link(baked.collection)
     bpy.context.view_layer.update()
@@ -81,12 +81,12 @@ def rows(baked: Baked) -> Iterator[list[str]]:
 
 
 def mesh_bytes(wood: bpy.types.Object | None) -> int:
-    """Corners, and three indices for each triangle."""
+    """Return the bytes of an object's corners and of three indices per triangle; 0 without an object."""
     return 0 if wood is None else CORNER_BYTES * len(wood.data.vertices) + 4 * len(wood.data.loops)
 
 
 def as_billboards(wood: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
-    """How many billboards lie no farther than `error` from `wood`, and their KiB: corners, texels with their mips."""
+    """Fit billboards to `wood` within `error`; return their number and their KiB (corners, texels with mips)."""
     if error == 0.0:
         return "–", "–"
     epsilon = min(error / wood.radius, 1.0)
@@ -97,7 +97,7 @@ def as_billboards(wood: leafcloud.Foliage, level: leafcloud.Level, error: float)
 
 
 def seen(wood: bpy.types.Object | None) -> list[leafcloud.Foliage]:
-    """The object, whose faces are triangles, as something to look at in the world; nothing of none."""
+    """Return a triangle mesh object as foliage in world space, in a list; an empty list without an object."""
     if wood is None:
         return []
     positions = np.empty((len(wood.data.vertices), 3), np.float32)
@@ -109,7 +109,7 @@ def seen(wood: bpy.types.Object | None) -> list[leafcloud.Foliage]:
 
 
 def compared(came: Sequence[leafcloud.Foliage], shown: Sequence[leafcloud.Foliage], size: int) -> tuple[float, float]:
-    """Coverage of `shown` over that of `came`, and the overlap of the two, in views around what came last."""
+    """Return the coverage of `shown` relative to `came`, and their overlap, in views around the last item of `came`."""
     centre, radius = came[-1].centre.tolist(), came[-1].radius
 
     def alpha(parts: Sequence[leafcloud.Foliage]) -> NDArray[np.float64]:

@@ -1,14 +1,14 @@
-// In which order blended triangles are drawn: from back to front, for the eye of each picture.
+// Sorts alpha-blended triangles from back to front, for the camera position of each picture.
 //
-// Clouds come cut where their billboards cross, with a tree of planes in their mesh's extras (leafcloud.blend_order): of each
-// node the far side is drawn first, then what lies in its plane, then the near side. What has no tree, as leaves, is
-// ordered by the middles of its triangles: right but where they cross.
+// Files split billboards where they cross, and store a BSP tree in the mesh's extras (leafcloud.blend_order). At each
+// node draw the far side first, then the triangles in its plane, then the near side. Meshes without a tree, such as
+// leaves, are sorted by the centers of their triangles, which is wrong where triangles cross.
 import * as THREE from "three";
 
-/** By how much of its distance the eye moves before the order is made anew. */
+/** Camera motion, as a fraction of its distance, after which the order is updated. */
 const STEP = 0.01;
 
-/** Gives the order to the indices of `mesh`; `tree` is null or {planes, children, ranges}. */
+/** Sorts the indices of `mesh`. `tree` is null or {planes, children, ranges}. */
 export class BlendOrder {
   #mesh;
   #indices;
@@ -25,7 +25,7 @@ export class BlendOrder {
     mesh.geometry.setIndex(new THREE.BufferAttribute(this.#indices.slice(), 1));
   }
 
-  /** Before each picture; the camera's place in the world. */
+  /** Updates the order before a picture. `place`: the camera's position in the world. */
   update(place) {
     this.#mesh.updateWorldMatrix(true, false);
     const eye = this.#mesh.worldToLocal(place.clone());
@@ -45,7 +45,7 @@ function indicesOf({ index, attributes }) {
   return index ? Uint32Array.from(index.array) : Uint32Array.from({ length: attributes.position.count }, (_, i) => i);
 }
 
-/** The ranges of triangles from the farthest to the nearest. */
+/** Returns the ranges [first, end) of triangles from the farthest to the nearest. */
 export function walked({ planes, children, ranges }, eye) {
   const drawn = [];
   const waiting = ranges.length ? [[0, false]] : [];

@@ -1,19 +1,19 @@
-// Trees with levels of detail in three.js: loads NAME.glb, and draws the level that the camera's distance asks for, morphed
-// and pruned by the laws of ../leafcloud.glsl.
+// Trees with levels of detail in three.js: loads NAME.glb and draws the level for the camera's distance, morphed and
+// pruned by the laws of ../leafcloud.glsl.
 //
 //     const tree = await Tree.load("NAME.glb");
 //     scene.add(tree);
 //     … before each picture: tree.update(camera, seconds);
 //
-// What the shaders need of a level are attributes of its geometry: lcTarget, lcRank, lcPivot, lcPivotTarget, and uniforms;
-// where the file has wind, lcBillboardPivot, lcPhase and lcFreedom, too, and update(camera, seconds) says when it is.
+// The shaders read uniforms and these attributes of a level's geometry: lcTarget, lcRank, lcPivot, lcPivotTarget. For
+// files with wind also lcBillboardPivot, lcPhase and lcFreedom; `seconds` is the time of the wind.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { BlendOrder } from "./blending.js";
 import { after, before, replaced } from "./patching.js";
 import { addTangents, shadeItself, visibilityOf } from "./self_shadowing.js";
 
-/** ../leafcloud.glsl, and after it what a vertex shader declares and where it puts a point. */
+/** Source of ../leafcloud.glsl. The declarations below follow it in a vertex shader. */
 export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
 const DECLARATIONS = `
 uniform vec3 lcTransitionAt; // distance, start, end
@@ -34,7 +34,7 @@ vec3 lcPlaced(vec3 point) {
 }
 `;
 
-/** What a vertex shader declares beside that where the file has wind, for leaves and for wood. */
+/** Further declarations of vertex shaders for files with wind, for leaves and for the trunk. */
 const WIND_DECLARATIONS = `
 uniform LcWind lcWind;
 in vec3 lcBillboardPivot;
@@ -61,8 +61,8 @@ uniform vec3 lcKeepAt;
 uniform vec3 lcMean;
 uniform vec2 lcContrast;
 uniform float lcGrazing;
-uniform float lcShare; // of the pixels that go to the next level, or
-uniform bool lcNext; // of those that this level, which is the next, takes
+uniform float lcShare; // fraction of the pixels that the next level draws
+uniform bool lcNext; // true if this is the next level
 in vec3 lcView;
 `;
 const FADE = `
@@ -75,23 +75,23 @@ const CONTRAST = `
     diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcContrast));
 `;
 
-/** The a at which the next level takes over: at 1 itself leaves that overlap have next to no depth order left. */
+/** The a at which the next level takes over: at 1 itself overlapping leaves have almost no depth order. */
 const HAND_OVER = 0.998;
 
 /**
- * How a tree is drawn. Distances are in the tree's own units.
+ * Settings of a tree's drawing. Distances are in the tree's own units.
  *
- * pruneStart: d₀ of the law of λ, for all levels alike; without end, nothing is pruned. null: each level as it was baked.
- * pruneHalf: h of that law, which goes with such a d₀.
- * fade: over which share of the distance at which it appears a level that nothing morphs to fades in.
- * fadeBehindMorph: the same of a level that the one before has morphed to: light, and the edges of alpha, are left to fade.
- * hysteresis: where nothing fades, by which share a level is drawn longer when the camera comes back, so that it does not
- *   switch to and fro.
- * grazing: billboards fade out from this |cos| between normal and view on; 0: they do not. null: as the file says.
- * wind: the strength of the wind, as of Blender's force fields; 0: nothing moves. null: as the file says. Files without wind
- *   have none.
- * contrast: whether the colours of leaves that are left are pulled toward their mean, as far as that was measured.
- * byHand: {transition, keep} in place of what the camera's distance asks for, at the level that it asks for.
+ * pruneStart: d₀ of the law of λ, for all levels. Infinity: no pruning. null: each level as it was baked.
+ * pruneHalf: h of that law. Used if pruneStart is a number.
+ * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
+ * fadeBehindMorph: the same after a morph, for the remaining changes of lighting and alpha edges.
+ * hysteresis: without a fade, the fraction of the distance by which a level stays longer when the camera returns, so
+ *   that levels do not flicker.
+ * grazing: |cos| between normal and view below which billboards fade out; 0: no fade. null: the file's number.
+ * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
+ *   wind ignore it.
+ * contrast: true to move the colors of kept leaves toward their mean, if the file has the numbers.
+ * byHand: {transition, keep} to replace the numbers for the camera's distance. The level still follows the distance.
  */
 export const SETTINGS = {
   pruneStart: null,
@@ -106,7 +106,7 @@ export const SETTINGS = {
 };
 
 export class Tree extends THREE.Group {
-  /** The tree in the file at `url`, at rest. */
+  /** Loads the tree from the GLB file at `url`. It is at rest until the first update. */
   static async load(url) {
     const gltf = await new GLTFLoader().loadAsync(url);
     await addLevels(gltf);
@@ -126,7 +126,7 @@ export class Tree extends THREE.Group {
     this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
   }
 
-  /** Shows what the camera asks for, as the wind has it after so many seconds. */
+  /** Shows the level for the camera's distance, with the wind at the time `seconds`. */
   update(camera, seconds = 0) {
     const eye = camera.getWorldPosition(new THREE.Vector3());
     this.distance = this.worldToLocal(eye.clone()).distanceTo(this.centre);
@@ -144,7 +144,7 @@ export class Tree extends THREE.Group {
     });
   }
 
-  /** a, λ of what is drawn, as the shaders have them. */
+  /** The drawn level and its a and λ, as in the shaders. */
   get state() {
     const [transition, keep] = this.#laws(this.levels[this.level]);
     return { level: this.level, transition: transitionAt(...transition), keep: keepAt(...keep) };
@@ -162,24 +162,24 @@ export class Tree extends THREE.Group {
     return level.morphs ? this.settings.fadeBehindMorph : this.settings.fade;
   }
 
-  /** From where the level is no longer drawn. */
+  /** Distance from which the level is no longer drawn. */
   #end(level) {
     return level.handOver * (1 + this.#fade(level));
   }
 
-  /** A fade has no need of it: it is the same to and fro. */
+  /** Hysteresis of the level's end. A fade needs none: it is the same in both directions. */
   #delay(level) {
     return this.#fade(level) > 0 ? 0 : this.settings.hysteresis;
   }
 
-  /** Of the pixels, where the level that is drawn hands over. */
+  /** Fraction of the pixels that the next level draws. */
   #shareOfNext() {
     const level = this.levels[this.level];
     const fades = isFinite(level.handOver) && this.#fade(level) > 0;
     return fades ? transitionAt(this.distance, level.handOver, this.#end(level)) : 0;
   }
 
-  /** What lc_transition and lc_keep are called with. */
+  /** Arguments of lc_transition and lc_keep. */
   #laws({ start, end, pruning }) {
     const { pruneStart, pruneHalf, byHand } = this.settings;
     if (byHand) return [[byHand.transition, 0, 1], [1, byHand.keep, 0.5]];
@@ -187,7 +187,7 @@ export class Tree extends THREE.Group {
     return [[this.distance, start, end], [this.distance, Math.min(from, NEVER), half]];
   }
 
-  /** Where it blows to is told in the world; points are moved in their own coordinates. */
+  /** Sets the wind. The file's direction is in world space; the shaders need it in the level's own coordinates. */
   #blow({ object, wind, uniforms }, seconds) {
     const strength = this.settings.wind ?? wind.strength;
     object.updateWorldMatrix(true, false);
@@ -233,7 +233,7 @@ async function text(url) {
   return response.text();
 }
 
-/** Puts the levels beside the first one, on whose node `MSFT_lod` names them: they lie in no scene. */
+/** Adds the levels that `MSFT_lod` names to the scene, because no scene of the file has them. */
 async function addLevels({ scene, parser }) {
   const ids = parser.json.nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
   const behind = await Promise.all(ids.map((id) => parser.getDependency("node", id)));
@@ -242,7 +242,7 @@ async function addLevels({ scene, parser }) {
 
 function levelsOf({ scene, parser }, visibility) {
   const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
-  if (found.length === 0) throw new Error("No levels: this file is not one that Leafcloud wrote.");
+  if (found.length === 0) throw new Error("No levels in this file: open a NAME.glb that Leafcloud wrote.");
   if (!found[0].userData.leafcloud.centre) throw new Error("An older Leafcloud wrote this file: bake the tree again.");
   const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
   const levels = found.sort(byNumber).map((object) => newLevel(object, parser, visibility));
@@ -264,27 +264,27 @@ function newLevel(object, parser, visibility) {
     const table = tableOf(mesh, parser);
     if (table?.firstTexcoord) nameNumbers(mesh.geometry, table.firstTexcoord);
     const leaves = moves(mesh.geometry);
-    if (wind) mesh.frustumCulled = false; // The wind moves what it likes.
+    if (wind) mesh.frustumCulled = false; // The wind moves points out of the bounds.
     if (mesh.material.transparent) blended.push(new BlendOrder(mesh, table?.order ?? null));
     if (leaves) {
       addAttributes(mesh.geometry, wind);
       mesh.frustumCulled = false; // Leaves grow out of the bounds.
       mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
       if (table?.shares) uniforms.lcShares.value = table.shares;
-      // What is blended has another order; there, pruned leaves are drawn without a size.
+      // Blended triangles are not in rank order, so prefixes do not apply; pruned leaves have zero size there.
       if (table?.shares && !mesh.material.transparent) pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
     }
     const shading = visibility.get(mesh.material);
     if (shading) addTangents(mesh.geometry);
     mesh.material = patched(mesh.material, uniforms, leaves, shading);
-    // Mip levels would make the leaves' own textures thinner, and the first cloud, which keeps its coverage, a step.
+    // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
   return { number: level, object, morphs, ...reach, pruning, wind, grazing, uniforms, pruned, blended };
 }
 
-/** How a level was baked to be pruned, and what was measured of it; never, where its extras do not say. */
+/** Returns a level's pruning numbers from its extras; without them the level is not pruned. */
 function pruningOf(extras) {
   return {
     start: extras.prune_start ?? Infinity,
@@ -310,7 +310,7 @@ function newUniforms({ growth, mean }, wind) {
   };
 }
 
-/** LcWind of leafcloud.glsl, in still air. */
+/** Returns an LcWind of leafcloud.glsl without force. */
 function newWind({ up, foot, height, spread, gusts, sway, branches, flutter }) {
   const [upward, standing] = [up, foot].map((vector) => new THREE.Vector3(...vector));
   const shape = { up: upward, foot: standing, height, spread, gusts, sway, branches, flutter };
@@ -327,7 +327,7 @@ function moves({ attributes, morphAttributes }) {
   return "_leaf_rank" in attributes || "_leaf_pivot" in attributes || "position" in morphAttributes;
 }
 
-/** The mesh's tables; from the file itself, for in `userData` a node's extras may replace its mesh's. */
+/** Returns the mesh's tables. Reads the file itself, because in `userData` a node's extras may overwrite its mesh's. */
 function tableOf(mesh, parser) {
   const { meshes, primitives } = parser.associations.get(mesh);
   const extras = parser.json.meshes[meshes].extras?.leafcloud;
@@ -336,11 +336,11 @@ function tableOf(mesh, parser) {
   return { shares, prefixes: prefixes?.[primitives].triangles, order: orders?.[primitives], firstTexcoord };
 }
 
-/** What GLTFLoader calls the sets of texture coordinates. */
+/** GLTFLoader's names of the sets of texture coordinates. */
 const SETS = ["uv", "uv1", "uv2", "uv3", "texcoord_4", "texcoord_5", "texcoord_6", "texcoord_7"];
 
-/** At which places among the numbers of these sets the file has each attribute, counted from the first set that is not
- * for textures. */
+/** Indices of each attribute's components among the numbers of these sets, counted from the first set without texture
+ * coordinates of images. */
 const NUMBERS = {
   _leaf_rank: [0, 7, 11],
   _leaf_pivot: [1, 2, 3],
@@ -348,7 +348,7 @@ const NUMBERS = {
   _leaf_billboard_pivot: [8, 9, 10],
 };
 
-/** Makes the attributes that a file for engines without custom attributes has as texture coordinates. */
+/** Makes named attributes from texture coordinates, for files of engines that drop custom attributes. */
 function nameNumbers(geometry, first) {
   const sets = SETS.slice(first).flatMap((name) => geometry.attributes[name] ?? []);
   const number = (vertex, place) => sets[place >> 1]?.getComponent(vertex, place % 2) ?? 0;
@@ -362,7 +362,7 @@ function nameNumbers(geometry, first) {
   SETS.slice(first).forEach((name) => geometry.deleteAttribute(name));
 }
 
-/** Names what the shaders read; where the file has no ranks, all leaves are protected. */
+/** Names the attributes as the shaders read them. Without ranks all leaves are protected. */
 function addAttributes(geometry, wind) {
   const { position, _leaf_rank: rank, _leaf_pivot: pivot, _leaf_pivot_target: pivotTarget } = geometry.attributes;
   geometry.setAttribute("lcTarget", targetsOf(geometry));
@@ -374,7 +374,7 @@ function addAttributes(geometry, wind) {
   Object.keys(NUMBERS).forEach((name) => geometry.deleteAttribute(name));
 }
 
-/** What has no billboard to go to stays with its own pivot; only leaves flutter. */
+/** Adds the wind's attributes. Vertices without a target billboard use their own pivot; only leaves flutter. */
 function addWind(geometry, pivot) {
   const { position, _leaf_billboard_pivot: billboardPivot, _leaf_rank: own } = geometry.attributes;
   const column = (at) => new THREE.BufferAttribute(Float32Array.from({ length: position.count }, (_, i) => at(i)), 1);
@@ -383,7 +383,7 @@ function addWind(geometry, pivot) {
   geometry.setAttribute("lcFreedom", column((i) => own?.getZ(i) ?? 0));
 }
 
-/** The morph target as places instead of offsets, as an attribute instead of a texture. */
+/** Returns the morph target as an attribute of positions; three.js itself uses a texture of offsets. */
 function targetsOf(geometry) {
   const { position } = geometry.attributes;
   const [offsets] = geometry.morphAttributes.position ?? [];
@@ -392,7 +392,10 @@ function targetsOf(geometry) {
   return new THREE.BufferAttribute(position.array.map((value, i) => value + offsets.array[i]), 3);
 }
 
-/** About a level's leaves, without its wood, in the coordinates of `root`: distances are taken from its centre. */
+/**
+ * Returns the bounding sphere of a level's leaves without trunk, in `root`'s coordinates. Distances are from its
+ * center.
+ */
 function sphereOf({ object }, root) {
   root.updateWorldMatrix(true, true);
   const { centre, radius } = object.userData.leafcloud;
@@ -400,10 +403,10 @@ function sphereOf({ object }, root) {
   return new THREE.Sphere(new THREE.Vector3(...centre), radius).applyMatrix4(toRoot);
 }
 
-/** A material of the level's own that includes the laws; with `shading` it shades itself. */
+/** Returns a copy of the material that includes the laws; with `shading` it has self-shadowing. */
 function patched(original, uniforms, leaves, shading) {
   const material = original.clone();
-  material.forceSinglePass = true; // Else of what is blended all backs are drawn before all fronts.
+  material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   const wind = "lcWind" in uniforms;
   material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)}`;
@@ -416,7 +419,7 @@ function patched(original, uniforms, leaves, shading) {
   return material;
 }
 
-/** What a vertex shader declares that places `leaves`, or else wood, and in which expression it puts the point. */
+/** Returns the declarations of a vertex shader for leaves or for the trunk, and the expression of the moved point. */
 export function placing(leaves, wind) {
   if (leaves && wind) return [LAWS + DECLARATIONS + WIND_DECLARATIONS, "lcBlownLeaf(position)"];
   if (leaves) return [LAWS + DECLARATIONS, "lcPlaced(position)"];

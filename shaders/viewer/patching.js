@@ -1,4 +1,4 @@
-// Changes to three.js's shaders, by the places that they name.
+// Text edits of three.js's shaders, by the line to change.
 
 export function before(place, what, source) {
   return replaced(source, place, `${what}\n${place}`);
@@ -8,8 +8,8 @@ export function after(place, what, source) {
   return replaced(source, place, `${place}\n${what}`);
 }
 
-/** Fails where three.js has changed its shaders, instead of drawing something else. */
+/** Replaces `place` in the source by `what`. Throws if three.js has changed its shaders, instead of drawing wrongly. */
 export function replaced(source, place, what) {
-  if (!source.includes(place)) throw new Error(`three.js's shader has no ${place}`);
+  if (!source.includes(place)) throw new Error(`three.js's shader has no ${place}: use package.json's version`);
   return source.replace(place, () => what);
 }

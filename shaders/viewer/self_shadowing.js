@@ -1,11 +1,11 @@
-// Clouds that shade themselves: each light reaches a texel to the share that lc_sun_share of ../leafcloud.glsl says.
+// Self-shadowing clouds: multiplies each light at a texel by lc_sun_share of ../leafcloud.glsl.
 //
-// A file that was baked with self-shadowing has the texture in its materials' extras, and the occlusion in the red of the
-// roughness texture. Of the light of the sky three.js takes the occlusion by itself where the material says so.
+// A file baked with self-shadowing has bent-normal occlusion in its materials' extras, and occlusion in the red
+// channel of the roughness texture. three.js itself applies the occlusion to sky light.
 import { ShaderChunk } from "three";
 import { after, before, replaced } from "./patching.js";
 
-/** By material of the file the texture that says from where light reaches each place; of those that have one. */
+/** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
 export async function visibilityOf(gltf) {
   const found = new Map();
   gltf.scene.traverse(({ material }) => material && found.set(material, material.userData.leafcloud?.visibilityTexture));
@@ -16,13 +16,13 @@ export async function visibilityOf(gltf) {
 
 const VERTEX = `
 in vec4 lcTangent;
-out vec4 lcAcross; // in the coordinates of the view, w as glTF has it
+out vec4 lcAcross; // in view coordinates, with glTF's w
 `;
 const FRAGMENT = `
 uniform sampler2D lcVisibility;
 in vec4 lcAcross;
 `;
-// The normal as it is, not turned toward the viewer: the texture is of places, not of sides.
+// The normal is not flipped toward the viewer: the texture stores light per place, not per side.
 const PLACE = `
     vec3 lcOut = normalize(vNormal);
     vec3 lcRight = normalize(lcAcross.xyz);
@@ -32,12 +32,12 @@ const PLACE = `
 const LIGHTS = /get\w+LightInfo\([^;]*;/g;
 const REACHED = "directLight.color *= lc_sun_share(texelRoughness.r, lcToward, directLight.direction);";
 
-/** Names what the shaders read; the axes of the texture are those of the tangents. */
+/** Names the tangents as the shaders read them; they are the axes of the texture. */
 export function addTangents(geometry) {
   geometry.setAttribute("lcTangent", geometry.attributes.tangent);
 }
 
-/** Adds to shaders that have the laws already what dims the lights by `texture`. */
+/** Dims the lights in `shader` by `texture`. The shader must already include the laws. */
 export function shadeItself(shader, texture) {
   shader.uniforms.lcVisibility = { value: texture };
   const across = "lcAcross = vec4((modelViewMatrix * vec4(lcTangent.xyz, 0.0)).xyz, lcTangent.w);";

@@ -1,7 +1,7 @@
-// The page: a tree, a camera that orbits it, what is drawn in figures, and the settings of leafcloud.js.
+// The viewer page: a tree, an orbiting camera, a read-out, and the settings of leafcloud.js.
 //
-// ?tree=URL opens a file that the server has, &distance=D begins that far from its centre, &keep=λ with that share of
-// its leaves; any of SETTINGS may stand there, too.
+// ?tree=URL opens a file on the server, &distance=D starts at that distance from its center, and &keep=λ with that
+// fraction of its leaves. Any name in SETTINGS works in the same way.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import GUI from "three/addons/libs/lil-gui.module.min.js";
@@ -14,7 +14,7 @@ const message = document.querySelector("#message");
 
 const renderer = new THREE.WebGLRenderer({ antialias: true });
 const scene = new THREE.Scene();
-// Vertically 50° and 1080 pixels high: what bake.py's switch distances are made for.
+// bake.py's switch distances are for a vertical field of view of 50° over 1080 pixels.
 const camera = new THREE.PerspectiveCamera(50);
 const controls = new OrbitControls(camera, renderer.domElement);
 const controlPanel = new GUI({ title: "Leafcloud" });
@@ -74,7 +74,7 @@ function show(opened) {
   fillPanel(farthest);
 }
 
-/** Where nothing else is said, from where it is looked now. */
+/** Moves the camera to `distance` from the target, by default in its current direction. */
 function lookFrom(distance, direction = camera.position.clone().sub(controls.target)) {
   camera.position.copy(controls.target).addScaledVector(direction, distance / direction.length());
 }
@@ -97,11 +97,11 @@ function fillPanel(farthest) {
   const grazing = fades.add(state, "grazing", 0, 0.5).name("grazing |cos|");
   grazing.onChange((width) => (tree.settings.grazing = width));
   fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
-  fades.add(tree.settings, "fade", 0, 0.5).name("into the cross");
+  fades.add(tree.settings, "fade", 0, 0.5).name("into the cross impostor");
   fades.add(tree.settings, "hysteresis", 0, 0.2);
 }
 
-/** Doublings of the crown's radius, for near and far to be as easy to reach. */
+/** The slider is logarithmic, in doublings of the crown radius, so that near and far are equally easy to set. */
 function addDistance(farthest) {
   const state = {
     get distance() {
@@ -125,7 +125,7 @@ function addPruning(farthest) {
   const folder = controlPanel.addFolder("Pruning");
   folder.add(state, "prune", Object.keys(starts)).name("by distance").onChange(apply);
   folder.add(state, "start", tree.radius, farthest / 4).name("d₀").onChange(apply);
-  folder.add(settings, "pruneHalf", 0.01, 0.5).name("half left at d₀ / h").onChange(apply);
+  folder.add(settings, "pruneHalf", 0.01, 0.5).name("h (half kept at d₀ / h)").onChange(apply);
   folder.add(settings, "contrast").name("keep the contrast");
 }
 
@@ -134,13 +134,13 @@ function addByHand() {
   const state = { on: wanted.has("keep") };
   const apply = () => (tree.settings.byHand = state.on ? values : null);
   const folder = controlPanel.addFolder("By hand");
-  folder.add(state, "on").name("not by distance").onChange(apply);
+  folder.add(state, "on").name("ignore distance").onChange(apply);
   folder.add(values, "transition", 0, 1).name("transition a");
-  folder.add(values, "keep", 0.005, 1).name("share of leaves λ");
+  folder.add(values, "keep", 0.005, 1).name("kept leaves λ");
   apply();
 }
 
-/** As hard as the file says, or as it is set here. */
+/** Starts at the strength in the file unless the settings have one. */
 function addWind() {
   const state = { strength: tree.settings.wind ?? tree.levels[0].wind.strength };
   const folder = controlPanel.addFolder("Wind");
@@ -157,7 +157,7 @@ function draw(milliseconds) {
     distance: `${tree.distance.toPrecision(4)}  (${(tree.distance / tree.radius).toFixed(1)} R)`,
     level: `${level} of ${tree.levels.length - 1}`,
     "transition a": transition.toFixed(3),
-    "leaves λ": keep.toFixed(3),
+    "kept leaves λ": keep.toFixed(3),
     triangles: renderer.info.render.triangles.toLocaleString("en"),
     "draw calls": renderer.info.render.calls,
   };

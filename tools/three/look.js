@@ -1,12 +1,11 @@
-// Looks at GLB files as three.js shows them, unlit, and posts what it saw.
+// Renders GLB files with three.js, unlit, and posts the results.
 //
-// The question is a JSON list of looks, each {url, ktx2, mips, trunk, sizes}: whether textures are taken from
-// KHR_texture_basisu, whether their mip levels are used, whether the trunk is shown, and as {size: grid} how many pixels the picture's side has, and
-// from how many places in each pixel, grid × grid, it is looked. All are framed by the bounding sphere of the first
-// look's model.
+// The question is a JSON list of requests {url, ktx2, mips, trunk, sizes}. ktx2: use the textures of
+// KHR_texture_basisu. mips: use their mip levels. trunk: show the trunk. sizes: {size: grid}, the picture's side in
+// pixels and the number of subpixel offsets, grid × grid. The bounding sphere of the first model frames all pictures.
 //
-// The answer has for each look how many texels the frame's side is long, and for each size and view the share of the
-// picture that is covered and the light of it (linear, its mean over the picture); of the first view also the picture.
+// The answer has for each request the number of texels along the frame's side. For each size and view it has the
+// covered fraction of the picture and the mean linear RGB over the picture, and for the first view also the picture.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
@@ -17,7 +16,7 @@ const TRANSCODER = "/shaders/viewer/node_modules/three/examples/jsm/libs/basis/"
 const renderer = new THREE.WebGLRenderer({ antialias: false });
 renderer.setClearColor(0x000000, 0);
 
-/** A spiral over the upper three quarters of the sphere: trees are rarely seen from straight below. */
+/** Returns directions on a spiral over the upper three quarters of the sphere: trees are rarely seen from below. */
 function directions() {
   return Array.from({ length: VIEWS }, (_, i) => {
     const up = 1 - (1.5 * (i + 0.5)) / VIEWS;
@@ -27,16 +26,16 @@ function directions() {
   });
 }
 
-/** The scene of a file. */
+/** Loads a file's scene with unlit materials. */
 async function load({ url, ktx2, mips, trunk }) {
   const loader = new GLTFLoader();
-  // Without a loader of KTX2 the PNG is taken, as by any engine that does not know the extension.
+  // Without a KTX2 loader three.js uses the PNG, like any engine without the extension.
   if (ktx2) loader.setKTX2Loader(new KTX2Loader().setTranscoderPath(TRANSCODER).detectSupport(renderer));
   const { scene } = await loader.loadAsync(url);
   if (!trunk) objects(scene).filter(isWood).forEach((object) => object.removeFromParent());
   for (const mesh of meshes(scene)) {
     mesh.material = unlit(mesh.material);
-    // Nothing moves here, and a million zeros take long in software.
+    // Nothing moves here, and morph targets are slow in software.
     mesh.geometry.morphAttributes = {};
     const { map } = mesh.material;
     if (!map) continue;
@@ -78,7 +77,7 @@ function boundingSphere(scene) {
   return new THREE.Sphere(centre, radius);
 }
 
-/** Texels along a unit of length: a level has one density, so that of all its edges together. */
+/** Returns texels per unit of length, the mean over all edges: a level has one density. Null without textures. */
 function density(scene) {
   let texels = 0;
   let length = 0;
@@ -105,7 +104,7 @@ function cameraAt(direction, { center, radius }) {
   return camera;
 }
 
-/** The mean of grid × grid pictures, each moved by a part of a pixel: mip levels stay those of this size. */
+/** Returns the mean of grid × grid pictures with subpixel offsets. Mip levels stay those of this size. */
 function picture(scene, camera, size, grid) {
   const target = new THREE.WebGLRenderTarget(size, size, { type: THREE.FloatType });
   const mean = new Float32Array(4 * size * size);
@@ -122,7 +121,7 @@ function picture(scene, camera, size, grid) {
   return mean;
 }
 
-/** Red, green, blue, and what is covered. */
+/** Returns the means of red, green, blue and coverage. */
 function means(pixels) {
   const sums = [0, 0, 0, 0];
   pixels.forEach((value, i) => (sums[i % 4] += value));

@@ -1,9 +1,9 @@
-// How long three.js takes to draw a level of a tree, as the viewer draws it.
+// Times three.js drawing a level of a tree, as the viewer draws it.
 //
 // The question is {tree, size, distance, rounds, cases: [{level, keep}]}: the file, the picture's side in pixels, the
-// camera's distance in radii, and which level is drawn, alone, with which share of its leaves. The answer has for each
-// case the milliseconds of each of the rounds, {times: [[…]]}; cases take turns, so that what else the machine does is
-// shared by all. A picture is done when a pixel of it was read.
+// camera's distance in radii, and for each case the only level drawn and its fraction of leaves. The answer
+// {times: [[…]]} has for each case the milliseconds of every round. Cases take turns, so that other load on the machine
+// affects all of them. A picture is done when a pixel of it was read.
 import * as THREE from "three";
 import { Tree } from "/shaders/viewer/leafcloud.js";
 
@@ -21,7 +21,7 @@ function prepared(tree, distance) {
   return { scene, camera };
 }
 
-/** Only this level, at rest but for the leaves that are pruned. */
+/** Shows only this level, at rest, pruned to the fraction `keep`. */
 function show(tree, camera, { level, keep }) {
   tree.settings.byHand = { transition: 0, keep };
   tree.update(camera);
