@@ -70,10 +70,10 @@ def test_what_is_seen_through_calls_for_it() -> None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         plans[name] = plan_of(add_crown(principled("leaf", Alpha=alpha)))["blend_order"]
     assert plans["soft"].on is True
-    assert plans["soft"].reason == "what is behind 'leaf' is seen through it, from back to front"
+    assert plans["soft"].reason == "the material 'leaf' is semi-transparent, so it is drawn back to front"
     assert plans["soft"].seconds == 0.0, "what it costs is told by another function"
     assert plans["opaque"].on is False
-    assert plans["opaque"].reason == "no leaf is blended, and what is cut out is drawn in any order"
+    assert plans["opaque"].reason == "no leaf material is alpha blended, and cutouts need no draw order"
 
 
 @pytest.mark.parametrize(("shades", "on"), [((0.0, 1.0), False), ((0.0, 0.5), True), ((0.0, 0.4, 1.0, 1.0), False)])
@@ -85,7 +85,7 @@ def test_what_is_blended_but_has_hard_edges_is_cut_out(shades: tuple[float, ...]
     tree.links.new(texture.outputs["Alpha"], surface.inputs["Alpha"])
     effect = plan_of(add_crown(material))["blend_order"]
     assert effect.on is on
-    assert on or effect.reason == "little is known to be seen through 'm', so it is cut out instead"
+    assert on or effect.reason == "too few leaves are known to be semi-transparent, so 'm' is cut out"
 
 
 @pytest.mark.parametrize(("alpha", "on"), [(0.05, True), (0.3, True), (0.8, True), (0.95, False)])
@@ -153,8 +153,8 @@ def test_leaves_in_files_are_as_they_are_seen(flags: tuple[str, ...], radii: flo
     modes = {primitive.material["name"]: primitive.material.get("alphaMode", "OPAQUE") for primitive in primitives}
     assert modes == {"hard": "OPAQUE", "soft": soft, "nearly": "OPAQUE"}
     warned = [warning for warning in report["warnings"] if "is blended" in warning]
-    assert any(re.search("'nearly' .* even alpha of 0.9.* as opaque", warning) for warning in warned)
-    kept = any(re.search("'soft' .* keep its even alpha of 0.4", warning) for warning in warned)
+    assert any(re.search("'nearly' .* uniform alpha of 0.9.* as opaque", warning) for warning in warned)
+    kept = any(re.search("'soft' .* keep its uniform alpha of 0.4", warning) for warning in warned)
     assert kept is ("-blend_order" in flags[0])
 
 

@@ -304,7 +304,4 @@ def test_chains_bake_from_the_command_line(
 
 def test_a_chain_that_prunes_needs_the_effect(shrub: Path, tmp_path: Path) -> None:
     words = refusal(tmp_path / "out", "--input", shrub, "--chain", "both", "--effects", "transitions")
-    assert words == (
-        "--chain both goes with pruning only, which the effects leave out: turn the effect pruning on, or choose "
-        "--chain billboards"
-    )
+    assert words == "--chain both needs the effect pruning, which is off: turn it on, or choose --chain billboards"

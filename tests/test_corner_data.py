@@ -70,7 +70,7 @@ def test_texture_coordinates_that_are_not_finite() -> None:
     tree = read()
     assert tree.leaves.uvs is not None
     assert tree.leaves.uvs[0].tolist() == [[0.5, 0.0], [0.5, 0.5], [0.5, 0.5]]
-    assert tree.warnings == ["object 'leaf' has texture coordinates that are not finite: 0 stands for them"]
+    assert tree.warnings == ["object 'leaf' has texture coordinates that are not finite: they are set to 0"]
 
 
 def test_vertex_colours_of_a_glb(tmp_path: Path) -> None:
@@ -141,8 +141,8 @@ def test_colours_are_linear_and_only_where_a_material_asks() -> None:
     np.testing.assert_array_equal(tree.leaves.colors[0], [(0.0, 0.0, 0.0, 1.0)] * 3)
     assert (tree.leaves.colors[1] == 1.0).all()
     assert tree.warnings == [
-        "object 'leaf' has no colour attribute 'gone' for 'tinted': black stands for it, alpha 0, as in Blender; "
-        "give it that attribute"
+        "object 'leaf' has no color attribute 'gone' for material 'tinted': it counts as black with alpha 0, as in "
+        "Blender; add that attribute"
     ]
 
 
@@ -176,4 +176,4 @@ def test_a_texture_that_is_clamped_where_it_should_repeat(tmp_path: Path) -> Non
     layer.uv.foreach_set("vector", np.full(len(layer.uv) * 2, 1.5, np.float32))
     bpy.data.meshes[0].update()
     (warning,) = read().warnings
-    assert warning.startswith("object 'leaves' uses the image 'Image_0' (extend) outside of [0, 1]")
+    assert warning.startswith("object 'leaves' uses the image 'Image_0' (extend) outside [0, 1]")

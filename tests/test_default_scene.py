@@ -58,7 +58,7 @@ def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS[:2]
     assert drawn() == {"leaves_LOD0"}
     assert status.viewer == "anywhere"
-    assert status.note.startswith("Level 2 and the cross are left out: the camera stays at ")
+    assert status.note.startswith("Level 2 and the cross impostor are left out: the camera stays ")
     assert "only level 0 is shown: " in status.note
     bpy.ops.leafcloud.bake(viewer=status.viewer)
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
@@ -88,7 +88,7 @@ def test_the_main_panel_has_a_box_with_the_way_out(camera: bpy.types.Object) -> 
     assert drawn() == ("", []), "the viewer that the button would choose is chosen"
     bpy.ops.leafcloud.plan()
     text, buttons = drawn()
-    assert text.startswith("Level 2 and the cross are left out: the camera stays at ")
+    assert text.startswith("Level 2 and the cross impostor are left out: the camera stays ")
     assert buttons == ["Make All Levels"]
 
 
@@ -108,9 +108,10 @@ def test_the_command_line_says_so_in_a_line(camera: bpy.types.Object, tmp_path: 
     assert still.returncode == 0, still.stderr
     notes = [line for line in still.stderr.splitlines() if ": note: " in line]
     assert notes == [
-        "bake.py: note: the camera stands still, so all levels are made; --viewer camera makes only those for this view"
+        "bake.py: note: the camera stands still, so all levels are made; --viewer camera makes only the levels for "
+        "this view"
     ]
     view = run(*quick, "--out", tmp_path / "view", "--viewer", "camera")
     [note] = [line for line in view.stderr.splitlines() if ": note: " in line]
-    assert note.startswith("bake.py: note: level 2 and the cross are left out: the camera stays at ")
-    assert note.endswith("; --viewer anywhere makes all of them")
+    assert note.startswith("bake.py: note: level 2 and the cross impostor are left out: the camera stays ")
+    assert note.endswith("; --viewer anywhere makes all levels")

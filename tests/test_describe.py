@@ -261,8 +261,8 @@ def test_a_cut_out_the_other_way_round() -> None:
 
 
 EMITS = (
-    "material 'm' emits light, which its billboards do not: they have its colour only, which has to be lit; set the "
-    "Emission Strength to 0 if the leaves need not shine from near by, either"
+    "material 'm' emits light, but its billboards do not: they keep only its color and need other light; set the "
+    "Emission Strength to 0 if the leaves need not emit light, either"
 )
 
 
@@ -284,8 +284,8 @@ def test_what_is_not_in_the_clouds_is_told() -> None:
     tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     assert [message for message in describe_material(material)[1] if "rendered" not in message] == [
         EMITS,
-        "material 'm': its displacement is not in the clouds; put a Bump node into the Normal of its shader",
-        "material 'm': no Coat is in the clouds, which have one gloss; set the weight to 0",
+        "material 'm': its billboards lack its displacement; connect a Bump node to the Normal of its shader",
+        "material 'm': its billboards have one specular layer, without Coat; set the weight to 0",
     ]
 
 
@@ -296,8 +296,8 @@ def test_a_material_without_a_shader_has_the_viewport_colour() -> None:
     description, (message,) = describe_material(material)
     assert (description["base_color"], description["image"]) == ((0.25, 0.5, 0.125, 1.0), None)
     assert message == (
-        "material 'm': its surface has no shader; the viewport display colour (0.25, 0.5, 0.125, 1) stands for it. "
-        "Connect an Image Texture to a Principled BSDF, or set the viewport colour"
+        "material 'm': its surface has no shader; the viewport display color (0.25, 0.5, 0.125, 1) replaces it. "
+        "Connect an Image Texture to a Principled BSDF, or set the viewport color"
     )
 
 
@@ -344,7 +344,7 @@ def test_colours_that_are_not_understood_are_rendered(case: str) -> None:
     description, (message,) = describe_material(material)
     assert description["image"] is not None
     assert description["base_color"] == (1.0, 1.0, 1.0, 1.0)
-    assert message.startswith("material 'm': its base colour ")
+    assert message.startswith("material 'm': its base color ")
     assert "; it is rendered to an image of" in message
 
 
@@ -354,7 +354,7 @@ def test_an_image_node_that_waits_for_its_image_has_the_viewport_colour() -> Non
     description, (message,) = describe_material(material)
     assert description["image"] is None
     assert description["base_color"] == pytest.approx((0.8, 0.8, 0.8, 1.0))
-    assert message.startswith("material 'm': its base colour ")
+    assert message.startswith("material 'm': its base color ")
 
 
 @pytest.mark.parametrize("case", ["inverted", "other coordinates", "scaled after the cut"])

@@ -58,7 +58,7 @@ def test_leaves_that_let_light_through_call_for_translucency() -> None:
     effects = plan_effects(BakeSettings(engine="babylon"), facts)
     assert is_on(effects, "translucency") is True
     [reason] = [effect.reason for effect in effects if effect.name == "translucency"]
-    assert reason == "light may come from anywhere in babylon, and it shines through the material 'lime'"
+    assert reason == "light may come from anywhere in babylon, and the material 'lime' is translucent"
     assert plan_channels(BakeSettings(), facts) == ("normals", "translucency")
     assert plan_channels(BakeSettings(effects="normals"), facts) == ("normals",)
 
@@ -118,7 +118,7 @@ def test_names_and_all_may_be_followed_by_exceptions() -> None:
 
 
 def test_a_chain_that_prunes_wants_pruning() -> None:
-    with pytest.raises(SettingsError, match="goes with pruning only"):
+    with pytest.raises(SettingsError, match="needs the effect pruning, which is off"):
         BakeSettings(chain="both", effects="auto,-pruning")
     assert BakeSettings(chain="both", effects="none,+pruning").chain == "both"
 

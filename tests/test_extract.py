@@ -53,7 +53,7 @@ def test_a_square_bit_for_bit() -> None:
     assert tree.leaves.material_ids.tolist() == [0]
     assert tree.leaves.materials == [None]
     assert (tree.matrix.tolist(), tree.wood, tree.dropped, tree.warnings) == (np.eye(4).tolist(), None, [], [])
-    assert (tree.name, tree.choice) == ("leaf", "'leaf': the names say leaf, leaves, foliage, needle or frond.")
+    assert (tree.name, tree.choice) == ("leaf", "'leaf': the names contain leaf, leaves, foliage, needle or frond.")
 
 
 def test_polygons_become_triangles_that_cover_them() -> None:
@@ -109,7 +109,7 @@ def test_many_small_components_without_names() -> None:
     add_mesh("y", SQUARE, [(0, 1, 2), (0, 2, 3)])
     tree = read()
     # A lone square is as small as a card: one kind.
-    assert tree.choice == "'x', 'y': 21 small components (the median has 2 triangles), and no name says leaf."
+    assert tree.choice == "'x', 'y': 21 small components (the median has 2 triangles), and there are no leaf names."
 
 
 def test_objects_that_are_not_chosen_stay_out() -> None:
@@ -154,7 +154,7 @@ def test_loose_parts_are_dropped_and_told() -> None:
     add_mesh("leaf", [*SQUARE, (5.0, 5.0, 5.0), (6.0, 6.0, 6.0)], [(0, 1, 2)], edges=[(2, 3)])
     tree = read()
     assert len(tree.leaves.positions) == 3
-    assert tree.dropped == ["'leaf': 3 vertices and 1 edge of no face"]
+    assert tree.dropped == ["'leaf': 3 vertices and 1 edge without a face"]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -226,7 +226,7 @@ def test_instances_scaled_to_nothing_are_dropped() -> None:
     add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     tree = read()
     assert len(tree.leaves.triangles) == 1
-    assert tree.dropped == ["2 copies of 'card' by 'crown', scaled to nothing"]
+    assert tree.dropped == ["2 copies of 'card' by 'crown', scaled to zero"]
 
 
 def test_collection_instances_also_mirrored() -> None:

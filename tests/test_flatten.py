@@ -81,8 +81,8 @@ def test_what_a_node_makes_of_an_image_is_kept() -> None:
     assert fields(description["image"])[1, 1, 3] == 0
     assert (description["alpha_mode"], description["base_color"]) == ("MASK", (1.0, 1.0, 1.0, 1.0))
     (message,) = messages
-    assert message.startswith("material 'm': its base colour comes from the node 'Invert")
-    assert "; it is rendered to an image of 64 texels a side;" in message
+    assert message.startswith("material 'm': its base color comes from the node 'Invert")
+    assert "; it is rendered to an image of 64 × 64 texels;" in message
 
 
 def test_a_factor_above_one_is_rendered() -> None:
@@ -100,7 +100,7 @@ def test_a_factor_above_one_is_rendered() -> None:
     assert description["image"] is not None
     # sRGB's code of ¾ is 225.
     assert description["image"][32, [16, 48], 0].tolist() == [225, 255]
-    assert "its base colour has the factor (3, 3, 3), part of which lies outside of [0, 1]; it is rendered" in message
+    assert "its base color has the factor (3, 3, 3), which is outside [0, 1]; it is rendered" in message
 
 
 def test_shaders_are_mixed_as_far_as_they_cover() -> None:
@@ -190,7 +190,7 @@ def test_the_image_says_which_uv_map_counts() -> None:
     # The image repeats, the gradient does not.
     assert read_surface(material).texture == Texture(None, extension="MIXED")
     _, (message,) = describe_material(material)
-    assert "texels a side, as if its UV maps (the active one and 'gradient') were all the active one;" in message
+    assert "texels, as if its UV maps (the active one and 'gradient') were all the active one;" in message
 
 
 def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,7 +203,7 @@ def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.M
         raise RuntimeError("no space")
 
     monkeypatch.setattr("addon.scene.flatten.tempfile.TemporaryDirectory", no_folder)
-    with pytest.raises(SceneError, match=r"material 'm' is no plain product and could not be rendered \(no space\)"):
+    with pytest.raises(SceneError, match=r"material 'm' has to be rendered, but Cycles failed \(no space\)"):
         flatten(material)
     assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
 
@@ -228,7 +228,7 @@ def test_what_is_lost_is_told() -> None:
     tree.links.new(random.outputs["Random"], ramp.inputs[0])
     tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
     _, (message,) = describe_material(material)
-    assert ", so what the nodes Particle Info say of single leaves is lost;" in message
+    assert ", so per-leaf variation from Particle Info is dropped;" in message
 
 
 def test_a_colour_attribute_counts_as_white() -> None:

@@ -203,7 +203,7 @@ def test_what_one_tree_needs_a_texture_for_all_get() -> None:
     prepared = prepare_grove(trees, settings, layer)
     assert all(is_on(each.effects, "gloss") for each in prepared.values())
     [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "gloss"]
-    assert "share their pages" in reason
+    assert "share atlas pages" in reason
     planned = plan_grove(trees, settings, layer).values()
     assert is_on(joint_effects([each.effects for each in planned]), "gloss")
     levels = [tree.chain.levels[0] for tree in bake(trees).trees]

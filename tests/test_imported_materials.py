@@ -122,7 +122,7 @@ def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
     tilted = png([[(204, 128, 230, 255)] * 2] * 2)
     material = imported(tmp_path, material={"normalTexture": {"index": 0, "scale": 0.5}}, image=tilted)
     description, [message] = describe_material(material, ("normals",))
-    assert "its normals are no plain tangent-space map of strength 1; they are rendered" in message
+    assert "its normals are more than a tangent-space map of strength 1; they are rendered" in message
     assert description["normal"] is not None
     x, z = np.array([0.3, 0.9]) / np.hypot(0.3, 0.9)
     expected = [127.5 * (1.0 + x), 128, 127.5 * (1.0 + z), 255]
@@ -167,7 +167,9 @@ def test_a_glb_whose_texture_is_missing(tmp_path: Path) -> None:
 
 def test_a_texture_that_is_no_image(tmp_path: Path) -> None:
     material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=b"no image at all")
-    with pytest.raises(SceneError, match="'Image_0' of material 'leaf' cannot be read: its packed data are no image"):
+    with pytest.raises(
+        SceneError, match="'Image_0' of material 'leaf' cannot be read: its packed data is not an image"
+    ):
         describe_material(material)
 
 

@@ -62,7 +62,7 @@ def test_telling_material_splits_an_object() -> None:
     parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10)]
     choice = choose_leaves(parts, None, never)
     assert choice.indices == (0,)
-    assert choice.reason == "'tree' (material 'leaf'): the names say leaf, leaves, foliage, needle or frond."
+    assert choice.reason == "'tree' (material 'leaf'): the names contain leaf, leaves, foliage, needle or frond."
 
 
 def test_telling_material_is_finer_than_a_telling_object() -> None:
@@ -74,14 +74,14 @@ def test_telling_object_and_instancer() -> None:
     parts = [Part("Foliage", "a", 10), Part("trunk", "b", 10), Part("card", "c", 10, "leaves")]
     choice = choose_leaves(parts, None, never)
     assert choice.indices == (0, 2)
-    assert choice.reason.startswith("'Foliage', 'card': the names say")
+    assert choice.reason.startswith("'Foliage', 'card': the names contain")
 
 
 def test_many_small_components_are_leaves() -> None:
     parts = [Part("a", "", 40), Part("b", "", 960)]
     choice = choose_leaves(parts, None, sizes([2] * 20, [60] * 16))
     assert choice.indices == (0,)
-    assert choice.reason == "'a': 20 small components (the median has 2 triangles), and no name says leaf."
+    assert choice.reason == "'a': 20 small components (the median has 2 triangles), and there are no leaf names."
 
 
 def test_twigs_are_coarser_than_leaves() -> None:
@@ -102,7 +102,7 @@ def test_few_or_large_components_need_a_name(of_parts: tuple[list[int], ...]) ->
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, None, sizes(*of_parts))
     assert str(caught.value) == (
-        "no object or material name says leaf, and no part is made of many small components; "
+        "no object or material name contains a word for leaves, and no part is made of many small components; "
         "name the leaves in `leaves`; objects: 'a', 'b'; materials: 'm'"
     )
 

@@ -73,12 +73,12 @@ def test_blend_keeps_coordinates_that_are_not_finite_and_extract_refuses_them(tm
 def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
     with pytest.raises(SceneError) as caught:
         load(tmp_path / name)
-    assert str(caught.value) == f"{tmp_path / name} is not there, or is not a file; check the path"
+    assert str(caught.value) == f"{tmp_path / name} does not exist, or is not a file; check the path"
 
 
 def test_a_folder(tmp_path: Path) -> None:
     (tmp_path / "folder.glb").mkdir()
-    with pytest.raises(SceneError, match="is not there, or is not a file"):
+    with pytest.raises(SceneError, match="does not exist, or is not a file"):
         load(tmp_path / "folder.glb")
 
 
@@ -89,7 +89,7 @@ def test_an_unknown_kind_leaves_the_scene(tmp_path: Path, name: str) -> None:
     with pytest.raises(SceneError) as caught:
         load(tmp_path / name)
     assert str(caught.value) == (
-        f"{tmp_path / name} is not a file that can be read; give one of .glb, .gltf, .obj, .blend"
+        f"{tmp_path / name} has an unsupported file type; give one of .glb, .gltf, .obj, .blend"
     )
     assert "old" in bpy.data.objects
 
@@ -114,7 +114,7 @@ def test_gltf_coordinates_that_are_not_finite(tmp_path: Path, kind: str, bad: fl
 def test_obj_without_the_file_of_its_materials(tmp_path: Path) -> None:
     path = tmp_path / "tree.obj"
     path.write_text("mtllib my tree.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    with pytest.raises(SceneError, match=r"my tree\.mtl is not there, tree\.obj names its materials in it"):
+    with pytest.raises(SceneError, match=r"my tree\.mtl does not exist, but tree\.obj reads its materials from it"):
         load(path)
     (tmp_path / "my tree.mtl").write_text("newmtl leaves\n")
     load(path)

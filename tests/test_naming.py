@@ -111,9 +111,11 @@ def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line
         setattr(settings, two, before[1])
     for message in refused:
         suits_the_sidebar(message)
-    assert any(message.startswith("Chain: Both goes with pruning only") for message in refused)
-    assert any("given without Image Error" in message for message in refused)
-    assert any(message.startswith("Chain is 'pruning', it must be another without the cross") for message in refused)
+    assert any(message.startswith("Chain: Both needs the effect pruning, which is off") for message in refused)
+    assert any("set without Image Error" in message for message in refused)
+    assert any(
+        message.startswith("Chain is 'pruning', it must be another when the cross is off") for message in refused
+    )
 
 
 def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
@@ -161,11 +163,11 @@ def test_what_the_core_refuses_names_the_sidebars_settings() -> None:
     foliage = leafcloud.Foliage(corners.reshape(-1, 3), np.arange(4500).reshape(-1, 3))
     with pytest.raises(leafcloud.LeafcloudError) as refused:
         leafcloud.cost_curve(foliage, max_billboards=9)
-    assert "leave Most Billboards and max texels out" in with_labels(str(refused.value))
+    assert "leave Max Billboards and max texels out" in with_labels(str(refused.value))
 
 
 def test_help_names_flags() -> None:
     text = " ".join(run("--help").stdout.split())
     assert "`" not in text
-    assert "as many billboards as --max-billboards says" in text
+    assert "k-means clusters of leaves, as many as --max-billboards" in text
     assert "as in --effects=-gloss" in text

@@ -38,9 +38,9 @@ def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == set()
     assert plan["back_sides"].on is False
-    assert plan["transitions"].reason == "the camera stays at 3.2 radii, and level 1 takes over at 5.79"
+    assert plan["transitions"].reason == "the camera stays 3.2 crown radii away, and level 1 takes over at 5.79"
     assert plan["far_levels"].reason == (
-        "the camera stays at 3.2 radii, and level 2 takes over at 20.3: only level 1 is made"
+        "the camera stays 3.2 crown radii away, and level 2 takes over at 20.3: only level 1 is made"
     )
     assert plan["normals"].reason.endswith("no billboard is seen")
 
@@ -62,7 +62,7 @@ def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"normals"}
     assert plan["back_sides"].on is None
-    assert plan["transitions"].reason == "the camera stays at 12 radii, and level 2 takes over at 20.3"
+    assert plan["transitions"].reason == "the camera stays 12 crown radii away, and level 2 takes over at 20.3"
 
 
 def test_a_camera_that_flies_through_sees_every_hand_over() -> None:
@@ -72,7 +72,7 @@ def test_a_camera_that_flies_through_sees_every_hand_over() -> None:
     fly(camera, (middle.x, middle.y - 3.0 * radius, middle.z), (middle.x, middle.y - 300.0 * radius, middle.z))
     plan = plan_of(crown)
     assert on(plan) == {"transitions", "far_levels", "normals"}
-    assert plan["transitions"].reason == "the camera stays between 3 and 300 radii, and level 1 takes over at 5.79"
+    assert plan["transitions"].reason == "the camera stays 3 to 300 crown radii away, and level 1 takes over at 5.79"
 
 
 def test_a_camera_that_flies_about_within_one_level_sees_no_hand_over() -> None:
@@ -91,7 +91,7 @@ def test_at_night_one_lamp_that_moves_calls_for_normals() -> None:
     assert plan["normals"].reason.startswith("the lamp 'Point' moves or changes, so")
     unlit = plan_of(crown, BakeSettings(unlit=True, viewer="camera"))
     assert on(unlit) == set()
-    assert unlit["baked_light"].reason == "nothing is lit where the levels go, but the lamp 'Point' moves or changes"
+    assert unlit["baked_light"].reason == "the target is unlit, but the lamp 'Point' moves or changes"
 
 
 def test_a_still_sun_lights_the_levels_as_blender_renders() -> None:
@@ -109,13 +109,13 @@ def test_an_unlit_game_gets_the_light_of_a_still_sun() -> None:
     add_light("SUN")
     plan = plan_of(crown, BakeSettings(engine="three", unlit=True))
     assert on(plan) == {"transitions", "far_levels", "back_sides", "baked_light"}
-    assert plan["baked_light"].reason == "nothing is lit where the levels go, and 'Sun' stand still"
+    assert plan["baked_light"].reason == "the target is unlit, and the scene's lights do not change: 'Sun'"
 
 
 def test_an_unlit_game_without_a_light_in_the_scene_gets_none() -> None:
     plan = plan_of(add_crown(), BakeSettings(engine="three", unlit=True))
     assert on(plan) == {"transitions", "far_levels"}
-    assert "no light is in the scene" in plan["baked_light"].reason
+    assert "the scene has no light" in plan["baked_light"].reason
 
 
 def test_leaves_that_differ_in_gloss_call_for_it_where_billboards_are_seen() -> None:
@@ -133,8 +133,8 @@ def test_leaves_that_differ_in_gloss_call_for_it_where_billboards_are_seen() -> 
 def test_opaque_leaves_that_are_all_alike_call_for_no_texture_beside_normals() -> None:
     plan = plan_of(add_crown(principled("leaf", Roughness=0.3)))
     assert on(plan) == ANYWHERE
-    assert plan["gloss"].reason.startswith("all leaves are equally glossy")
-    assert plan["translucency"].reason == "no light shines through the leaves' materials"
+    assert plan["gloss"].reason.startswith("roughness and metallic do not vary")
+    assert plan["translucency"].reason == "no leaf material is translucent"
 
 
 def test_a_wind_that_reaches_the_tree_moves_it() -> None:
@@ -167,7 +167,7 @@ def test_a_hundred_trees_stand_on_every_level_and_change_none() -> None:
     assert len(facts.camera.spans) == 100
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"pruning", "far_levels", "normals"}
-    assert plan["transitions"].reason.endswith("none of them is seen to change from level to level")
+    assert plan["transitions"].reason.endswith("no tree is seen changing levels")
     assert plan["pruning"].reason.startswith("the camera sees the 100 trees from 3 to ")
 
 
@@ -184,7 +184,7 @@ def test_one_tree_before_a_camera_that_nears_it_a_little() -> None:
 def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
     plan = plan_of(add_crown())
     assert on(plan) == ANYWHERE
-    assert plan["pruning"].reason == "all leaves stay until level 1 takes over from them, as `chain=billboards` has it"
+    assert plan["pruning"].reason == "`chain=billboards` keeps all leaves until level 1 takes over"
 
 
 @pytest.mark.parametrize("chain", ["pruning", "both"])
@@ -317,7 +317,7 @@ def test_only_leaves_of_several_colours_have_a_contrast_to_keep() -> None:
     settings = BakeSettings(chain="both")
     plan = plan_of(crown, settings)
     assert plan["contrast"].on is False
-    assert plan["contrast"].reason == "all leaves are of one colour, there is no contrast to keep"
+    assert plan["contrast"].reason == "all leaves have the same color, so there is no contrast to keep"
     pale = principled("pale leaf")
     pale.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.5, 0.6, 0.2, 1.0)
     crown.data.materials.append(pale)

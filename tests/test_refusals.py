@@ -35,7 +35,7 @@ def test_a_bake_without_a_folder_is_refused(shrub: Path) -> None:
     done = run("--input", shrub)
     assert (done.returncode, done.stderr) == (
         2,
-        "bake.py: --out DIR is missing: name the folder that the files go to\n",
+        "bake.py: --out DIR is missing: name the output folder\n",
     )
 
 

@@ -91,9 +91,9 @@ def test_the_strength_of_a_normal_map(strength: float) -> None:
     x, y, z = normal
     assert_codes(description["normal"], codes_of((strength * x, strength * y, 1.0 + min(strength, 1.0) * (z - 1.0))))
     assert message.startswith(
-        "material 'm': its normals are no plain tangent-space map of strength 1; they are rendered"
+        "material 'm': its normals are more than a tangent-space map of strength 1; they are rendered"
     )
-    assert "to an image of 64 texels a side; the leaves' own material" in message
+    assert "to an image of 64 × 64 texels; glTF level 0 uses Blender's own material export" in message
 
 
 @pytest.mark.parametrize(("axis", "slope"), [("X", 0.5), ("Y", 0.5), ("Y", -2.0)])
@@ -167,7 +167,7 @@ def test_a_rendering_lies_like_the_colours() -> None:
     [warning] = read_shading(material, read_surface(material).texture).warnings
     assert describe_material(material, CHANNELS)[0]["normal"] is None
     assert warning == (
-        "material 'm': its normal and the base colour go through different Mapping nodes; smooth stands for it"
+        "material 'm': its normal and the base color use different Mapping nodes; mesh normals are used instead"
     )
 
 
@@ -210,7 +210,7 @@ def test_what_cannot_be_rendered_is_said(kind: str) -> None:
         layout = tree.nodes.new("ShaderNodeUVMap")
         layout.uv_map = "Other"
         tree.links.new(layout.outputs["UV"], image.inputs["Vector"])
-        said = "lies on the UV map 'Other' and the base colour on the active UV map"
+        said = "uses the UV map 'Other', but the base color uses the active UV map"
     elif kind == "no image":
         image.image = None
         said = "depends on the node 'Image Texture', which has no image"
@@ -221,7 +221,7 @@ def test_what_cannot_be_rendered_is_said(kind: str) -> None:
     assert shading.normal is None
     [warning] = shading.warnings
     assert said in warning
-    assert warning.endswith("; smooth stands for it")
+    assert warning.endswith("; mesh normals are used instead")
 
 
 def test_leaves_without_a_uv_map() -> None:
@@ -229,7 +229,9 @@ def test_leaves_without_a_uv_map() -> None:
     tree.links.new(ramp(tree, "X", 0.5).outputs["Normal"], principled.inputs["Normal"])
     result = describe_materials(leaves_of(material).leaves, CHANNELS)
     [message] = result.messages
-    assert message.endswith("and its leaves have none; rough and smooth stands for it, unwrap the leaves")
+    assert message.endswith(
+        "and its leaves have none; roughness 1, metallic 0 and mesh normals are used; unwrap the leaves"
+    )
     assert result.materials[0]["normal"] is None
 
 
@@ -244,7 +246,7 @@ def test_half_an_image_of_roughness() -> None:
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
     assert_codes(description["gloss"][:32], (255, 26, 102))
     assert_codes(description["gloss"][32:], (255, 102, 102))
-    assert "its roughness and metallic are no constants or channels of one image; they are rendered" in message
+    assert "its roughness and metallic are neither constants nor channels of one image; they are rendered" in message
 
 
 def test_values_are_cut_before_they_are_averaged() -> None:
@@ -279,7 +281,7 @@ def test_a_principled_in_groups() -> None:
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     description, [message] = describe_material(material, CHANNELS)
     assert_codes(description["gloss"], (255, 153, 0))
-    assert "lost" not in message, "what is handed to the groups for something else does not count"
+    assert "dropped" not in message, "what is handed to the groups for something else does not count"
     assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 3, "the groups are not touched"
 
 
@@ -287,7 +289,7 @@ def test_what_tells_leaves_apart_is_lost() -> None:
     _, principled, tree = new_material()
     description, message = described(principled, tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], "Roughness")
     assert_codes(description["gloss"], (255, 128, 0))
-    assert ", so what the nodes Object Info say of single leaves is lost;" in message
+    assert ", so per-leaf variation from Object Info is dropped;" in message
 
 
 # Planning, and nothing more than is asked for

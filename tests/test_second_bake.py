@@ -170,7 +170,8 @@ def test_a_level_whose_tree_is_gone_says_so_at_once(sources: list[bpy.types.Obje
     bpy.ops.leafcloud.bake()
     bpy.data.objects.remove(sources[0])
     with pytest.raises(
-        RuntimeError, match="'leaves_LOD0' is a level of a baked tree, and 'leaves', of which it was made"
+        RuntimeError,
+        match="'leaves_LOD0' is a level of a baked tree, and the view layer lacks its source objects 'leaves'",
     ):
         bpy.ops.leafcloud.bake()
 

@@ -126,15 +126,15 @@ def test_the_specular_level_is_the_materials_mean() -> None:
     differing = gloss_of(materials)
     assert differing.specular == 0.25
     assert differing.warnings == (
-        "the leaf materials' Specular IOR Levels (0, 0.75) differ: the clouds have one, 0.25",
+        "the leaf materials' Specular IOR Levels (0, 0.75) differ: the billboards use their mean, 0.25",
     )
 
 
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("normals", "normals come from the node 'Diffuse BSDF'; smooth stands for it, use a Principled BSDF"),
-        ("gloss", "highlights come from the node 'Glossy BSDF'; rough stands for it, use a Principled BSDF"),
+        ("normals", "normals come from the node 'Diffuse BSDF'; mesh normals are used; connect a Principled BSDF"),
+        ("gloss", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
     ],
 )
 def test_what_other_shaders_say_is_told(kind: str, said: str) -> None:

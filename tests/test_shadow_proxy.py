@@ -41,7 +41,7 @@ def test_engines_draw_shadows_of_many_leaves_by_it() -> None:
     [
         (BakeSettings(), replace(MANY_LEAVES, engine="generic"), "casts its own shadow"),
         (BakeSettings(engine="three"), replace(MANY_LEAVES, triangles=400), "400 triangles"),
-        (BakeSettings(engine="three", unlit=True), MANY_LEAVES, "nothing is lit"),
+        (BakeSettings(engine="three", unlit=True), MANY_LEAVES, "the target is unlit"),
         (BakeSettings(engine="three", chain="pruning"), MANY_LEAVES, "no cloud"),
     ],
     ids=["who draws is not known", "few leaves", "unlit", "no cloud"],

@@ -93,7 +93,7 @@ def test_leaves_of_two_colours(count: int) -> None:
     np.testing.assert_allclose(shown(described, 5, 5), expected, atol=0.01)
     assert len(described.materials) == min(count, 16)
     assert described.owners == (0,) * len(described.materials)
-    told = f"so it is rendered for {min(count, 16)} of {count} random numbers, to images of 512 texels a side"
+    told = f"so it is rendered for {min(count, 16)} of {count} random numbers, to images of 512 × 512 texels"
     assert told in described.messages[-1]
 
 
@@ -152,7 +152,7 @@ def test_what_no_tint_says_of_places_is_told() -> None:
     high[2, 3] = 1.0
     for matrix, told in ((np.eye(4), False), (high, True)):
         said = " ".join(describe_materials(geometry, (), matrix).messages)
-        assert ("islands or places make more of its leaves than a tint" in said) == told
+        assert ("islands or positions change its leaves by more than a tint" in said) == told
 
 
 @pytest.mark.parametrize(

@@ -261,7 +261,7 @@ def test_a_share_that_varies_is_rendered() -> None:
     description, [message] = describe_material(material, share=0.5)
     assert message.startswith(
         "material 'm': its translucency varies at the node 'Mix Shader', whose factor has to be a constant; it is "
-        "rendered to an image of 64 texels a side"
+        "rendered to an image of 64 × 64 texels"
     )
     # By the standard's formula: 0.3, 0.6, 0.15 and 0.1, 0.2, 0.05; 0.15, 0.25, 0.05 and 0.45, 0.75, 0.15.
     for image, factor, left, right in (
@@ -299,7 +299,7 @@ def test_the_plan_names_the_material() -> None:
     result = baked(leaf(), "auto")
     [effect] = [effect for effect in result.effects if effect.name == "translucency"]
     assert effect.on
-    assert effect.reason == "light may come from anywhere, and it shines through the material 'm'"
+    assert effect.reason == "light may come from anywhere, and the material 'm' is translucent"
     assert result.prepared.warnings == ()
     assert result.costs.bytes["translucency"] == 128 * 128 * 4
 

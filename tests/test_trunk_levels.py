@@ -142,7 +142,7 @@ def test_wood_calls_for_trunk_levels() -> None:
     facts = Facts(engine="unity", leaves=5, wood=1200)
     [effect] = [effect for effect in plan_effects(BakeSettings(), facts) if effect.name == "trunk_levels"]
     assert effect.on is True
-    assert effect.reason == "the camera may be anywhere in unity, so it may see 1200 triangles of wood from far away"
+    assert effect.reason == "the camera may be anywhere in unity, so it may see 1200 trunk triangles from far away"
     assert is_on(plan_effects(BakeSettings(), Facts(engine="unity", leaves=5)), "trunk_levels") is False
     assert is_on(plan_effects(BakeSettings(effects="pruning"), facts), "trunk_levels") is False
 

@@ -312,7 +312,7 @@ def test_wrong_attributes_and_materials() -> None:
         Material(alpha_mode="CLIP")  # type: ignore[arg-type]
     with pytest.raises(LeafcloudError, match="3 channels"):
         Material(image=np.zeros((2, 2, 3), np.uint8))
-    with pytest.raises(LeafcloudError, match="base colour"):
+    with pytest.raises(LeafcloudError, match="base color"):
         Material(base_color=(2, 0, 0, 1))
 
 
