@@ -1,7 +1,8 @@
 """Runs the hard cases of both test suites and shows them: `make stability` writes docs/stability.md.
 
-Every case is recorded by the test that asserts it (rust/core/tests/common/stability.rs, tests/stability.py): the
-greatest error that was found beside what is allowed, or the error that refuses what can have no result.
+Every case is recorded by the test that asserts it (rust/core/tests/common/stability.rs,
+tests/support/stability.py): the greatest error that was found beside what is allowed, or the error that refuses what
+can have no result.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "stability.md"
 RUNS = [
     ["cargo", "test", "--quiet", "--release", "--package", "leafcloud"],
-    [sys.executable, "-m", "pytest", "--quiet", "tests/test_hard_cases.py"],
+    [sys.executable, "-m", "pytest", "--quiet", "tests/blender/test_hard_cases.py"],
 ]
 
 INTRODUCTION = """# Hard cases
