@@ -141,6 +141,7 @@ impl Foliage {
 
     /// The local positions of a triangle's corners.
     #[must_use]
+    #[inline]
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
@@ -153,6 +154,7 @@ impl Foliage {
 
     /// The local area vector of a triangle: unit normal × area, by the winding.
     #[must_use]
+    #[inline]
     pub fn area_vector(&self, triangle: usize) -> DVec3 {
         area_vector(self.corners(triangle))
     }
@@ -261,6 +263,7 @@ fn unmade(materials: &[Material]) -> Arc<[OnceLock<Pyramid<u8>>]> {
 
 /// Unit normal × area, in the units of the corners.
 #[must_use]
+#[inline]
 pub fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
 }
