@@ -18,6 +18,8 @@ SECONDS ?= 600
 # pyo3's build reads a Python's configuration. The same Python everywhere avoids rebuilding it.
 export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
 
+OTHER_BLENDERS := tests/blender tests/bake/test_bake.py -m 'not long and not browser'
+
 PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
 RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
@@ -26,7 +28,7 @@ THREE := shaders/viewer
 
 .PHONY: help
 help: ## list the targets
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 12
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 12
 
 .PHONY: setup
 setup: .venv/.wheel ## make .venv: Python 3.11 with Blender 4.5 LTS as a module and the release build of the wheel
@@ -36,13 +38,19 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: setup $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## run all tests: Rust, then Python in Blender 4.2, 5.0 and 4.5 (ARGS='-k name' for pytest)
-test: $(foreach environment,.venv-4.2 .venv-5.0 .venv,$(environment)/.test $(environment)/.wheel)
-	@tools/prerequisites.sh chromium
+test: setup .venv/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
+	cargo test --workspace --release
+	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
+
+# CI runs this target. Blender 4.2 and 5.0 run the tests inside Blender and one whole bake.
+.PHONY: test-all
+test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## run all tests, also those of the browser, of measured trees and of Blender 4.2 and 5.0
 	cargo test --workspace --release
 	cargo test --package leafcloud --lib --test corpus
 	tools/same_bytes.sh
-	tools/run_tests.sh .venv-4.2 .venv-5.0 .venv -- $(ARGS)
+	tools/run_tests.sh .venv
+	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)
+	tools/run_tests.sh .venv-5.0 $(OTHER_BLENDERS)
 
 .PHONY: environments
 environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download the other environments and packages of the tests

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 from glb import Node, read_glb  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"

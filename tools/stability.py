@@ -1,7 +1,7 @@
 """Runs the hard cases of both test suites and shows them: `make stability` writes docs/stability.md.
 
-The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/stability.py): the largest
-error found and the allowed one, or the error message for input without a result.
+The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/support/stability.py):
+the largest error found and the allowed one, or the error message for input without a result.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "stability.md"
 RUNS = [
     ["cargo", "test", "--quiet", "--release", "--package", "leafcloud"],
-    [sys.executable, "-m", "pytest", "--quiet", "tests/test_hard_cases.py"],
+    [sys.executable, "-m", "pytest", "--quiet", "tests/blender/test_hard_cases.py"],
 ]
 
 INTRODUCTION = """# Hard cases

@@ -10,6 +10,7 @@ the seams of the trunk's texture, the pieces of blended billboards from the leaf
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -70,7 +71,8 @@ class Rate:
 def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> Amounts:
     """Return the amounts of the bake, known or estimated."""
     clouds, cross = plan_levels(settings, facts, effects)
-    pages = [_page_texels(settings, number) for number in range(clouds + cross)]
+    pages = [_page_texels(settings, number) for number in range(clouds)]
+    pages += [min(_cross_texels(settings), _page_texels(settings, clouds))] if cross else []
     wood, left = facts.wood * clouds, min(max(4.0 * facts.wood_seams**1.5, 0.1), 1.0)
     texels, leaf_size = (sum(pages), sum(pages[1:])), facts.leaf_size / facts.radius
     return Amounts(facts.vertices, facts.triangles, wood, round(left * wood), *texels, facts.depth, leaf_size)
@@ -107,6 +109,12 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
     return max(width >> number, SMALLEST_TEXTURE) * max(height >> number, SMALLEST_TEXTURE)
 
 
+def _cross_texels(settings: BakeSettings) -> int:
+    """Return the texels of the cross impostor's atlas page: two per pixel at its switch, for a deviation of R / 2."""
+    side: int = 2 ** math.ceil(math.log2(16.0 * settings.pixels))
+    return side * side
+
+
 def _vertices(known: Amounts) -> int:
     """Return the vertices of the leaves and of level 1's billboards."""
     return known.vertices + BILLBOARD_VERTICES
@@ -141,11 +149,11 @@ def _pieces(known: Amounts) -> int:
 
     It grows with the leaf size. Files limit it to about the triangles of the leaves.
     """
-    return 2_000 + min(round(84_000 * known.leaf_size), 2 * known.triangles)
+    return min(4_000 + min(round(100_000 * known.leaf_size), 2 * known.triangles), 7 * known.triangles)
 
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
-_GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.45e-7, seconds_per_layer=7.3e-9)
+_GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.65e-7, seconds_per_layer=8.3e-9)
 _WOOD_LEFT = Rate(_wood_left, 87.0)
 _ORDER = Rate(_triangles, fixed=0.065, per_layer=0.028, seconds=2.25e-6)
 """Measuring how much of each leaf is visible."""
@@ -157,16 +165,16 @@ RATES: dict[str, Rate] = {
     "pruning": Rate(_vertices, 16.5, seconds=1.0e-8),
     "back_sides": Rate(_texels, 1.64),
     "trunk_levels": Rate(_wood, fixed=0.04, seconds=2.8e-5),
-    "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.3, seconds=6.1e-7),
+    "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.25, seconds=4.6e-7),
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),
     "translucency": Rate(_texels, BYTES_PER_TEXEL, seconds=1.0e-7),
-    "blend_order": Rate(_pieces, 125.0, fixed=0.035, seconds=2.8e-6),
-    "occlusion": Rate(_triangles, fixed=0.03, per_layer=0.065, seconds=1.5e-6),
-    "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.36e-7, seconds_per_layer=6.4e-9),
-    "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.15e-7),
+    "blend_order": Rate(_pieces, 125.0, fixed=0.06, seconds=6.0e-6),
+    "occlusion": Rate(_triangles, fixed=0.023, per_layer=0.05, seconds=1.15e-6),
+    "self_shadowing": Rate(_texels, BYTES_PER_TEXEL, seconds=1.55e-7, seconds_per_layer=7.3e-9),
+    "shadow_proxy": Rate(_first_texels, BYTES_PER_TEXEL, seconds=1.65e-7),
     "leaf_map": Rate(_texels, 2 * BYTES_PER_TEXEL, seconds=1.63e-7, seconds_per_layer=6.4e-9),
-    "contrast": Rate(_triangles, fixed=0.04, seconds=6.0e-6, seconds_per_layer=1.4e-6),
-    "wind": Rate(_vertices, 20.0, fixed=0.21),
-    "baked_light": Rate(_triangles, 72.0, fixed=0.085, seconds=1.65e-4, seconds_per_layer=1.5e-4),
+    "contrast": Rate(_triangles, fixed=0.03, seconds=4.5e-6, seconds_per_layer=1.05e-6),
+    "wind": Rate(_vertices, 20.0, fixed=0.16),
+    "baked_light": Rate(_triangles, 72.0, fixed=0.07, seconds=1.35e-4, seconds_per_layer=1.25e-4),
 }

@@ -121,14 +121,6 @@ fn an_error_limit_is_kept() {
     assert_eq!(built.chain.levels[0].page.base_color.width(), built.offer.choice.texture_size);
 }
 
-#[test]
-fn a_time_limit_is_kept() {
-    let begun = std::time::Instant::now();
-    let built = build_within(&crown(100), None, &small(), Wish::Seconds(600.0), Progress::silent()).unwrap();
-    assert!(built.tries >= 1 && begun.elapsed().as_secs_f64() < 600.0);
-    assert_eq!(built.chain.levels.len(), 1);
-}
-
 /// With time to spare, no other ε gives a much better result, whatever the predictions.
 #[test]
 fn with_many_seconds_nothing_is_better() {
@@ -315,12 +307,10 @@ fn offers_keep_to_the_size_of_billboards_and_to_the_shape_of_the_page() {
 fn offers_that_do_not_fit_are_replaced_by_others() {
     let crown = crown(300);
     let tiny = ChainSettings { texture_size: 64.into(), back_sides: Some(true), ..small() };
-    let begun = std::time::Instant::now();
     for wish in [Wish::Seconds(600.0), Wish::Preset(Preset::Final), Wish::Preset(Preset::Draft)] {
         let built = build_within(&crown, None, &tiny, wish, Progress::silent()).unwrap();
         assert!(built.tries < 20, "{wish:?}: {}", built.tries);
     }
-    assert!(begun.elapsed().as_secs_f64() < 600.0, "no try is repeated until the time is up");
 }
 
 #[test]

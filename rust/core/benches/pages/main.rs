@@ -12,6 +12,7 @@ use leafcloud::fit::{FitSettings, fit};
 use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
 use leafcloud::judge::{Judge, Views};
+use leafcloud::lod::settled_size;
 use leafcloud::outlines::{OutlineSettings, outlines};
 use leafcloud::sheet::{Region, Sheet, SheetSettings};
 use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, for_plain_means, mips};
@@ -49,7 +50,9 @@ struct Level {
 
 impl Level {
     fn of(foliage: Foliage) -> Self {
-        let cloud = fit(&foliage, &FitSettings::default(), Progress::silent()).expect("the settings fit any foliage");
+        let fitting = settled_size(&FitSettings::default(), &foliage, Progress::silent());
+        let cloud = fitting.and_then(|fitting| fit(&foliage, &fitting, Progress::silent()));
+        let cloud = cloud.expect("the settings fit any foliage");
         let projection = Projection::new(&foliage, &cloud, 1.25);
         let shape = OutlineSettings { corners: 4 };
         let seen = Opacity::of(&foliage);

@@ -142,6 +142,7 @@ impl Foliage {
 
     /// Returns the local positions of a triangle's corners.
     #[must_use]
+    #[inline]
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
@@ -154,6 +155,7 @@ impl Foliage {
 
     /// Returns the local area vector of a triangle: unit normal × area, oriented by the winding.
     #[must_use]
+    #[inline]
     pub fn area_vector(&self, triangle: usize) -> DVec3 {
         area_vector(self.corners(triangle))
     }
@@ -262,6 +264,7 @@ fn unmade(materials: &[Material]) -> Arc<[OnceLock<Pyramid<u8>>]> {
 
 /// Returns unit normal × area, in the units of the corners.
 #[must_use]
+#[inline]
 pub fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
 }

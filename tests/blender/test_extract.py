@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import bpy
@@ -323,12 +322,9 @@ def test_measured_trees(foliage_dir: Path, file: str, leaf_triangles: int, wood_
     assert (tree.warnings, tree.dropped) == ([], [])
 
 
-def test_a_million_triangles_take_seconds(foliage_dir: Path) -> None:
+def test_a_million_triangles_are_read_to_the_bit(foliage_dir: Path) -> None:
     load(foliage_dir / "maple_1m.glb")
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    start = time.perf_counter()
-    tree = extract(depsgraph, None)
-    assert time.perf_counter() - start < 10.0
+    tree = extract(bpy.context.evaluated_depsgraph_get(), None)
     assert len(tree.leaves.triangles) == 1_000_352
     source = np.empty(len(bpy.data.meshes[0].vertices) * 3, np.float32)
     bpy.data.meshes[0].vertices.foreach_get("co", source)

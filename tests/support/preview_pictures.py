@@ -25,7 +25,7 @@ from addon.viewport.shader import (
 )
 from tools.browser import FILES, ask
 
-PAGE, PATIENCE = "tests/shaders/probe.html", 120.0
+PAGE, PATIENCE = "tests/browser/probe.html", 120.0
 
 
 def shader() -> dict[str, str]:

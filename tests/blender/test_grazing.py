@@ -100,6 +100,7 @@ def test_it_stands_behind_all_that_moves_a_billboard_but_what_parts_pairs() -> N
     assert names == ["Leafcloud LOD", "Leafcloud Wind", "Leafcloud Grazing", "Leafcloud Sides"]
 
 
+@pytest.mark.browser
 def test_the_viewer_fades_as_the_file_says(shrub: Path, tmp_path: Path) -> None:
     bake(shrub, tmp_path / "fading", *QUICK, "--effects=+grazing_fade")
     bake(shrub, tmp_path / "whole", *QUICK)

@@ -64,18 +64,18 @@ def test_a_file_that_is_no_scene_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_empty_scene_is_refused(tmp_path: Path) -> None:
-    refusal(tmp_path / "out", "--input", saved(tmp_path / "empty.blend"))
+    assert "there are no faces" in refusal(tmp_path / "out", "--input", saved(tmp_path / "empty.blend"))
 
 
 def test_leaves_that_are_not_there_are_refused(shrub: Path, tmp_path: Path) -> None:
     line = refusal(tmp_path / "out", "--input", shrub, "--leaves", "petals")
-    assert "petals" in line
-    assert "leaves" in line
+    assert "'petals'" in line
+    assert "branches" in line, "the objects that are there are named"
 
 
 def test_a_mesh_without_faces_is_refused(tmp_path: Path) -> None:
     leaf_object([(0, 0, 0), (1, 0, 0)], [])
-    refusal(tmp_path / "out", "--input", saved(tmp_path / "bare.blend"))
+    assert "'leaves' has no faces" in refusal(tmp_path / "out", "--input", saved(tmp_path / "bare.blend"))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])

@@ -14,7 +14,7 @@ from laws import Air, Floats, blown, carried, fluttered
 
 from tools.browser import ask
 
-PAGE = "tests/shaders/probe.html"
+PAGE = "tests/browser/probe.html"
 SINE = 2.0**-11
 ULP = 2.0**-23
 AIR = Air(

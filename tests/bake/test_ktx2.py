@@ -15,8 +15,8 @@ from command_line import run
 
 import leafcloud
 
-TESTS = Path(__file__).parent
-THREE = TESTS.parent / "shaders" / "viewer" / "node_modules" / "three"
+HERE = Path(__file__).parent
+THREE = HERE.parents[1] / "shaders" / "viewer" / "node_modules" / "three"
 WORDS = ("format", "type_size", "width", "height", "depth", "layers", "faces", "levels", "scheme")
 
 
@@ -152,7 +152,7 @@ def needles() -> leafcloud.Level:
 def test_as_much_of_each_billboard_passes_at_every_level(tmp_path: Path) -> None:
     level = needles()
     (tmp_path / "page.ktx2").write_bytes(level.ktx2("base_color"))
-    command = ["node", TESTS / "transcode.mjs", THREE, tmp_path / "page.ktx2", tmp_path]
+    command = ["node", HERE / "transcode.mjs", THREE, tmp_path / "page.ktx2", tmp_path]
     subprocess.run(command, check=True, timeout=60)
     page, cutoff = level.for_engines()
     size = len(page)

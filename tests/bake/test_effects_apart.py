@@ -74,7 +74,7 @@ EFFECTS_APART = {
         ("addon.build.wood:simplified", "addon.build.wood:gathered", "addon.plan.reach:wood_errors"),
         ("meshes tree_wood_1 is there",),
     ),
-    # Levels are made by what makes the first: there is nothing that only the others use.
+    # The functions that make the first level make the others, too.
     "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),
     "normals": Own(("addon.build.materials:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
     "gloss": Own(
@@ -220,7 +220,7 @@ def test_every_effect_says_what_is_its_own() -> None:
     assert tuple(sorted(EFFECTS_APART)) == tuple(sorted(EFFECTS))
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("effect", [name for name in EFFECTS if EFFECTS_APART[name].modules])
 def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = EFFECTS_APART[effect]
     off = baked(tmp_path / "off", all_but(effect), own.chain, own.alpha)
@@ -261,3 +261,6 @@ def test_without_far_levels_a_bake_is_that_of_one_level(tmp_path: Path) -> None:
     one = baked(tmp_path / "one", "none", "billboards", levels=1, cross=False)
     assert short.files == one.files
     assert short.blocks == one.blocks
+    assert [trace for trace in EFFECTS_APART["far_levels"].traces if trace in short.words] == []
+    [said] = [each for each in short.report["effects"] if each["name"] == "far_levels"]
+    assert (said["on"], said["seconds"], said["bytes"]) == (False, 0.0, 0)

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 BAKE = ROOT / "bake.py"
 QUICK = ("--texture-size", "256")
 

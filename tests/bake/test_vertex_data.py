@@ -211,6 +211,7 @@ def test_three_names_of_a_map_leave_the_sets_their_places(tmp_path: Path) -> Non
     assert "texCoord" not in str(document["materials"])
 
 
+@pytest.mark.browser
 def test_the_viewer_moves_leaves_by_either_form_alike(folders: dict[str, Path]) -> None:
     node = read_glb(folders["generic"] / "shrub.glb")["shrub_LOD0"]
     extras = node.extras["leafcloud"]

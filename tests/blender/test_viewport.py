@@ -124,6 +124,7 @@ def shown_points(obj: bpy.types.Object, distances: list[float]) -> list[NDArray[
     return [None if look is None else np.float32(next(points)).reshape(-1, 3) for look in looks]
 
 
+@pytest.mark.browser
 def test_the_shader_draws_the_leaves_of_the_node_group() -> None:
     """Half way to the billboards, on them, pruned to different shares; but for s, which the shader has from a table."""
     leaves = many_leaves(400)

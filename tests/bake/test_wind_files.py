@@ -34,7 +34,7 @@ from addon.versions import get_modifier_input
 from tools.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
-PAGE = "tests/shaders/probe.html"
+PAGE = "tests/browser/probe.html"
 FRAME = 40
 PLACE = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))
 
@@ -181,6 +181,7 @@ def apart(seen: dict[str, Any], primitive: Primitive, moved: dict[bytes, Floats]
     return float(np.linalg.norm(places - [moved[key] for key in keys], axis=1).max())
 
 
+@pytest.mark.browser
 def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Node]) -> None:
     """Leaves, clouds, cross and wood. Sines in GLSL are within 2⁻¹¹, and of that a tenth of height and spread, at most
     half of a leaf's arm, is left; a is off by rounding of the distance."""

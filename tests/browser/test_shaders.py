@@ -17,7 +17,7 @@ from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
 
 from tools.browser import ask
 
-PAGE = "tests/shaders/probe.html"
+PAGE = "tests/browser/probe.html"
 PATIENCE = 120.0
 ULP = 2.0**-23
 KEEPS = np.float32([0.004, 0.005, 0.02, 0.1, 0.3, 0.5, 0.9, 0.94, 0.95, 0.97, 0.999, 1.0])

@@ -14,7 +14,7 @@ from lod_scenes import evaluate, points_of
 
 from addon.export.gltf import y_up
 
-PAGE = "tests/shaders/probe.html"
+PAGE = "tests/browser/probe.html"
 PATIENCE = 120.0
 
 

@@ -286,6 +286,7 @@ def composed(eye: Eye, size: int, *, backward: bool = False) -> NDArray[np.float
     return picture.reshape(size, size, 3)
 
 
+@pytest.mark.browser
 def test_the_viewer_draws_from_back_to_front(baked: Path) -> None:
     directions = [(1.0, 0.3, 0.5), (-0.4, 0.6, 1.0), (0.2, -0.9, -0.8), (-1.0, -0.1, 0.2), (0.3, 0.2, -1.0)]
     extras = read_glb(baked / "cards_LOD1.glb")["cards_LOD1"].extras["leafcloud"]
