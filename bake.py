@@ -171,12 +171,12 @@ def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
     import bpy
 
     from addon.flags import with_flags
-    from addon.grove import plan_grove
     from addon.pipeline import layer_of
     from addon.plan.effects import joint_effects
+    from addon.tree_set import plan_tree_set
 
     trees, _ = _trees(options)
-    planned = plan_grove(trees, settings, layer_of(bpy.context.scene), with_flags)
+    planned = plan_tree_set(trees, settings, layer_of(bpy.context.scene), with_flags)
     effects = joint_effects([each.effects for each in planned.values()])
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
@@ -205,8 +205,8 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     from addon.export.files import write
     from addon.export.staging import Staging
     from addon.flags import with_flags
-    from addon.grove import bake_grove, camera_notes, prepare_grove
     from addon.pipeline import layer_of
+    from addon.tree_set import bake_tree_set, camera_notes, prepare_tree_set
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
@@ -215,16 +215,16 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     trees, name = _trees(options)
     scene = bpy.context.scene
     stages("prepare", 0.0)
-    prepared = prepare_grove(trees, settings, layer_of(scene), with_flags)
+    prepared = prepare_tree_set(trees, settings, layer_of(scene), with_flags)
     for note in camera_notes(prepared.values()):
         console.note(with_flags(f"{note.text}; `viewer={note.viewer}` makes {_MADE[note.viewer]}"))
     clear_scene(scene)
-    grove = bake_grove(prepared, scene, name, stages)
+    tree_set = bake_tree_set(prepared, scene, name, stages)
     make_self_contained()
     with _refusing(options.out):
-        report = write(grove, options.out, stages, blend=True)
+        report = write(tree_set, options.out, stages, blend=True)
     console.warn(report["warnings"])
-    levels = max(len(tree.levels) for tree in grove.trees)
+    levels = max(len(tree.levels) for tree in tree_set.trees)
     of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
     return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}"
 

@@ -14,7 +14,7 @@ from .part import Part
 from .placement import Placement
 from .plan.effects import Effect, plan_levels
 from .plan.facts import Facts
-from .plan.reach import View
+from .plan.lod_range import View
 from .plan.thinning import Thinning
 from .plan.wind import Wind
 from .scene.extract import Tree
@@ -79,7 +79,7 @@ class Baked:
 
 
 @dataclass(frozen=True)
-class Grove:
+class TreeSet:
     """The tree set of one bake: one tree, or several trees that share atlas pages.
 
     collection: the only tree's own collection, or the parent of the trees' collections.
@@ -91,6 +91,6 @@ class Grove:
     trees: tuple[Baked, ...]
 
     @staticmethod
-    def of(tree: Baked) -> Grove:
+    def of(tree: Baked) -> TreeSet:
         """Return a tree set with one tree."""
-        return Grove(tree.collection.name, tree.collection, (tree,))
+        return TreeSet(tree.collection.name, tree.collection, (tree,))

@@ -30,6 +30,7 @@ from .export import gltf, ktx2
 from .lighting import light_of
 from .part import described_part
 from .placement import Placement
+from .plan.camera_visibility import camera_visibility, level_at, seen_as_set
 from .plan.costs import with_costs
 from .plan.effects import (
     Effect,
@@ -43,16 +44,15 @@ from .plan.effects import (
     settle_back_sides,
 )
 from .plan.facts import Facts
-from .plan.reach import WOOD_PIXELS, Reach, View, reaches, rising, wood_errors
-from .plan.sight import level_at, seen_as_set, sight
+from .plan.lod_range import WOOD_PIXELS, LodRange, View, lod_ranges, rising, wood_errors
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
+from .scene.scene_facts import read_scene_facts
 from .scene.seams import seam_share
 from .scene.see_through import see_through
 from .scene.shading import gloss_of
 from .scene.surface import read_surface
-from .scene.survey import survey
 from .scene.translucency import translucent_of
 from .scene.wind import wind_on
 from .settings import EFFECTS, BakeSettings, fit_options
@@ -84,7 +84,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     if layer is None or not tree.sources:
         return facts
     scene = layer.id_data
-    around = survey(layer, tree, shape.centre.tolist(), view_of(scene))
+    around = read_scene_facts(layer, tree, shape.centre.tolist(), view_of(scene))
     surrounded = replace(
         facts,
         scene_camera=around.camera,
@@ -191,7 +191,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect
         "texture_height": settings.texture_height,
         "samples": settings.samples,
         "pixels": settings.pixels,
-        "close_cracks": settings.close_cracks,
+        "close_gaps": settings.close_gaps,
         "blended": bool(is_on(effects, "blend_order")),
         "back_sides": is_on(effects, "back_sides"),
         "normals": settings.bend_normals if is_on(effects, "normals") else None,
@@ -232,8 +232,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     following = ("transitions", "pruning", "trunk_levels")
     transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
     clouds = [False, *(level.cloud is not None for level in levels)]
-    reached = reaches(switch_distances, clouds, transitions=transitions)
-    thinning = _thinning(prepared, start, reached[1].appear)
+    ranges = lod_ranges(switch_distances, clouds, transitions=transitions)
+    thinning = _thinning(prepared, start, ranges[1].appear)
     contrast = bool(is_on(prepared.effects, "contrast"))
     mean = (0.0, 0.0, 0.0)
     if contrast:
@@ -252,10 +252,10 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
         transitions=transitions,
         pruning=pruning,
-        drawn=_drawn(prepared, reached),
-        wood_errors=wood_errors(deviations, reached, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
+        drawn=_drawn(prepared, ranges),
+        wood_errors=wood_errors(deviations, ranges, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
         switch_distances=switch_distances,
-        reaches=reached,
+        lod_ranges=ranges,
         thinning=thinning,
         growth=chain.growth,
         contrast=chain.contrast if contrast else None,
@@ -309,15 +309,15 @@ def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str
     return seconds
 
 
-def _drawn(prepared: Prepared, reached: Sequence[Reach]) -> range:
+def _drawn(prepared: Prepared, ranges: Sequence[LodRange]) -> range:
     """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
 
     The range never begins or ends at a coarser level than camera visibility estimated before the bake.
     """
-    seen, camera = sight(prepared.settings, prepared.facts), prepared.facts.camera
+    seen, camera = camera_visibility(prepared.settings, prepared.facts), prepared.facts.camera
     if seen is None or camera is None:
         return range(1)
-    first, last = (level_at(away, reached) for away in (camera.nearest, camera.farthest))
+    first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
     return range(min(first, seen.first), min(last, seen.last) + 1)
 
 

@@ -129,13 +129,13 @@ class BakeSettings:
         int | None,
         Setting(
             "Maximum number of billboards on level 1. Replaces `epsilon` by the smallest error bound found that needs "
-            "no more billboards, plus the allowance `slack`",
+            "no more billboards, plus the allowance `extra_error`",
             "COUNT",
             Limits(1),
             unset="as many as the error bound needs",
         ),
     ] = None
-    slack: Annotated[
+    extra_error: Annotated[
         float,
         Setting(
             "Extra error allowed beyond the smallest bound for `max_billboards`, as a fraction of that bound. Spent "
@@ -245,7 +245,7 @@ class BakeSettings:
             "Samples per texel along each side. More gives smoother textures and takes longer", "COUNT", Limits(1, 16)
         ),
     ] = 4
-    close_cracks: Annotated[
+    close_gaps: Annotated[
         bool,
         Setting(
             "Close gaps between billboards: each also shows the parts of other billboards' leaves within the error "
@@ -444,7 +444,7 @@ class FitOptions(TypedDict):
     method: Method
     effort: Effort
     max_billboards: int | None
-    slack: float
+    extra_error: float
     max_texels: int | None
     max_size: float | None
     compact: float | None

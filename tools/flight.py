@@ -34,11 +34,11 @@ from numpy.typing import NDArray
 from addon.baked import Baked
 from addon.build.lod_nodes import GROUP_NAME
 from addon.export.blend import clear_scene
-from addon.grove import bake_grove
 from addon.pipeline import prepare
 from addon.scene.extract import extract
 from addon.scene.load import load
 from addon.settings import BakeSettings
+from addon.tree_set import bake_tree_set
 from addon.versions import get_modifier_input, set_modifier_input
 
 matplotlib.use("Agg")  # Without a display.
@@ -90,7 +90,7 @@ def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
     read = extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem)
     prepared = prepare(read, BakeSettings())
     clear_scene(scene)
-    baked = bake_grove({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
+    baked = bake_tree_set({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 3.0, (0.6, 0.3, 0.0)
     scene.collection.objects.link(sun)

@@ -27,7 +27,7 @@ from mathutils import Vector
 from matplotlib.ticker import FuncFormatter
 from stage import FOLIAGE, ROOT, bake_alone, light_up, look_at, render
 
-from addon.baked import Baked, Grove
+from addon.baked import Baked, TreeSet
 from addon.build.lod_nodes import set_manual
 from addon.export.files import write
 from addon.settings import BakeSettings
@@ -123,7 +123,7 @@ def in_browser(baked: Baked) -> list[float]:
     """Return the least milliseconds per picture in three.js for each subject."""
     cases = [{"level": number, "keep": 1.0} for number in range(3)] + [{"level": 0, "keep": PRUNED}]
     with tempfile.TemporaryDirectory() as folder:
-        write(Grove.of(baked), Path(folder), lambda stage, fraction: None, blend=False)
+        write(TreeSet.of(baked), Path(folder), lambda stage, fraction: None, blend=False)
         question = {"tree": f"/files/{baked.collection.name}.glb", "size": PICTURE, "distance": NEAR}
         question |= {"rounds": ROUNDS, "cases": cases}
         answer = ask("tools/three/speed.html", question, patience=PATIENCE, files=Path(folder))

@@ -21,11 +21,11 @@ from mathutils import Vector  # noqa: E402
 
 from addon.baked import Baked  # noqa: E402
 from addon.export.blend import clear_scene  # noqa: E402
-from addon.grove import bake_grove  # noqa: E402
 from addon.pipeline import prepare  # noqa: E402
 from addon.scene.extract import extract  # noqa: E402
 from addon.scene.load import load  # noqa: E402
 from addon.settings import BakeSettings  # noqa: E402
+from addon.tree_set import bake_tree_set  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 
@@ -52,7 +52,7 @@ def bake_alone(tree: Path, settings: BakeSettings) -> Baked:
     scene = bpy.context.scene
     prepared = prepare(extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem), settings)
     clear_scene(scene)
-    return bake_grove({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
+    return bake_tree_set({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
 
 
 def light_up(size: int, samples: int) -> bpy.types.Object:

@@ -16,7 +16,7 @@ import numpy as np
 
 import leafcloud
 
-from ..plan.reach import View
+from ..plan.lod_range import View
 from ..scene.baked_levels import EXTRAS
 from ..scene.baked_levels import level_number as level_number
 from ..versions import get_modifier_input

@@ -23,8 +23,8 @@ from functools import reduce
 
 import bpy
 
+from .node_builder import Section
 from .node_laws import LENGTH, NEVER, SHARE, Camera, add_modifier, declare, group_of_layout
-from .sections import Section
 
 GROUP_NAME = "Leafcloud Forest"
 MOST_VARIANTS = 16

@@ -18,8 +18,8 @@ from __future__ import annotations
 import bpy
 
 from .fading import fade_by
+from .node_builder import Section
 from .node_laws import SHARE, TINY, Camera, add_modifier, declare, group_of_layout
-from .sections import Section
 
 GROUP_NAME = "Leafcloud Grazing"
 _LAYOUT_KEY = "leafcloud_grazing_layout"

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..scene.surface import Surface, read_surface
-from .sections import Section
+from .node_builder import Section
 
 GROUP_NAME = "Leafcloud Leaf Map"
 UV_NODE, ID_NODE = "Leafcloud Leaf UV", "Leafcloud Leaf ID"

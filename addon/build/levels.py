@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..placement import Placement, y_up
-from ..plan.reach import Reach, wood_reach
+from ..plan.lod_range import LodRange, wood_range
 from ..plan.thinning import Thinning
 from ..scene.baked_levels import EXTRAS as EXTRAS
 from ..scene.extract import Geometry, Tree, world_positions
@@ -45,7 +45,7 @@ from .node_laws import NEVER
 from .prune_tables import PREFIX_STEPS, area_shares, prefix_table
 from .rollback import removed_on_failure
 from .side_nodes import add_side_modifier, apart
-from .swaying import Swaying, add_swaying, freedom, phases, plane_pivots, wind_extras
+from .wind_attributes import WindAttributes, add_wind_attributes, freedom, phases, plane_pivots, wind_extras
 from .wind_nodes import WindSettings, add_wind_modifier
 from .wood import Wood, simplified, whole
 
@@ -71,7 +71,7 @@ class Plan:
     """Build instructions: the name of the collection, the tree's placement, the effects that are on, the LOD ranges.
 
     centre, radius: bounding sphere of the foliage, in the tree's coordinates. Distances are measured from the center.
-    switch_distances, reaches: one per level, the leaves first, in world units.
+    switch_distances, lod_ranges: one per level, the leaves first, in world units.
     roughness, metallic: the leaves' values, used if the level has no roughness and metallic texture.
     specular: the leaves' Specular IOR Level.
     share: fraction of the light that the leaves transmit, used with a translucency texture.
@@ -85,7 +85,7 @@ class Plan:
     transitions: bool
     pruning: bool
     switch_distances: tuple[float, ...]
-    reaches: tuple[Reach, ...]
+    lod_ranges: tuple[LodRange, ...]
     drawn: range = range(1)
     """Levels that the camera sees. A single one is always shown if there are neither transitions nor pruning."""
     thinning: Thinning = field(default_factory=Thinning)
@@ -148,7 +148,7 @@ class _Shape:
     transition: Transition | None = None
     light: Light | None = None
     """(c, 3) for each side, one row per corner of the mesh."""
-    swaying: Swaying | None = None
+    wind_attributes: WindAttributes | None = None
 
 
 def build_levels(
@@ -199,27 +199,27 @@ def _add_level(
     """Link `obj` and its child trunk to the collection. Set their transforms, custom properties and modifiers."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
     obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(plan.centre), plan.radius
-    members = {obj: plan.reaches[number]}
+    members = {obj: plan.lod_ranges[number]}
     wooden = None
     if wood is not None and wood.mesh is not None:
         wooden = bpy.data.objects.new(f"{obj.name}_wood", wood.mesh)
         wooden.parent = obj
-        members[wooden] = wood_reach(plan.reaches, number)
-    for member, reach in members.items():
+        members[wooden] = wood_range(plan.lod_ranges, number)
+    for member, lod_range in members.items():
         collection.objects.link(member)
         if number == 0 or member is wooden:
             read_own_randoms(member)
-        if reach.fades and (number == 0 or member is wooden):
+        if lod_range.fades and (number == 0 or member is wooden):
             with costs.spent_on("transitions", 0):
                 _let_fade(member)
         if plan.follows_camera:
-            add_lod_modifier(member, _lod_settings(reach, plan, thins=number == 0 and member is obj))
+            add_lod_modifier(member, _lod_settings(lod_range, plan, thins=number == 0 and member is obj))
         else:
             member.hide_viewport = member.hide_render = number not in plan.drawn
     if plan.wind is not None:
         with costs.spent_on("wind", 0):
-            for member, reach in members.items():
-                way = _lod_settings(reach, plan, thins=False)
+            for member, lod_range in members.items():
+                way = _lod_settings(lod_range, plan, thins=False)
                 wind = replace(plan.wind, start=way.start, end=way.end, centre=plan.centre)
                 add_wind_modifier(member, wind)
                 if member is obj:
@@ -244,24 +244,24 @@ def _let_fade(obj: bpy.types.Object) -> None:
         slot.link, slot.material = "OBJECT", fading_copy(material)
 
 
-def _lod_settings(reach: Reach, plan: Plan, *, thins: bool) -> LodSettings:
+def _lod_settings(lod_range: LodRange, plan: Plan, *, thins: bool) -> LodSettings:
     """Return the node group's inputs. `thins`: prune as planned; else prune nothing while the level is drawn."""
 
     def own(distance: float) -> float:
         return min(distance / plan.placement.scale, NEVER)
 
-    thins = thins and plan.thinning.start < reach.vanish
+    thins = thins and plan.thinning.start < lod_range.vanish
     return LodSettings(
-        start=own(reach.start),
-        end=own(reach.end),
-        prune_start=own(plan.thinning.start if thins else reach.vanish),
+        start=own(lod_range.start),
+        end=own(lod_range.end),
+        prune_start=own(plan.thinning.start if thins else lod_range.vanish),
         prune_half=plan.thinning.half,
         growth=plan.growth if thins else (0.0, 0.0),
         contrast=plan.contrast if thins and plan.contrast is not None else (0.0, 0.0),
-        appear=own(reach.appear),
-        vanish=own(reach.vanish),
-        whole=own(reach.whole),
-        fading=own(reach.fading),
+        appear=own(lod_range.appear),
+        vanish=own(lod_range.vanish),
+        whole=own(lod_range.whole),
+        fading=own(lod_range.fading),
         centre=plan.centre,
     )
 
@@ -278,14 +278,14 @@ def _leaf_object(
             for number, material in enumerate(materials):
                 mesh.materials[number] = lit_material(material, plan.light_strength)
     extras: dict[str, Any] = {"level": 0, "switch_distance": 0.0}
-    if plan.thinning.start < plan.reaches[0].vanish:
+    if plan.thinning.start < plan.lod_ranges[0].vanish:
         extras |= {"prune_start": plan.thinning.start, "prune_half": plan.thinning.half, "growth": list(plan.growth)}
         if plan.contrast is not None:
             with costs.spent_on("contrast", 0):
                 for number, material in enumerate(materials):
                     mesh.materials[number] = contrast_material(material, plan.mean_color)
             extras |= {"contrast": list(plan.contrast), "mean_color": list(plan.mean_color)}
-    return _object(mesh, shape, extras, plan.reaches[0], costs)
+    return _object(mesh, shape, extras, plan.lod_ranges[0], costs)
 
 
 def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud.Chain, plan: Plan) -> _Shape:
@@ -310,17 +310,17 @@ def _leaf_shape(geometry: Geometry, foliage: leafcloud.Foliage, chain: leafcloud
         pruning=_pruning(ranks[of_vertex], chain.pivots[of_vertex], plan) if plan.pruning else None,
         transition=transition,
         light=None if plan.light is None else plan.light.at(order),
-        swaying=None if plan.wind is None else _leaf_swaying(leaf_ids, moves, chain, plan, of_vertex),
+        wind_attributes=None if plan.wind is None else _leaf_wind_attributes(leaf_ids, moves, chain, plan, of_vertex),
     )
 
 
-def _leaf_swaying(
+def _leaf_wind_attributes(
     leaf_ids: NDArray[np.integer[Any]],
     moves: LeafMoves | None,
     chain: leafcloud.Chain,
     plan: Plan,
     of_vertex: NDArray[np.integer[Any]],
-) -> Swaying:
+) -> WindAttributes:
     """Return the wind attributes for vertices of the triangles `of_vertex` (v,).
 
     Leaves without a billboard keep swaying with their own branch.
@@ -331,7 +331,7 @@ def _leaf_swaying(
     if moves is not None:
         billboards = moves.billboards[of_vertex][:, None]
         carriers = to_tree(np.where(billboards < 0, pivots, plane_pivots(chain.levels[0])[billboards[:, 0]]))
-    return Swaying(
+    return WindAttributes(
         pivot=None if plan.pruning else to_tree(pivots),
         billboard_pivot=carriers,
         phase=phases(leaf_ids[of_vertex]),
@@ -356,7 +356,7 @@ def _cloud_object(
     else:
         image, strength = page.base_color, plan.light_strength
         material = unlit_material(name, image, alpha_cutoff=cutoff, double_sided=double, strength=strength)
-    if plan.reaches[number].fades:
+    if plan.lod_ranges[number].fades:
         with costs.spent_on("transitions", 0):
             add_fade(material.node_tree)
     if plan.grazing_fade:
@@ -371,7 +371,7 @@ def _cloud_object(
     }
     if plan.grazing_fade:
         extras["grazing"] = WIDTH
-    return _object(mesh, shape, extras, plan.reaches[number], costs)
+    return _object(mesh, shape, extras, plan.lod_ranges[number], costs)
 
 
 def _page(name: str, number: int, level: leafcloud.Level, plan: Plan, costs: Costs) -> Page:
@@ -424,9 +424,9 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
     surface = fan_surface(plan.placement.to_tree(level.corners[order]), level.uvs[order], faces)
     ranks = level.ranks[order]
     billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
-    swaying = _cloud_swaying(level, following, plan, order[billboards], keys.ravel()[faces.first // 3])
+    wind_attributes = _cloud_wind_attributes(level, following, plan, order[billboards], keys.ravel()[faces.first // 3])
     if following is None:
-        return _Shape(surface, ranks[faces.billboards], swaying=swaying)
+        return _Shape(surface, ranks[faces.billboards], wind_attributes=wind_attributes)
     of_vertex = count * order[billboards] + corners // 3
     targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
     transition = None
@@ -438,17 +438,17 @@ def _cloud_shape(level: leafcloud.Level, following: leafcloud.Level | None, plan
         ranks=ranks[faces.billboards],
         pruning=_pruning(ranks[billboards], following.pivots[of_vertex], plan) if plan.pruning else None,
         transition=transition,
-        swaying=swaying,
+        wind_attributes=wind_attributes,
     )
 
 
-def _cloud_swaying(
+def _cloud_wind_attributes(
     level: leafcloud.Level,
     following: leafcloud.Level | None,
     plan: Plan,
     billboards: NDArray[np.integer[Any]],
     parents: NDArray[np.integer[Any]],
-) -> Swaying | None:
+) -> WindAttributes | None:
     """Return the wind attributes for vertices of `billboards` (v,) that morph to the planes `parents` (v,) of the next
     level.
 
@@ -459,8 +459,8 @@ def _cloud_swaying(
     to_tree = plan.placement.to_tree
     own = to_tree(plane_pivots(level)[level.plane_ids[billboards]])
     if following is None:
-        return Swaying(own)
-    return Swaying(
+        return WindAttributes(own)
+    return WindAttributes(
         pivot=None if plan.pruning else own,
         billboard_pivot=to_tree(plane_pivots(following)[parents]) if plan.transitions else None,
     )
@@ -488,20 +488,20 @@ def _transition(
 
 
 def _object(
-    mesh: bpy.types.Mesh, shape: _Shape, extras: dict[str, Any], reach: Reach, costs: Costs
+    mesh: bpy.types.Mesh, shape: _Shape, extras: dict[str, Any], lod_range: LodRange, costs: Costs
 ) -> bpy.types.Object:
     obj = bpy.data.objects.new(mesh.name, mesh)
     if shape.pruning is not None:
         with costs.spent_on("pruning", shape.pruning.nbytes):
             morphs.add_pruning(mesh, shape.pruning)
             mesh[EXTRAS] = _pruning_extras(mesh, shape)
-    if shape.swaying is not None:
-        with costs.spent_on("wind", shape.swaying.nbytes):
-            add_swaying(mesh, shape.swaying)
+    if shape.wind_attributes is not None:
+        with costs.spent_on("wind", shape.wind_attributes.nbytes):
+            add_wind_attributes(mesh, shape.wind_attributes)
     if shape.transition is not None:
         with costs.spent_on("transitions", shape.transition.nbytes):
             morphs.add_transition(obj, shape.transition)
-        extras = {**extras, "transition_start": reach.start, "transition_end": reach.end}
+        extras = {**extras, "transition_start": lod_range.start, "transition_end": lod_range.end}
     obj[EXTRAS] = extras
     return obj
 

@@ -35,6 +35,7 @@ import bpy
 
 from ..scene.node_links import MEAN_SHARE
 from ..versions import InputValue, set_modifier_input
+from .node_builder import Section
 from .node_laws import (
     BLOCK,
     HIDDEN_SHARE,
@@ -56,7 +57,6 @@ from .node_laws import (
     transition_share,
     trend,
 )
-from .sections import Section
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..versions import InputValue, set_modifier_input
-from .sections import Section
+from .node_builder import Section
 
 NEVER = 1e9
 """A distance that no camera reaches."""

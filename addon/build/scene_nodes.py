@@ -41,6 +41,7 @@ from typing import NamedTuple
 import bpy
 
 from ..scene.node_links import MEAN_SHARE
+from .node_builder import Section
 from .node_laws import (
     LENGTH,
     NEVER,
@@ -57,7 +58,6 @@ from .node_laws import (
     sum_over_faces,
     trend,
 )
-from .sections import Section
 
 GROUP_NAME = "Leafcloud Scene"
 

@@ -15,8 +15,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .node_builder import Section
 from .node_laws import LENGTH, add_modifier, declare, group_of_layout
-from .sections import Section
 
 GROUP_NAME = "Leafcloud Sides"
 _LAYOUT_KEY = "leafcloud_sides_layout"

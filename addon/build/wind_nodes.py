@@ -61,6 +61,7 @@ import bpy
 
 from ..plan.wind import BREEZE, Stature, Wind
 from ..versions import InputValue, drive_modifier_input, set_modifier_input
+from .node_builder import Section
 from .node_laws import (
     LENGTH,
     NEVER,
@@ -75,7 +76,6 @@ from .node_laws import (
     group_of_layout,
     transition_share,
 )
-from .sections import Section
 
 GROUP_NAME = "Leafcloud Wind"
 SWAY_NAME = "Leafcloud Sway"

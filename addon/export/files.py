@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..baked import Baked, Grove
+from ..baked import Baked, TreeSet
 from ..build.levels import BuiltLevel
 from ..build.shadow_proxy import left_out, shadow_proxy_of
 from ..job import Progress
@@ -34,7 +34,7 @@ from .vertex_data import VertexData, engine_attributes
 _Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
 
 
-def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
+def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
     """Write all files of the bake into `directory`, all or none, and return the report.
 
     Each file holds all trees: NAME_LOD1.glb has the first cloud of each tree, and shared atlas pages once. NAME.glb
@@ -43,7 +43,7 @@ def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> 
 
     Raises `OSError` for a folder that is not writable, `ExportError` if Blender cannot write a file.
     """
-    name, trees = grove.name, grove.trees
+    name, trees = tree_set.name, tree_set.trees
     with Staging(directory) as staging:
         seconds: list[float] = []
         with ExitStack() as changes:
@@ -67,7 +67,7 @@ def write(grove: Grove, directory: Path, progress: Progress, *, blend: bool) -> 
                 gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
-            gltf.export_collection(grove.collection, file)
+            gltf.export_collection(tree_set.collection, file)
             _add(additions, file)
             add_lods(file, map(_lod_chain, trees))
         if blend:

@@ -16,10 +16,10 @@ from ..build.levels import BuiltLevel
 from ..build.materials import TRANSLUCENCY_NODE
 from ..scene.surface import read_surface
 from .errors import ExportError, reason
+from .optional_textures import OPTIONAL_NODES, add_optional_textures
 from .tangents import add_tangents
 from .translucency import add_translucency
 from .unlit import COLOR_OPTIONS, add_unlit
-from .waiting import WAITING_NODES, add_waiting
 
 _OPTIONS = {
     "export_format": "GLB",
@@ -118,8 +118,8 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter wrote no complete file")
     nodes = _node_names(collection)
-    if nodes & set(WAITING_NODES):
-        add_waiting(path, collection)
+    if nodes & set(OPTIONAL_NODES):
+        add_optional_textures(path, collection)
     if TRANSLUCENCY_NODE in nodes:
         add_translucency(path, collection)
     if lit:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..plan.reach import View
+from ..plan.lod_range import View
 from .glb_file import read_glb, write_glb
 
 EXTENSION = "MSFT_lod"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..plan.reach import View
+from ..plan.lod_range import View
 
 WIDEST = 1600
 """Maximum width of the image in pixels."""

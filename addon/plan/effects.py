@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..settings import CHANNELS, EFFECTS, BakeSettings, asked_effects
+from .camera_visibility import CameraVisibility, camera_visibility, pixels_of, prune_start
 from .facts import Facts
-from .sight import Sight, pixels_of, prune_start, sight
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Effect:
 
 def plan_effects(settings: BakeSettings, facts: Facts) -> tuple[Effect, ...]:
     """Return the effects in the order of `EFFECTS`. The settings override the rules, which look at the facts."""
-    scene = _Scene(settings, facts, sight(settings, facts))
+    scene = _Scene(settings, facts, camera_visibility(settings, facts))
     effects = tuple(_asked(settings, name) or _RULES[name](scene) for name in EFFECTS)
     return tuple(map(_under_baked_light, effects)) if is_on(effects, "baked_light") else effects
 
@@ -63,7 +63,7 @@ def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
     clouds = 0 if settings.chain == "pruning" else settings.levels
     if is_on(effects, "far_levels"):
         return clouds, settings.cross
-    seen = sight(settings, facts)
+    seen = camera_visibility(settings, facts)
     last = 1 if seen is None else max(seen.last, 1)
     return min(clouds, last), settings.cross and last > clouds
 
@@ -81,7 +81,7 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
 
     The note tells which levels are left out, that only one level is shown, or that the plan ignores a still camera.
     """
-    scene = _Scene(settings, facts, sight(settings, facts))
+    scene = _Scene(settings, facts, camera_visibility(settings, facts))
     asked = asked_effects(settings.effects)
     if scene.stands_still and asked.state("far_levels") is None:
         return CameraNote("the camera stands still, so all levels are made", "camera")
@@ -103,7 +103,7 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Effect])
 
 def sees_pages(settings: BakeSettings, facts: Facts) -> bool:
     """Return whether any camera may see a billboard. If not, the atlas is packed quickly instead of tightly."""
-    seen = sight(settings, facts)
+    seen = camera_visibility(settings, facts)
     return seen is None or seen.last > 0
 
 
@@ -149,7 +149,7 @@ class _Scene:
 
     settings: BakeSettings
     facts: Facts
-    seen: Sight | None
+    seen: CameraVisibility | None
 
     @property
     def stands_still(self) -> bool:

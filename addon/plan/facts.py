@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .reach import View
+from .lod_range import View
 from .wind import Wind
 
 Span = tuple[float, float]

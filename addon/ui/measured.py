@@ -12,9 +12,9 @@ import leafcloud
 
 from ..baked import Prepared
 from ..pipeline import chain_options
+from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
-from ..plan.sight import seen_as_set
 from ..settings import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)

@@ -14,11 +14,19 @@ from ..build.earlier import levels_of, name_before, replaced
 from ..build.rollback import removed_on_failure
 from ..export.files import write
 from ..export.staging import Staging
-from ..grove import ChainsJob, camera_notes, finish_grove, free_name, plan_grove, prepare_grove, start_grove
 from ..pipeline import file_name, layer_of
 from ..plan.effects import joint_effects
 from ..scene import SceneError
 from ..scene.baked_levels import remember
+from ..tree_set import (
+    ChainsJob,
+    camera_notes,
+    finish_tree_set,
+    free_name,
+    plan_tree_set,
+    prepare_tree_set,
+    start_tree_set,
+)
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
 from .measured import predicted, tell
 from .properties import bake_settings, show_plan, with_labels
@@ -39,7 +47,7 @@ class LEAFCLOUD_OT_plan(bpy.types.Operator):
         try:
             settings = bake_settings(context.scene.leafcloud)
             with selected_trees(context) as trees:
-                planned = plan_grove(trees, settings, layer_of(context.scene), with_labels).values()
+                planned = plan_tree_set(trees, settings, layer_of(context.scene), with_labels).values()
         except REFUSALS as error:
             return refuse(self, error)
         effects = joint_effects([each.effects for each in planned])
@@ -67,9 +75,9 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         self._directory = output_folder(settings.directory)
         wanted = bake_settings(settings)
         with selected_trees(context) as trees:
-            prepared = prepare_grove(trees, wanted, layer_of(context.scene), with_labels)
+            prepared = prepare_tree_set(trees, wanted, layer_of(context.scene), with_labels)
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
-        return start_grove(self._prepared)
+        return start_tree_set(self._prepared)
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> set[str]:
         """Replace the sources in the scene by the levels, and write files if a folder is given.
@@ -81,23 +89,25 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         before = name_before(earlier, sources)
         with replaced(earlier), removed_on_failure():
             name = before or free_name(file_name(_grove_name(list(self._prepared))))
-            grove = finish_grove(self._prepared, chains, name, scene)
+            tree_set = finish_tree_set(self._prepared, chains, name, scene)
             if self._directory is not None:
-                write(grove, self._directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
-            remember(grove.collection, sources)
-            for tree in grove.trees:
+                write(tree_set, self._directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
+            remember(tree_set.collection, sources)
+            for tree in tree_set.trees:
                 remember(tree.collection, tree.prepared.tree.sources)
-        effects = joint_effects([tree.effects for tree in grove.trees])
+        effects = joint_effects([tree.effects for tree in tree_set.trees])
         show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
         for prepared, chain in zip(self._prepared.values(), chains, strict=True):
             tell(prepared, chain)
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
-        _select(context, [level.object for tree in grove.trees for level in tree.levels[:1]])
+        _select(context, [level.object for tree in tree_set.trees for level in tree.levels[:1]])
         for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
             self.report({"WARNING"}, warning)
-        levels = ", ".join(f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in grove.trees)
+        levels = ", ".join(
+            f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in tree_set.trees
+        )
         self.report({"INFO"}, f"Baked {levels}, and hid their sources")
         return {"FINISHED"}
 
@@ -134,4 +144,4 @@ def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> 
 
 def _grove_name(trees: Sequence[str]) -> str:
     """Return the base name of the files: the tree's name, or the .blend file's for several trees."""
-    return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "grove"
+    return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "tree_set"

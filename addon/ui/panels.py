@@ -32,7 +32,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         for name in ("epsilon", "levels", "cross"):
             column.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("texture_size", "texture_height", "pixels", "close_cracks"):
+        for name in ("texture_size", "texture_height", "pixels", "close_gaps"):
             column.prop(settings, name)
         column = layout.column(align=True)
         column.prop(settings, "chain")

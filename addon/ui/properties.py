@@ -59,7 +59,7 @@ _SHOWN = {
     "texture_height": _Shown("Texture Height"),
     "samples": _Shown("Samples"),
     "pixels": _Shown("Switch Error", slider=32.0),
-    "close_cracks": _Shown("Close Gaps"),
+    "close_gaps": _Shown("Close Gaps"),
     "chain": _Shown("Chain"),
     "prune_pixels": _Shown("Prune Below", slider=64.0),
     "prune_half": _Shown("Prune Half"),

@@ -21,7 +21,7 @@ from dumps import dump
 from plan_scenes import add_crown, add_light, principled
 from scenes import add_mesh, bake, read
 
-from addon.baked import Grove
+from addon.baked import TreeSet
 from addon.export.files import write
 from addon.export.glb_file import read_glb
 from addon.settings import EFFECTS, BakeSettings
@@ -71,7 +71,7 @@ EFFECTS_APART = {
         ("addon.plan.effects:_settled", "addon.build.side_nodes"), ("materials tree_LOD1 use_backface_culling = True",)
     ),
     "trunk_levels": Own(
-        ("addon.build.wood:simplified", "addon.build.wood:gathered", "addon.plan.reach:wood_errors"),
+        ("addon.build.wood:simplified", "addon.build.wood:gathered", "addon.plan.lod_range:wood_errors"),
         ("meshes tree_wood_1 is there",),
     ),
     # The functions that make the first level make the others, too.
@@ -122,7 +122,11 @@ EFFECTS_APART = {
         ("node_groups Leafcloud Grazing is there", "leaf_grazing_share", '"grazing"'),
     ),
     "wind": Own(
-        ("addon.build.swaying", "addon.build.wind_nodes:add_wind_modifier", "addon.build.wind_nodes:wind_group"),
+        (
+            "addon.build.wind_attributes",
+            "addon.build.wind_nodes:add_wind_modifier",
+            "addon.build.wind_nodes:wind_group",
+        ),
         ("attributes leaf_phase", "node_groups Leafcloud Wind is there", "_LEAF_BILLBOARD_PIVOT"),
     ),
     "baked_light": Own(
@@ -178,8 +182,8 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bake_tree = read(tree(alpha), ["leaves"])
     settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
-    grove = Grove.of(bake(bake_tree, BakeSettings(**settings)))
-    report = write(grove, out, lambda stage, fraction: None, blend=False)
+    tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
+    report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
     documents = [json.dumps(read_glb(path)[0]) for path in paths]
     return Written({path.name: path.read_bytes() for path in paths}, documents, dump(), report)

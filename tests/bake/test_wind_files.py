@@ -21,7 +21,7 @@ from scenes import add_field, read
 from scenes import bake as bake_scene
 
 from addon import pipeline
-from addon.baked import Grove
+from addon.baked import TreeSet
 from addon.build import levels as built_levels
 from addon.build import wind_nodes
 from addon.build.forest import build_forest
@@ -219,7 +219,7 @@ def bake_still(out: Path, shrub: Path) -> dict[str, bytes]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     load(shrub)
     baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=2))
-    write(Grove.of(baked), out, lambda stage, fraction: None, blend=False)
+    write(TreeSet.of(baked), out, lambda stage, fraction: None, blend=False)
     return {path.name: path.read_bytes() for path in out.glob("*.glb")}
 
 
@@ -230,7 +230,15 @@ def test_off_means_absent(shrub: Path, tmp_path: Path, monkeypatch: pytest.Monke
     def touched(*arguments: object, **named: object) -> None:
         raise AssertionError("the wind is off")
 
-    for name in ("Swaying", "add_swaying", "freedom", "phases", "plane_pivots", "wind_extras", "add_wind_modifier"):
+    for name in (
+        "WindAttributes",
+        "add_wind_attributes",
+        "freedom",
+        "phases",
+        "plane_pivots",
+        "wind_extras",
+        "add_wind_modifier",
+    ):
         monkeypatch.setattr(built_levels, name, touched)
     for name in ("stature", "WindSettings"):
         monkeypatch.setattr(pipeline, name, touched)

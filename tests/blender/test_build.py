@@ -17,7 +17,7 @@ from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
 from addon.build.levels import Costs, Plan, build_levels
 from addon.build.prune_tables import area_shares, prefix_table
 from addon.placement import Placement
-from addon.plan.reach import reaches
+from addon.plan.lod_range import lod_ranges
 from addon.scene.extract import Geometry, Tree
 from addon.versions import get_modifier_input
 
@@ -151,7 +151,7 @@ def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True
         transitions=transitions,
         pruning=pruning,
         switch_distances=distances,
-        reaches=reaches(distances, (False, True, True, False), transitions=transitions),
+        lod_ranges=lod_ranges(distances, (False, True, True, False), transitions=transitions),
     )
 
 

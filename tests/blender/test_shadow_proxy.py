@@ -15,7 +15,7 @@ from plan_scenes import add_crown
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
-from addon.baked import Baked, Grove
+from addon.baked import Baked, TreeSet
 from addon.build.shadow_proxy import shadow_proxy_of
 from addon.export.files import write
 from addon.plan.effects import Effect, plan_effects
@@ -108,7 +108,7 @@ def test_the_wood_goes_on_with_its_own_shadow() -> None:
 def test_engines_have_it_as_a_file_of_its_own(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
     result = baked("transitions,shadow_proxy")
     name = result.collection.name
-    report = write(Grove.of(result), tmp_path, lambda stage, fraction: None, blend=False)
+    report = write(TreeSet.of(result), tmp_path, lambda stage, fraction: None, blend=False)
     assert f"{name}_shadow.glb" in report["files"]
     [(node, mesh)] = read_glb(tmp_path / f"{name}_shadow.glb").items()
     assert node == f"{name}_shadow"

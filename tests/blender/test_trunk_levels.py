@@ -23,7 +23,7 @@ from addon.placement import Placement
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
-from addon.plan.reach import WOOD_PIXELS, Reach, wood_errors
+from addon.plan.lod_range import WOOD_PIXELS, LodRange, wood_errors
 from addon.scene.extract import Geometry
 from addon.scene.seams import seam_share
 from addon.settings import BakeSettings
@@ -166,8 +166,8 @@ def test_seams_are_corners_that_differ_in_texture_only() -> None:
 
 
 def test_wood_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
-    def reach(appear: float) -> Reach:
-        return Reach(appear, 0.0, 0.0, 0.0, appear, 0.0)
+    def reach(appear: float) -> LodRange:
+        return LodRange(appear, 0.0, 0.0, 0.0, appear, 0.0)
 
     reached = [reach(0.0), reach(100.0), reach(300.0)]
     # What is one unit long is seen so large as the wood may be off from 50 units away: from 100, two units are.

@@ -9,10 +9,10 @@ import numpy as np
 from mathutils import Matrix
 
 from addon.baked import Baked
-from addon.grove import bake_grove
 from addon.pipeline import layer_of, prepare
 from addon.scene.extract import Geometry, Tree, extract, world_positions
 from addon.settings import BakeSettings
+from addon.tree_set import bake_tree_set
 
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 TRIANGLE = SQUARE[:3]
@@ -81,4 +81,4 @@ def bake(tree: Tree, settings: BakeSettings) -> Baked:
     """The whole bake, without writing a file; the levels are in the scene afterwards."""
     scene = bpy.context.scene
     prepared = {"tree": prepare(tree, settings, layer_of(scene))}
-    return bake_grove(prepared, scene, "tree", lambda stage, fraction: None).trees[0]
+    return bake_tree_set(prepared, scene, "tree", lambda stage, fraction: None).trees[0]

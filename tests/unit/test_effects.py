@@ -9,7 +9,7 @@ import pytest
 
 from addon.plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.facts import Facts
-from addon.plan.reach import Reach, reaches, rising, wood_reach
+from addon.plan.lod_range import LodRange, lod_ranges, rising, wood_range
 from addon.settings import MOVING_LIGHT, BakeSettings, SettingsError
 
 FACTS = Facts(engine="generic", leaves=672)
@@ -144,7 +144,7 @@ def test_an_effect_that_is_not_planned_has_no_state() -> None:
 
 def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
     """Level 1 appears at a = 0.998, is whole after 5 % of the distance more, and the leaves are gone after 10 %."""
-    leaves, first, *_ = reaches((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.whole) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), 20.0, 40.0)
     assert leaves.fading == first.whole == pytest.approx(1.05 * 9.99)
@@ -152,16 +152,16 @@ def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
 
 
 def test_a_level_that_nothing_morphs_to_fades_in_before_the_one_it_follows_fades_out() -> None:
-    *_, second, cross = reaches((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
     assert (second.fading, second.vanish) == (112.5, 125.0)
-    assert cross == Reach(100.0, math.inf, math.inf, math.inf, whole=112.5, fading=math.inf)
+    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, whole=112.5, fading=math.inf)
     assert [second.fades, cross.fades] == [True, True]
 
 
 def test_wood_switches_where_levels_begin_to_fade_and_fades_into_the_cross() -> None:
-    reached = reaches((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
-    leaves, first, second = (wood_reach(reached, number) for number in range(3))
+    reached = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    leaves, first, second = (wood_range(reached, number) for number in range(3))
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (reached[1].appear, reached[1].appear)
     assert (first.vanish, second.appear, second.whole) == (reached[2].appear,) * 3
@@ -169,18 +169,18 @@ def test_wood_switches_where_levels_begin_to_fade_and_fades_into_the_cross() -> 
 
 
 def test_without_transitions_levels_switch_at_once() -> None:
-    leaves, first, cross = reaches((0.0, 10.0, 40.0), (False, True, False), transitions=False)
+    leaves, first, cross = lod_ranges((0.0, 10.0, 40.0), (False, True, False), transitions=False)
     assert [leaves.vanish, first.appear, first.vanish, cross.appear] == [10.0, 10.0, 40.0, 40.0]
-    assert not any(reach.fades for reach in (leaves, first, cross))
+    assert not any(lod_range.fades for lod_range in (leaves, first, cross))
 
 
 def test_a_transition_does_not_begin_before_the_level_is_alone() -> None:
-    leaves, first, second = reaches((0.0, 10.0, 12.5), (False, True, True), transitions=True)
+    leaves, first, second = lod_ranges((0.0, 10.0, 12.5), (False, True, True), transitions=True)
     assert first.start == leaves.vanish > 6.25
     assert first.start < second.appear < first.end == 12.5
 
 
 def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
-    leaves, first, second = reaches(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
+    leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
     assert leaves.appear < first.appear < first.whole < leaves.vanish < second.appear <= 12.5

@@ -209,10 +209,10 @@ fn the_smallest_epsilon_for_so_many_billboards() {
 }
 
 #[test]
-fn slack_brings_leaves_nearer_in_the_mean() {
+fn extra_error_brings_leaves_nearer_in_the_mean() {
     let foliage = shrub();
-    let of = |slack| {
-        let settings = FitSettings { max_billboards: Some(40), slack, ..FitSettings::default() };
+    let of = |extra_error| {
+        let settings = FitSettings { max_billboards: Some(40), extra_error, ..FitSettings::default() };
         let cloud = fitted(&foliage, &settings);
         assert_held(&foliage, &cloud);
         assert!(cloud.planes.len() <= 40);
@@ -236,15 +236,15 @@ fn slack_brings_leaves_nearer_in_the_mean() {
     let (far, near) = (cost(&tight), cost(&loose));
     assert!(near < 0.97 * far, "{far} to {near}");
     let mean = |seed| {
-        let settings = FitSettings { max_billboards: Some(40), slack: 0.25, seed, ..FitSettings::default() };
+        let settings = FitSettings { max_billboards: Some(40), extra_error: 0.25, seed, ..FitSettings::default() };
         fitted(&foliage, &settings).mean_deviation(&foliage)
     };
     let means: Vec<f64> = (0..4).map(mean).collect();
     let (least, most) =
         (means.iter().copied().fold(f64::INFINITY, f64::min), means.iter().copied().fold(0.0, f64::max));
     assert!(most < 1.06 * least, "the best of several seeds is taken, so that seeds matter little: {means:?}");
-    let texels = FitSettings { max_texels: Some(100_000), slack: 0.25, ..FitSettings::default() };
-    let without = FitSettings { slack: 0.0, ..texels.clone() };
+    let texels = FitSettings { max_texels: Some(100_000), extra_error: 0.25, ..FitSettings::default() };
+    let without = FitSettings { extra_error: 0.0, ..texels.clone() };
     assert_eq!(fitted(&foliage, &texels).bound, fitted(&foliage, &without).bound, "a budget of texels has its own ε");
 }
 
@@ -350,9 +350,9 @@ fn intermediate_results_are_complete_and_improve() {
 #[test]
 fn within_a_budget_the_last_intermediate_result_is_the_result() {
     let foliage = shrub();
-    for slack in [0.0, 0.25] {
+    for extra_error in [0.0, 0.25] {
         let answers = Mutex::new(Vec::new());
-        let settings = FitSettings { max_billboards: Some(40), slack, ..FitSettings::default() };
+        let settings = FitSettings { max_billboards: Some(40), extra_error, ..FitSettings::default() };
         let told = |cloud| answers.lock().unwrap().push(cloud);
         let result = fit_watched(&foliage, &settings, Progress::silent(), &told).unwrap();
         let answers = answers.into_inner().unwrap();

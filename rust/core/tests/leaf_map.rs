@@ -72,14 +72,14 @@ fn labels_match_colors_on_both_sides_and_with_closed_gaps() {
     let leaves = coil();
     let shown = [
         ChainSettings { back_sides: Some(true), ..settings() },
-        ChainSettings { close_cracks: true, ..settings() },
-        ChainSettings { back_sides: Some(true), close_cracks: true, ..settings() },
+        ChainSettings { close_gaps: true, ..settings() },
+        ChainSettings { back_sides: Some(true), close_gaps: true, ..settings() },
     ];
     for settings in shown {
         let settings = ChainSettings { levels: 1, cross: false, ..settings };
         let chain = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
         let share = agreement(&chain.levels[0], 6.0);
-        assert!(share > 0.85, "{:?}, {}: {share}", settings.back_sides, settings.close_cracks);
+        assert!(share > 0.85, "{:?}, {}: {share}", settings.back_sides, settings.close_gaps);
     }
 }
 

@@ -467,7 +467,7 @@ class FitOptions(TypedDict, total=False):
     facing: float  # 1.0
     gather: float  # 0.0
     max_billboards: int | None  # None
-    slack: float  # 0.0
+    extra_error: float  # 0.0
     max_texels: int | None  # None
     max_size: float | None  # None
     compact: float | None  # None
@@ -490,7 +490,7 @@ class LevelOptions(FitOptions, total=False):
     texture_height: int | None  # None
     samples: int  # 4
     back_sides: bool | None  # None
-    close_cracks: bool  # False
+    close_gaps: bool  # False
     blended: bool  # False
     normals: float | None  # None
     gloss: bool  # False
@@ -533,7 +533,7 @@ def fit(
 
     Budgets:
     ``max_billboards``: use the smallest ε found that needs no more billboards; ``epsilon`` is ignored.
-    ``slack``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where it
+    ``extra_error``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where it
     reduces the mean deviation, and the best of several seeds' clouds is taken. Not with ``max_texels`` or
     ``image_epsilon``.
     ``max_texels``: use the smallest ε found that needs no more texels of side ε/8, but at least ``epsilon``.
@@ -589,7 +589,7 @@ def build_chain(
     ``leaf_pixels``: length of a leaf in pixels where pruning begins, > 0. ``prune_half``: h of :func:`keep`. With
     ``keep``, growth and contrast of kept leaves are measured at these sizes (``Chain.growth``, ``Chain.contrast``).
     ``contrast``: also measure the contrast.
-    ``close_cracks``: close gaps between billboards: each also shows the parts of other billboards' leaves within ε of
+    ``close_gaps``: close gaps between billboards: each also shows the parts of other billboards' leaves within ε of
     its plane.
     ``blended``: alpha-blended billboards; ``Level.alpha_cutoff`` is 0. Draw them from back to front
     (:func:`blend_order`).

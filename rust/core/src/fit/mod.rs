@@ -226,13 +226,13 @@ impl Task<'_> {
         refine::refined(pieces, slabs, self.refits(pieces), &choice, &self.search(pieces, &favour), progress)
     }
 
-    /// Returns the number of refit rounds: more for higher effort or with `slack`, 0 for published methods and for more than
+    /// Returns the number of refit rounds: more for higher effort or with `extra_error`, 0 for published methods and for more than
     /// [`MOST_REFITTED`] pieces, because the lists of the slabs that hold each piece would be long.
     fn refits(&self, pieces: &Pieces) -> usize {
         match (self.settings.method, self.settings.effort) {
             _ if pieces.len() > MOST_REFITTED => 0,
             (Method::Density | Method::KMeans, _) | (_, Effort::Literal) => 0,
-            (_, Effort::Default) if self.slack() == 0.0 => 3,
+            (_, Effort::Default) if self.extra_error() == 0.0 => 3,
             _ => 10,
         }
     }
@@ -288,8 +288,8 @@ impl Task<'_> {
             (Some(most), _) => budget::out_of_reach("max_billboards", most),
             (None, most) => budget::out_of_reach("max_texels", most.unwrap_or_default()),
         })?;
-        let slack = if self.refits(&self.pieces(bound)) > 0 { self.slack() } else { 0.0 };
-        let room = (bound * (1.0 + slack)).min(radius.max(bound));
+        let extra_error = if self.refits(&self.pieces(bound)) > 0 { self.extra_error() } else { 0.0 };
+        let room = (bound * (1.0 + extra_error)).min(radius.max(bound));
         let share = |finalist: u64| finalist as f64 / FINALISTS as f64;
         let finals = |finalist| progress.part(SEARCHED, 1.0).part(share(finalist), share(finalist + 1));
         let refined = self.settled(slabs, bound, room, finals(0))?;
@@ -299,7 +299,7 @@ impl Task<'_> {
             tell(&refined);
             nearest = refined;
         }
-        let others = if slack > 0.0 { 1..FINALISTS } else { 1..1 };
+        let others = if extra_error > 0.0 { 1..FINALISTS } else { 1..1 };
         for finalist in others {
             let other = self.finalist(finalist, (bound * EASIER).min(room), room, finals(finalist))?;
             if need(&other) <= 1.0 && other.mean_deviation(self.foliage) < nearest.mean_deviation(self.foliage) {
@@ -324,10 +324,10 @@ impl Task<'_> {
         task.settled(slabs, bound, room, progress.part(0.7, 1.0))
     }
 
-    /// Returns the extra error allowance: `slack` for a budget of billboards without any other bound, else 0.
-    fn slack(&self) -> f64 {
-        let FitSettings { slack, max_billboards, max_texels, image, .. } = self.settings;
-        if max_billboards.is_some() && max_texels.is_none() && image.is_none() { *slack } else { 0.0 }
+    /// Returns the extra error allowance: `extra_error` for a budget of billboards without any other bound, else 0.
+    fn extra_error(&self) -> f64 {
+        let FitSettings { extra_error, max_billboards, max_texels, image, .. } = self.settings;
+        if max_billboards.is_some() && max_texels.is_none() && image.is_none() { *extra_error } else { 0.0 }
     }
 
     /// Returns the texels in the rectangles of the cloud's outlines, with texels of ε / [`TEXELS_PER_EPSILON`].

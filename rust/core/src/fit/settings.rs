@@ -131,7 +131,7 @@ pub struct FitSettings {
     /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it, in [0, 1]. Refits spend it to reduce the mean
     /// deviation, and clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or
     /// `image`.
-    pub slack: f64,
+    pub extra_error: f64,
     /// Greatest number of texels with a side of ε / [`TEXELS_PER_EPSILON`]. ε is then the smallest found within it, but
     /// not below `epsilon` unless `max_billboards` is given, too.
     pub max_texels: Option<usize>,
@@ -168,7 +168,7 @@ impl Default for FitSettings {
             facing: 1.0,
             gather: 0.0,
             max_billboards: None,
-            slack: 0.0,
+            extra_error: 0.0,
             max_texels: None,
             max_size: None,
             compact: None,
@@ -204,7 +204,7 @@ impl FitSettings {
         within("facing", self.facing, 0.0, LARGEST_WEIGHT)?;
         within("gather", self.gather, 0.0, LARGEST_WEIGHT)?;
         within("max_corners", self.max_corners as f64, 3.0, 16.0)?;
-        within("slack", self.slack, 0.0, 1.0)?;
+        within("extra_error", self.extra_error, 0.0, 1.0)?;
         within("penalty", self.penalty, 0.0, 100.0)?;
         if let Some(count) = self.max_billboards {
             within("max_billboards", count as f64, 1.0, 1e7)?;

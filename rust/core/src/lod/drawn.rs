@@ -89,7 +89,7 @@ mod tests {
     }
 
     /// Returns the shares of the first plane's region that are red and blue.
-    fn shares(close_cracks: bool) -> [f64; 2] {
+    fn shares(close_gaps: bool) -> [f64; 2] {
         let foliage = crossing();
         let rising = DVec3::new(-1.0, 0.0, 1.0).normalize();
         let planes = vec![Plane { normal: DVec3::Z, distance: 0.0 }, Plane { normal: rising, distance: 0.0 }];
@@ -100,7 +100,7 @@ mod tests {
         let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity, settings);
         let sheet = Sheet::pack(&cloud.planes, &outlines, SheetSettings::of_size(256, false)).unwrap();
         let channels = (&Channels::default(), None);
-        let page = if close_cracks {
+        let page = if close_gaps {
             bake(&sheet, Samples::default(), channels, all_triangles(&foliage, &cloud, &projection))
         } else {
             bake(&sheet, Samples::default(), channels, own_triangles(&foliage, &cloud, &projection))

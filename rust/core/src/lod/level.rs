@@ -177,7 +177,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
     // A blended triangle that is drawn on two billboards would cover twice as much.
-    let (page, channel_seconds) = if settings.close_cracks && !settings.blended {
+    let (page, channel_seconds) = if settings.close_gaps && !settings.blended {
         bake_timed(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
     } else {
         bake_timed(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))

@@ -96,7 +96,7 @@ pub struct ChainSettings {
     /// Pruning of the leaves before level 1 takes over; `None` keeps all leaves.
     pub pruning: Option<PruneSettings>,
     /// Closes gaps between billboards: each billboard also shows the parts of other planes' triangles within ε of its own plane.
-    pub close_cracks: bool,
+    pub close_gaps: bool,
     /// Draws billboards alpha blended: alpha is coverage and nothing is cut out. They must be drawn from back to front
     /// ([`crate::blend_order`]).
     pub blended: bool,
@@ -158,7 +158,7 @@ impl Default for ChainSettings {
             channels: Channels::default(),
             back_sides: None,
             pruning: None,
-            close_cracks: false,
+            close_gaps: false,
             blended: false,
             tight_pages: true,
             pixels: 8.0,

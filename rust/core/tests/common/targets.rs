@@ -78,7 +78,7 @@ fn try_fit(u: &mut Unstructured) -> Result<()> {
         whole_leaves: bool::arbitrary(u)?,
         gather: *u.choose(&[0.0, 0.0, 4.0])?,
         max_billboards: u.choose(&[None, None, Some(1), Some(7)])?.filter(|_| method != Method::Density),
-        slack: *u.choose(&[0.0, 0.25, 1.0])?,
+        extra_error: *u.choose(&[0.0, 0.25, 1.0])?,
         max_size: *u.choose(&[None, None, Some(1.0)])?,
         compact: *u.choose(&[None, None, Some(0.1)])?,
         seed: u64::from(u8::arbitrary(u)?),

@@ -22,13 +22,13 @@ from ..build.leaf_map import ID_NODE, UV_NODE
 from ..build.materials import VISIBILITY_NODE
 from .glb_file import append_texture, read_glb, write_glb
 
-WAITING_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
+OPTIONAL_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
 """The key of each optional texture, by the name of its image node."""
 _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}
 
 
-def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
+def add_optional_textures(path: Path, collection: bpy.types.Collection) -> None:
     """Add the optional textures of the materials in `collection` to the GLB file at `path`, written from it."""
     waiting = {
         material.name: images
@@ -49,7 +49,7 @@ def add_waiting(path: Path, collection: bpy.types.Collection) -> None:
 def _images(material: bpy.types.Material) -> dict[str, bpy.types.Image]:
     """Return the packed optional images of a material by their keys."""
     nodes = {} if material.node_tree is None else material.node_tree.nodes
-    images = {key: nodes[name].image for name, key in WAITING_NODES.items() if name in nodes}
+    images = {key: nodes[name].image for name, key in OPTIONAL_NODES.items() if name in nodes}
     return {key: image for key, image in images.items() if image is not None and image.packed_file is not None}
 
 

@@ -14,7 +14,7 @@ import leafcloud
 
 from ..settings import BakeSettings
 from .facts import Camera, Facts, Span
-from .reach import Reach, View, reaches, rising
+from .lod_range import LodRange, View, lod_ranges, rising
 from .thinning import cut_off_distance
 
 EPSILON_STEP = 2.5
@@ -29,7 +29,7 @@ fraction."""
 
 
 @dataclass(frozen=True)
-class Sight:
+class CameraVisibility:
     """The levels and the changes of level that the cameras see, over all trees.
 
     switches: the switch distance of each level, LOD 0 first, in world units. first, last: the nearest and the farthest
@@ -42,19 +42,19 @@ class Sight:
     passed: tuple[int, ...]
 
 
-def sight(settings: BakeSettings, facts: Facts) -> Sight | None:
+def camera_visibility(settings: BakeSettings, facts: Facts) -> CameraVisibility | None:
     """Return the camera visibility; None if the viewer may be anywhere."""
     if facts.camera is None:
         return None
     spans = facts.camera.spans
     switches = expected_switches(settings, facts, facts.camera.view)
     clouds = _clouds(settings)
-    reached = reaches(switches, [0 < number <= clouds for number in range(len(switches))], transitions=True)
-    first = min(level_at(near, reached) for near, _ in spans)
-    last = max(level_at(far, reached) for _, far in spans)
-    into = range(1, len(reached))
-    passed = tuple(number for number in into if any(_passes(span, *reached[number - 1 : number + 1]) for span in spans))
-    return Sight(switches, first, last, passed)
+    ranges = lod_ranges(switches, [0 < number <= clouds for number in range(len(switches))], transitions=True)
+    first = min(level_at(near, ranges) for near, _ in spans)
+    last = max(level_at(far, ranges) for _, far in spans)
+    into = range(1, len(ranges))
+    passed = tuple(number for number in into if any(_passes(span, *ranges[number - 1 : number + 1]) for span in spans))
+    return CameraVisibility(switches, first, last, passed)
 
 
 def stands_still(camera: Camera) -> bool:
@@ -103,16 +103,16 @@ def pixels_of(length: float, away: float, view: View) -> float:
     return far_off(length, 1.0, view) / away if away > 0.0 else math.inf
 
 
-def level_at(away: float, reached: Sequence[Reach]) -> int:
+def level_at(away: float, ranges: Sequence[LodRange]) -> int:
     """Return the number of the level that is drawn at the distance `away`."""
-    return max(number for number, reach in enumerate(reached) if number == 0 or reach.appear <= away)
+    return max(number for number, lod_range in enumerate(ranges) if number == 0 or lod_range.appear <= away)
 
 
 def _clouds(settings: BakeSettings) -> int:
     return 0 if settings.chain == "pruning" else settings.levels
 
 
-def _passes(span: Span, before: Reach, behind: Reach) -> bool:
+def _passes(span: Span, before: LodRange, behind: LodRange) -> bool:
     """Return whether a moving camera sees part of the morph before a level, or the level's appearance."""
     near, far = span
     return far - near > STILL * far and far > min(before.start, behind.appear) and near < behind.appear

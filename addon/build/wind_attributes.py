@@ -18,7 +18,7 @@ from .wind_nodes import WindSettings
 
 
 @dataclass(frozen=True)
-class Swaying:
+class WindAttributes:
     """Wind data per vertex, in the tree's coordinates. None: the level does not have it, or already stores it.
 
     pivot (v, 3): of its leaf or billboard. billboard_pivot (v, 3): of its billboard on the next level.
@@ -46,9 +46,9 @@ class Swaying:
         return sum(values.nbytes for values in self.attributes.values())
 
 
-def add_swaying(mesh: bpy.types.Mesh, swaying: Swaying) -> None:
+def add_wind_attributes(mesh: bpy.types.Mesh, wind_attributes: WindAttributes) -> None:
     """Store the data as point attributes of the mesh."""
-    for name, values in swaying.attributes.items():
+    for name, values in wind_attributes.attributes.items():
         add_point_attribute(mesh, name, "FLOAT" if values.ndim == 1 else "FLOAT_VECTOR", values)
 
 

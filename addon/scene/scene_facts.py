@@ -16,9 +16,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..plan.camera_visibility import STILL
 from ..plan.facts import Camera, Lights, Span
-from ..plan.reach import View
-from ..plan.sight import STILL
+from ..plan.lod_range import View
 from .extract import Tree
 
 FRAMES = 64
@@ -42,7 +42,7 @@ class Surroundings:
     lights: Lights
 
 
-def survey(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view: View) -> Surroundings:
+def read_scene_facts(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view: View) -> Surroundings:
     """Read the cameras and lights in the scene of `layer`. Its dependency graph must be up to date.
 
     `centre`: the center of the tree's crown in world space, at the current frame. `view`: resolution and field of view

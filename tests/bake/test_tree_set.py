@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from scenes import add_mesh
 
 import leafcloud
-from addon.baked import Grove
+from addon.baked import TreeSet
 from addon.export.files import write
-from addon.grove import bake_grove, plan_grove, prepare_grove, start_grove
 from addon.pipeline import layer_of
 from addon.plan.effects import is_on, joint_effects
 from addon.scene import SceneError
 from addon.scene.extract import Tree
 from addon.scene.trees import extract_trees, grouped, rendered
 from addon.settings import BakeSettings
+from addon.tree_set import bake_tree_set, plan_tree_set, prepare_tree_set, start_tree_set
 
 RED, GREEN, BLUE = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8)
 SMALL = {"texture_size": 128, "levels": 1, "samples": 2}
@@ -72,10 +72,10 @@ def read_trees(how: str = "collections", leaf_names: list[str] | None = None) ->
     return extract_trees(bpy.context.evaluated_depsgraph_get(), groups, leaf_names=leaf_names)
 
 
-def bake(trees: dict[str, Tree], name: str = "wood", **settings: Any) -> Grove:
+def bake(trees: dict[str, Tree], name: str = "wood", **settings: Any) -> TreeSet:
     scene = bpy.context.scene
-    prepared = prepare_grove(trees, BakeSettings(**{**SMALL, **settings}), layer_of(scene))
-    return bake_grove(prepared, scene, name, lambda stage, fraction: None)
+    prepared = prepare_tree_set(trees, BakeSettings(**{**SMALL, **settings}), layer_of(scene))
+    return bake_tree_set(prepared, scene, name, lambda stage, fraction: None)
 
 
 def page_of(obj: bpy.types.Object) -> bpy.types.Image:
@@ -149,10 +149,10 @@ def test_without_a_tree_there_is_nothing_to_bake() -> None:
 
 def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
     red_and_blue()
-    grove = bake(read_trees())
-    assert [tree.collection.name.split(".")[0] for tree in grove.trees] == ["maple", "spruce"]
-    assert set(grove.collection.children) == {tree.collection for tree in grove.trees}
-    first, second = (tree.levels for tree in grove.trees)
+    tree_set = bake(read_trees())
+    assert [tree.collection.name.split(".")[0] for tree in tree_set.trees] == ["maple", "spruce"]
+    assert set(tree_set.collection.children) == {tree.collection for tree in tree_set.trees}
+    first, second = (tree.levels for tree in tree_set.trees)
     for number in (1, 2):
         page = page_of(first[number].object)
         assert page == page_of(second[number].object)
@@ -169,18 +169,18 @@ def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
 
 def test_one_page_casts_the_shadows_of_all() -> None:
     red_and_blue()
-    grove = bake(read_trees(), effects="+shadow_proxy", viewer="anywhere")
-    pages = {page_of(obj) for tree in grove.trees for obj in tree.collection.objects if obj.name.endswith("_shadow")}
+    tree_set = bake(read_trees(), effects="+shadow_proxy", viewer="anywhere")
+    pages = {page_of(obj) for tree in tree_set.trees for obj in tree.collection.objects if obj.name.endswith("_shadow")}
     assert [page.name for page in pages] == ["wood_shadow"]
 
 
 def test_a_tree_alone_keeps_its_name_and_pages() -> None:
     red_and_blue()
     trees = read_trees()
-    grove = bake({"maple_tree": trees["maple"]}, "maple_tree")
-    assert grove.name == grove.collection.name == "maple_tree"
-    assert [level.object.name for level in grove.trees[0].levels] == [f"maple_tree_LOD{i}" for i in range(3)]
-    assert page_of(grove.trees[0].levels[1].object).name == "maple_tree_LOD1"
+    tree_set = bake({"maple_tree": trees["maple"]}, "maple_tree")
+    assert tree_set.name == tree_set.collection.name == "maple_tree"
+    assert [level.object.name for level in tree_set.trees[0].levels] == [f"maple_tree_LOD{i}" for i in range(3)]
+    assert page_of(tree_set.trees[0].levels[1].object).name == "maple_tree_LOD1"
 
 
 def test_what_one_tree_needs_a_texture_for_all_get() -> None:
@@ -196,13 +196,13 @@ def test_what_one_tree_needs_a_texture_for_all_get() -> None:
     bpy.context.view_layer.update()
     trees = read_trees()
     settings, layer = BakeSettings(**SMALL), bpy.context.view_layer
-    alone = {name: prepare_grove({name: tree}, settings, layer)[name].effects for name, tree in trees.items()}
+    alone = {name: prepare_tree_set({name: tree}, settings, layer)[name].effects for name, tree in trees.items()}
     assert [is_on(effects, "gloss") for effects in alone.values()] == [True, False]
-    prepared = prepare_grove(trees, settings, layer)
+    prepared = prepare_tree_set(trees, settings, layer)
     assert all(is_on(each.effects, "gloss") for each in prepared.values())
     [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "gloss"]
     assert "share atlas pages" in reason
-    planned = plan_grove(trees, settings, layer).values()
+    planned = plan_tree_set(trees, settings, layer).values()
     assert is_on(joint_effects([each.effects for each in planned]), "gloss")
     levels = [tree.chain.levels[0] for tree in bake(trees).trees]
     assert np.array_equal(levels[0].gloss, levels[1].gloss)
@@ -222,8 +222,10 @@ def test_what_is_seen_through_shares_no_page_with_what_is_cut_out() -> None:
 
 def test_work_can_be_cancelled() -> None:
     red_and_blue()
-    prepared = prepare_grove(read_trees(), BakeSettings(effort="best", seconds=None, levels=2), bpy.context.view_layer)
-    job = start_grove(prepared)
+    prepared = prepare_tree_set(
+        read_trees(), BakeSettings(effort="best", seconds=None, levels=2), bpy.context.view_layer
+    )
+    job = start_tree_set(prepared)
     while not job.stage:
         time.sleep(0.001)
     assert not job.done
@@ -237,15 +239,15 @@ def test_work_can_be_cancelled() -> None:
 
 def test_refusals_of_the_core_name_the_tree() -> None:
     red_and_blue()
-    prepared = prepare_grove(read_trees(), BakeSettings(**SMALL, seconds=1e-6), bpy.context.view_layer)
+    prepared = prepare_tree_set(read_trees(), BakeSettings(**SMALL, seconds=1e-6), bpy.context.view_layer)
     with pytest.raises(leafcloud.LeafcloudError, match="tree 'maple': `seconds`"):
-        start_grove(prepared).result()
+        start_tree_set(prepared).result()
 
 
 def test_a_page_costs_what_it_holds() -> None:
     red_and_blue()
-    grove = bake(read_trees(), effects="+normals")
-    told = sum(tree.costs.bytes["normals"] for tree in grove.trees)
+    tree_set = bake(read_trees(), effects="+normals")
+    told = sum(tree.costs.bytes["normals"] for tree in tree_set.trees)
     images = [image for image in bpy.data.images if image.name.endswith("_normal")]
     assert len(images) == 2
     assert told == pytest.approx(sum(4 * image.size[0] * image.size[1] for image in images), abs=4)
@@ -255,19 +257,19 @@ def test_names_are_cut_so_that_all_suffixes_fit() -> None:
     collected("m" * 60, crown("red", RED))
     collected("m" * 59 + "n", crown("blue", BLUE))
     bpy.context.view_layer.update()
-    grove = bake(read_trees(), "w" * 44)
-    names = [level.object.name for tree in grove.trees for level in tree.levels]
+    tree_set = bake(read_trees(), "w" * 44)
+    names = [level.object.name for tree in tree_set.trees for level in tree.levels]
     assert [name.rpartition("_")[2] for name in names] == ["LOD0", "LOD1", "LOD2"] * 2
     assert len(set(names)) == 6
-    assert page_of(grove.trees[1].levels[2].object).name == "w" * 44 + "_LOD2"
+    assert page_of(tree_set.trees[1].levels[2].object).name == "w" * 44 + "_LOD2"
 
 
 def test_a_tree_may_be_called_as_the_beginning_of_all() -> None:
-    for tree, (name, color) in {"a": ("red", RED), "a_2": ("blue", BLUE), "a_grove": ("green", GREEN)}.items():
+    for tree, (name, color) in {"a": ("red", RED), "a_2": ("blue", BLUE), "a_tree_set": ("green", GREEN)}.items():
         collected(tree, crown(name, color))
     bpy.context.view_layer.update()
-    grove = bake(read_trees(), "a_grove_all")
-    assert {page_of(tree.levels[1].object).name for tree in grove.trees} == {"a_grove_all_LOD1"}
+    tree_set = bake(read_trees(), "a_grove_all")
+    assert {page_of(tree.levels[1].object).name for tree in tree_set.trees} == {"a_grove_all_LOD1"}
 
 
 # What files have of them.

@@ -14,7 +14,7 @@ import bpy
 
 import leafcloud
 
-from .baked import Baked, Grove, Planned, Prepared
+from .baked import Baked, Planned, Prepared, TreeSet
 from .build.rollback import removed_on_failure
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
@@ -28,7 +28,7 @@ Said = Callable[[str], str]
 """Function that puts an interface's words into a message that names settings: see `naming`."""
 
 
-def plan_grove(
+def plan_tree_set(
     trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
 ) -> dict[str, Planned]:
     """Plan each tree with `pipeline.plan`."""
@@ -36,7 +36,7 @@ def plan_grove(
     return {name: replace(each, effects=_effects_said(each.effects, said)) for name, each in planned.items()}
 
 
-def prepare_grove(
+def prepare_tree_set(
     trees: Mapping[str, Tree], settings: BakeSettings, layer: bpy.types.ViewLayer | None, said: Said = str
 ) -> dict[str, Prepared]:
     """Prepare each tree with `pipeline.prepare`.
@@ -70,14 +70,14 @@ def camera_notes(planned: Iterable[Planned | Prepared]) -> tuple[CameraNote, ...
     return tuple(dict.fromkeys(note for note in notes if note is not None))
 
 
-def start_grove(prepared: Mapping[str, Prepared]) -> ChainsJob:
+def start_tree_set(prepared: Mapping[str, Prepared]) -> ChainsJob:
     """Start the core's jobs. The trees run one after the other, because each uses all processors."""
     return ChainsJob(prepared)
 
 
-def finish_grove(
+def finish_tree_set(
     prepared: Mapping[str, Prepared], chains: Collection[leafcloud.Chain], name: str, scene: bpy.types.Scene
-) -> Grove:
+) -> TreeSet:
     """Build the levels in the scene, one collection per tree. The collections of several trees get a parent `name`."""
     view = view_of(scene)
     with removed_on_failure():
@@ -85,7 +85,7 @@ def finish_grove(
             [each], [chain] = prepared.values(), chains
             tree = finish(each, chain, name, view)
             scene.collection.children.link(tree.collection)
-            return Grove.of(tree)
+            return TreeSet.of(tree)
         collection = bpy.data.collections.new(name)
         scene.collection.children.link(collection)
         trees: list[Baked] = []
@@ -98,14 +98,14 @@ def finish_grove(
             own_images = sorted(set(bpy.data.images) - known - made.keys(), key=lambda image: image.name)
             made |= dict.fromkeys(own_images, tree.collection.name)
         _share_images(made, name)
-    return Grove(name, collection, tuple(trees))
+    return TreeSet(name, collection, tuple(trees))
 
 
-def bake_grove(prepared: Mapping[str, Prepared], scene: bpy.types.Scene, name: str, progress: Progress) -> Grove:
-    """Run the bake after `prepare_grove`. From the trees' own scene it needs only the camera."""
-    chains = wait(start_grove(prepared), progress)
+def bake_tree_set(prepared: Mapping[str, Prepared], scene: bpy.types.Scene, name: str, progress: Progress) -> TreeSet:
+    """Run the bake after `prepare_tree_set`. From the trees' own scene it needs only the camera."""
+    chains = wait(start_tree_set(prepared), progress)
     progress("build", 0.0)
-    return finish_grove(prepared, chains, name, scene)
+    return finish_tree_set(prepared, chains, name, scene)
 
 
 def free_name(wanted: str) -> str:

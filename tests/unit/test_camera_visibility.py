@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
+from addon.plan.camera_visibility import camera_visibility, expected_switches, pixels_of
 from addon.plan.costs import BYTES_PER_TEXEL, with_costs
 from addon.plan.effects import Effect, is_on, plan_effects, plan_levels
 from addon.plan.facts import Camera, Facts, Lights
-from addon.plan.reach import View
-from addon.plan.sight import expected_switches, pixels_of, sight
+from addon.plan.lod_range import View
 from addon.settings import EFFECTS, BakeSettings
 
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
@@ -53,19 +53,19 @@ def test_pruned_leaves_give_way_to_the_cross_where_next_to_none_are_left() -> No
 def test_what_a_camera_sees_of_the_levels(
     span: tuple[float, float], first: int, last: int, passed: tuple[int, ...]
 ) -> None:
-    seen = sight(SETTINGS, seen_from(span))
+    seen = camera_visibility(SETTINGS, seen_from(span))
     assert seen is not None
     assert (seen.first, seen.last, seen.passed) == (first, last, passed)
 
 
 def test_trees_that_stand_far_and_near_are_seen_on_levels_of_their_own() -> None:
-    seen = sight(SETTINGS, seen_from((3.0, 3.0), (40.0, 40.0)))
+    seen = camera_visibility(SETTINGS, seen_from((3.0, 3.0), (40.0, 40.0)))
     assert seen is not None
     assert (seen.first, seen.last, seen.passed) == (0, 2, ())
 
 
 def test_nobody_knows_what_a_free_viewer_sees() -> None:
-    assert sight(SETTINGS, FACTS) is None
+    assert camera_visibility(SETTINGS, FACTS) is None
 
 
 def test_a_length_fills_as_many_pixels_as_its_angle() -> None:

@@ -31,7 +31,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Reach:
+class LodRange:
     """The LOD range of a level. Infinite means never.
 
     The level is drawn for appear ≤ distance < vanish. Its transition a runs from 0 at `start` to 1 at `end`. The level
@@ -50,7 +50,7 @@ class Reach:
         return self.whole > self.appear or self.fading < self.vanish
 
 
-def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[Reach, ...]:
+def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[LodRange, ...]:
     """Return the LOD range of every level.
 
     Level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]` is true for a billboard cloud.
@@ -59,14 +59,14 @@ def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transi
     next level appears shortly before the morph ends, or at its switch distance. It fades in before this level fades
     out, so pixels that both levels cover never become transparent.
     """
-    result: list[Reach] = []
+    result: list[LodRange] = []
     appear = whole = gone = switch_distances[0]
     for end, cloud in zip((*switch_distances[1:], math.inf), (*clouds[1:], False), strict=True):
         morphs = transitions and cloud
         start = max(START_SHARE * end, gone) if morphs else math.inf
         hand_over = start + HAND_OVER * (end - start) if morphs else end
         fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if transitions else 0.0
-        reach = Reach(
+        lod_range = LodRange(
             appear=appear,
             start=start,
             end=end if morphs else math.inf,
@@ -74,33 +74,33 @@ def reaches(switch_distances: Sequence[float], clouds: Sequence[bool], *, transi
             whole=whole,
             fading=hand_over + fade / 2.0,
         )
-        result.append(reach)
-        appear, whole, gone = hand_over, reach.fading, reach.vanish
+        result.append(lod_range)
+        appear, whole, gone = hand_over, lod_range.fading, lod_range.vanish
     return tuple(result)
 
 
-def wood_reach(reached: Sequence[Reach], number: int) -> Reach:
+def wood_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
     Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
     both. Only before the cross impostor, whose textures show the trunk, does a trunk fade out with its level.
     """
-    own = reached[number]
+    own = ranges[number]
     morphs = math.isfinite(own.end)
-    vanish = reached[number + 1].appear if morphs else own.vanish
+    vanish = ranges[number + 1].appear if morphs else own.vanish
     fading = vanish if morphs else own.fading
-    return Reach(own.appear, math.inf, math.inf, vanish, whole=own.appear, fading=fading)
+    return LodRange(own.appear, math.inf, math.inf, vanish, whole=own.appear, fading=fading)
 
 
-def wood_errors(deviations: Sequence[float], reached: Sequence[Reach], unit: float) -> tuple[float, ...]:
+def wood_errors(deviations: Sequence[float], ranges: Sequence[LodRange], unit: float) -> tuple[float, ...]:
     """Return the maximum deviation of the trunk of each level after LOD 0, from the original trunk.
 
     It is the level's leaf deviation in `deviations`, limited to `WOOD_PIXELS` at the distance where the level appears.
     `unit`: the distance at which a length of 1 covers `WOOD_PIXELS`. Leaves morph onto their billboards, but a trunk
     switches at once, so a deviation as large as the leaves' would be a visible jump.
     """
-    behind = zip(deviations, reached[1:], strict=True)
-    return tuple(min(deviation, reach.appear / unit) for deviation, reach in behind)
+    behind = zip(deviations, ranges[1:], strict=True)
+    return tuple(min(deviation, lod_range.appear / unit) for deviation, lod_range in behind)
 
 
 def rising(distances: Sequence[float]) -> tuple[float, ...]:
