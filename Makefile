@@ -102,10 +102,10 @@ size: setup .venv/.fidelity ## compare billboards of the default size with billb
 	@mkdir -p docs/bench
 	.venv/bin/python tools/size.py $(ARGS)
 
-.PHONY: wood
-wood: setup ## measure the trunk of each level: triangles, error, coverage
+.PHONY: trunk
+trunk: setup ## measure the trunk of each level: triangles, error, coverage
 	@mkdir -p docs/bench
-	.venv/bin/python tools/wood.py $(ARGS)
+	.venv/bin/python tools/trunk.py $(ARGS)
 
 .PHONY: plan
 plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)

@@ -40,7 +40,7 @@ class Prepared:
     settings: BakeSettings
     placement: Placement
     foliage: leafcloud.Foliage
-    wood: leafcloud.Foliage | None
+    trunk: leafcloud.Foliage | None
     gloss: Gloss
     translucent: Translucent
     facts: Facts
@@ -50,7 +50,7 @@ class Prepared:
     """Names of the leaves' own materials. Levels with baked light replace these materials."""
     light: BakedLight | None = None
     wind: Wind | None = None
-    wood_part: Part | None = None
+    trunk_part: Part | None = None
     """The trunk from which the levels' own trunks are made."""
     owners: tuple[int, ...] = ()
     """For each material of the core, its index in the leaves' own materials."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from .build.wood import geometry_mesh
+from .build.trunk import geometry_mesh
 from .placement import Placement
 from .scene.extract import Tree
 from .scene.light import Light, Surroundings, bake_light
@@ -28,24 +28,24 @@ class BakedLight:
     """
 
     leaves: Light
-    wood: Light | None
+    trunk: Light | None
     strength: float
     seconds: float
     warnings: tuple[str, ...]
 
 
-def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_wood: bool) -> BakedLight:
-    """Bake the light in the scene of `layer` on the tree's leaves and, with `with_wood`, on its trunk.
+def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_trunk: bool) -> BakedLight:
+    """Bake the light in the scene of `layer` on the tree's leaves and, with `with_trunk`, on its trunk.
 
     The trunk casts shadows either way. Raise `SceneError` if Cycles cannot bake.
     """
     begin = time.perf_counter()
-    casting = [tree.leaves] if tree.wood is None else [tree.leaves, tree.wood]
+    casting = [tree.leaves] if tree.trunk is None else [tree.leaves, tree.trunk]
     meshes: list[bpy.types.Mesh] = []
     try:
         meshes.extend(geometry_mesh("leafcloud shadow", geometry) for geometry in casting)
         around = Surroundings(layer, tree.sources, meshes)
-        leaves, *wood = bake_light(casting if with_wood else casting[:1], Placement(tree.matrix), around)
+        leaves, *trunk = bake_light(casting if with_trunk else casting[:1], Placement(tree.matrix), around)
     finally:
         for mesh in meshes:
             bpy.data.meshes.remove(mesh)
@@ -53,7 +53,7 @@ def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_wood: bool) -> Bake
     strength = max(1.0, brightest)
     warnings = () if brightest > DARK else (_no_light(layer),)
     seconds = time.perf_counter() - begin
-    return BakedLight(leaves.over(strength), wood[0].over(strength) if wood else None, strength, seconds, warnings)
+    return BakedLight(leaves.over(strength), trunk[0].over(strength) if trunk else None, strength, seconds, warnings)
 
 
 def _no_light(layer: bpy.types.ViewLayer) -> str:

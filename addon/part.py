@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from .build.wood import gathered, per_corner
+from .build.trunk import gathered, per_corner
 from .placement import Placement
 from .scene.describe import describe_materials
 from .scene.extract import Geometry, texture_uvs, world_positions

@@ -44,7 +44,7 @@ from .plan.effects import (
     settle_back_sides,
 )
 from .plan.facts import Facts
-from .plan.lod_range import WOOD_PIXELS, LodRange, View, lod_ranges, rising, wood_errors
+from .plan.lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
 from .plan.thinning import Thinning, cut_off_distance, share_left, start_for
 from .plan.wind import BREEZE, stature
 from .scene.extract import Geometry, Tree, world_positions
@@ -71,8 +71,8 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         leaves=shape.leaf_count,
         vertices=len(leaves.positions),
         triangles=shape.triangle_count,
-        wood=0 if tree.wood is None else len(tree.wood.triangles),
-        wood_seams=0.0 if tree.wood is None else seam_share(tree.wood),
+        trunk=0 if tree.trunk is None else len(tree.trunk.triangles),
+        trunk_seams=0.0 if tree.trunk is None else seam_share(tree.trunk),
         radius=shape.radius,
         area=shape.area,
         glossy=gloss_of(leaves.materials).varies,
@@ -125,17 +125,17 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(effects, "baked_light") and layer is not None
     # Only the cross impostor shows the trunk in its textures.
-    light = light_of(tree, layer, with_wood=cross and tree.wood is not None) if lit else None
-    sides = (None, None) if light is None else (light.leaves, light.wood)
+    light = light_of(tree, layer, with_trunk=cross and tree.trunk is not None) if lit else None
+    sides = (None, None) if light is None else (light.leaves, light.trunk)
     leaves = described_part(tree.leaves, placement, channels, share, sides[0])
-    woods = None if tree.wood is None else described_part(tree.wood, placement, channels, share, sides[1])
-    foliage, wood = leaves.foliage(), None if woods is None else woods.foliage()
+    trunks = None if tree.trunk is None else described_part(tree.trunk, placement, channels, share, sides[1])
+    foliage, trunk = leaves.foliage(), None if trunks is None else trunks.foliage()
     kept = blended_leaves(settings, facts)
     cut_out = set(facts.blended) - set(kept)
     blended = [gltf.cut_message(each) for each in tree.leaves.materials if each is not None and each.name in cut_out]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2.warning(settings, clouds + cross)
-    read = [*leaves.messages, *(() if woods is None else woods.messages), *gloss.warnings, *translucent.warnings]
+    read = [*leaves.messages, *(() if trunks is None else trunks.messages), *gloss.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
     blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
@@ -144,7 +144,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         settings,
         placement,
         foliage,
-        wood,
+        trunk,
         gloss,
         translucent,
         facts,
@@ -153,7 +153,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         names,
         light,
         blowing,
-        woods,
+        trunks,
         leaves.owners,
     )
 
@@ -163,7 +163,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     settings = prepared.settings
     return leafcloud.start_chain(
         prepared.foliage,
-        wood=prepared.wood,
+        trunk=prepared.trunk,
         keep=_keep_at_switch(prepared),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
@@ -178,7 +178,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
     """Start the core's job for a cost curve around the settings, without pruned leaves."""
     options = chain_options(prepared.settings, prepared.facts, prepared.effects)
-    return leafcloud.start_cost_curve(prepared.foliage, wood=prepared.wood, quick=quick, **options)
+    return leafcloud.start_cost_curve(prepared.foliage, trunk=prepared.trunk, quick=quick, **options)
 
 
 def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> dict[str, Any]:
@@ -253,7 +253,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         transitions=transitions,
         pruning=pruning,
         drawn=_drawn(prepared, ranges),
-        wood_errors=wood_errors(deviations, ranges, seen(1.0, WOOD_PIXELS)) if trunk_levels else (),
+        trunk_errors=trunk_errors(deviations, ranges, seen(1.0, TRUNK_PIXELS)) if trunk_levels else (),
         switch_distances=switch_distances,
         lod_ranges=ranges,
         thinning=thinning,
@@ -281,8 +281,8 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
     if prepared.wind is None:
         return None
     tree = prepared.tree
-    wood = None if tree.wood is None else tree.wood.positions
-    return WindSettings(stature(tree.leaves.positions, wood, tree.matrix), prepared.wind)
+    trunk = None if tree.trunk is None else tree.trunk.positions
+    return WindSettings(stature(tree.leaves.positions, trunk, tree.matrix), prepared.wind)
 
 
 def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
@@ -387,7 +387,7 @@ def _without_shear(tree: Tree) -> Tree:
         tree,
         matrix=_translation(placement),
         leaves=_along_axes(tree.leaves, placement),
-        wood=None if tree.wood is None else _along_axes(tree.wood, placement),
+        trunk=None if tree.trunk is None else _along_axes(tree.trunk, placement),
         warnings=[
             *tree.warnings,
             "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",

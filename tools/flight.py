@@ -154,7 +154,7 @@ def switched_plainly(baked: Baked) -> None:
     appearing = [lod_input(level.object, "Appear") for level in baked.levels]
     for level, vanish in zip(baked.levels, [*appearing[1:], NEVER], strict=True):
         plain = {"Start": NEVER, "End": NEVER, "Whole": 0.0, "Fading": NEVER, "Vanish": vanish}
-        for obj in (level.object, *([level.wood] if level.wood else [])):
+        for obj in (level.object, *([level.trunk] if level.trunk else [])):
             for name, value in plain.items():
                 set_modifier_input(obj.modifiers[GROUP_NAME], name, value)
 
@@ -166,7 +166,7 @@ def lod_input(obj: bpy.types.Object, name: str) -> float:
 def leaves_alone(baked: Baked) -> None:
     """Show LOD 0 at any distance."""
     for level in baked.levels:
-        for obj in (level.object, *([level.wood] if level.wood else [])):
+        for obj in (level.object, *([level.trunk] if level.trunk else [])):
             obj.modifiers.clear()
             obj.hide_render = level.number > 0
 

@@ -152,10 +152,10 @@ def curve(baked: Baked, camera: bpy.types.Object, number: int) -> list[Far]:
 def show_only(baked: Baked, number: int) -> None:
     """Show only this level and its trunk, at rest and at any distance. Leaves of a pruning chain are still pruned."""
     for level in baked.levels:
-        for obj in (level.object, *([level.wood] if level.wood else [])):
+        for obj in (level.object, *([level.trunk] if level.trunk else [])):
             obj.hide_render = obj.hide_viewport = level.number != number
             # Leaves of a chain that prunes continue to follow the camera.
-            if baked.prepared.settings.chain != "pruning" or obj is level.wood:
+            if baked.prepared.settings.chain != "pruning" or obj is level.trunk:
                 set_manual(obj.modifiers[0], transition=0.0, keep=1.0)
 
 

@@ -56,7 +56,7 @@ class BakedTree:
     scale: float
 
 
-def woods() -> dict[bpy.types.Object, bpy.types.Object]:
+def trunks() -> dict[bpy.types.Object, bpy.types.Object]:
     """Return the trunk object of each level in the file that has one."""
     children = (obj for obj in bpy.data.objects if obj.parent is not None and obj.type == "MESH")
     return {obj.parent: obj for obj in children if level_number(obj) is None and level_number(obj.parent) is not None}
@@ -81,12 +81,12 @@ def baked_tree(collection: bpy.types.Collection) -> BakedTree:
         raise ValueError(
             f"collection {collection.name!r} holds {names}: choose a collection with one tree, all of its levels"
         )
-    wood = woods()
+    trunk = trunks()
     objects = [collection.all_objects[name] for _, name in found]
     # A mirrored object's scale factors are negative, but distances are not.
     scale = float(np.mean(np.abs(objects[0].matrix_world.to_scale())))
     return BakedTree(
-        levels=tuple(_built(number, obj, wood.get(obj)) for number, obj in enumerate(objects)),
+        levels=tuple(_built(number, obj, trunk.get(obj)) for number, obj in enumerate(objects)),
         switch_distances=(0.0, *(scale * lod_input(obj, "Appear") for obj in objects[1:])),
         centre=lod_input(objects[0], "Centre"),
         scale=scale,
@@ -129,8 +129,8 @@ def lod_input(level: bpy.types.Object, name: str) -> Any:
         raise ValueError(f"object {level.name!r} has a modifier that is not Leafcloud's: {error.args[0]}") from None
 
 
-def _built(number: int, obj: bpy.types.Object, wood: bpy.types.Object | None) -> BuiltLevel:
-    return BuiltLevel(number, obj, wood, len(obj.data.loops) - 2 * len(obj.data.polygons))
+def _built(number: int, obj: bpy.types.Object, trunk: bpy.types.Object | None) -> BuiltLevel:
+    return BuiltLevel(number, obj, trunk, len(obj.data.loops) - 2 * len(obj.data.polygons))
 
 
 def _leaf_size(mesh: bpy.types.Mesh) -> float:

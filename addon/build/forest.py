@@ -106,8 +106,8 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
     variant = bpy.data.collections.new(name)
     variants.children.link(variant)
     members = {name: mesh}
-    if level.wood is not None:
-        members[f"{name}_wood"] = level.wood.data
+    if level.trunk is not None:
+        members[f"{name}_trunk"] = level.trunk.data
     for member, data in members.items():
         obj = bpy.data.objects.new(member, data)
         obj.matrix_basis = turn.to_4x4()

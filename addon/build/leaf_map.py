@@ -27,7 +27,7 @@ _LAYOUT = 1
 
 _MOST = 16
 """Maximum number of distinct materials, so that the nodes stay readable. Further materials share the last image."""
-_WOOD = 255
+_TRUNK = 255
 """Material number of texels that show no leaf."""
 _FAINT = 1.0 / 16.0
 """Minimum alpha of a usable texel. Renderers multiply colors by alpha before the lookup, so fainter ones lose color."""
@@ -108,7 +108,7 @@ def _label(section: Section, name: str, image: bpy.types.Image) -> bpy.types.Nod
 
 def _is_number(section: Section, material: bpy.types.NodeSocket, number: int, *, last: bool) -> bpy.types.NodeSocket:
     """Return 1 where `material` equals `number`, else 0. With `last` larger numbers match, too, except the trunk's."""
-    end = _WOOD - 1 if last else number
+    end = _TRUNK - 1 if last else number
     middle, reach = (number + end) / 2.0, (end - number) / 2.0 + 0.25
     return section.math("COMPARE", material, middle, reach, label=f"Material {number}")
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..placement import Placement, y_up
-from ..plan.lod_range import LodRange, wood_range
+from ..plan.lod_range import LodRange, trunk_range
 from ..plan.thinning import Thinning
 from ..scene.baked_levels import EXTRAS as EXTRAS
 from ..scene.extract import Geometry, Tree, world_positions
@@ -45,9 +45,9 @@ from .node_laws import NEVER
 from .prune_tables import PREFIX_STEPS, area_shares, prefix_table
 from .rollback import removed_on_failure
 from .side_nodes import add_side_modifier, apart
+from .trunk import Trunk, simplified, whole
 from .wind_attributes import WindAttributes, add_wind_attributes, freedom, phases, plane_pivots, wind_extras
 from .wind_nodes import WindSettings, add_wind_modifier
-from .wood import Wood, simplified, whole
 
 
 @dataclass
@@ -102,7 +102,7 @@ class Plan:
     share: float = 0.0
     light: Light | None = None
     light_strength: float = 1.0
-    wood_errors: tuple[float, ...] = ()
+    trunk_errors: tuple[float, ...] = ()
     """Maximum deviation of the trunk from the input for level 1, 2 …, in world units; empty: no simplification."""
     gloss_for: str = "gloss"
     """The effect that is charged for the image of occlusion, roughness and metallic."""
@@ -122,20 +122,20 @@ class BuiltLevel:
     """One level in Blender.
 
     triangles: triangles of the object, without the trunk.
-    wood_error: measured deviation of the trunk from LOD 0's, in world units.
+    trunk_error: measured deviation of the trunk from LOD 0's, in world units.
     apart: offset of front and back billboards along their normals (`side_nodes`), in the object's own units; 0 without
     such pairs.
-    wood_corners: kept corners of LOD 0's trunk, as `Wood.corners`.
+    trunk_corners: kept corners of LOD 0's trunk, as `Trunk.corners`.
     """
 
     number: int
     object: bpy.types.Object
-    wood: bpy.types.Object | None
+    trunk: bpy.types.Object | None
     triangles: int
-    wood_triangles: int = 0
-    wood_error: float = 0.0
+    trunk_triangles: int = 0
+    trunk_error: float = 0.0
     apart: float = 0.0
-    wood_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
+    trunk_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ def build_levels(
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(plan.name)
-        woods = _woods(tree, chain, plan, costs)
-        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, woods[0], plan, costs)]
+        trunks = _trunks(tree, chain, plan, costs)
+        levels = [_add_level(collection, _leaf_object(tree, foliage, chain, plan, costs), 0, trunks[0], plan, costs)]
         behind = chain.levels
         own = [tree.leaves.materials[owner] for owner in plan.owners] or tree.leaves.materials
         for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
@@ -170,7 +170,7 @@ def build_levels(
             if level.leaf_uv is not None and level.leaf_id is not None:
                 with costs.spent_on("leaf_map", _own_bytes(level, level.leaf_uv) + _own_bytes(level, level.leaf_id)):
                     _add_leaf_map(obj, level.leaf_uv, level.leaf_id, own)
-            built = _add_level(collection, obj, number, woods[number], plan, costs)
+            built = _add_level(collection, obj, number, trunks[number], plan, costs)
             if level.two_sided:
                 built = replace(built, apart=apart(level.corners, number) / plan.placement.scale)
                 add_side_modifier(obj, built.apart)
@@ -178,38 +178,38 @@ def build_levels(
     return collection, levels
 
 
-def _woods(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list[Wood | None]:
+def _trunks(tree: Tree, chain: leafcloud.Chain, plan: Plan, costs: Costs) -> list[Trunk | None]:
     """Return the trunk of every level, the leaves first. None for the cross impostor: its textures show the trunk."""
     clouds = [level for level in chain.levels if level.cloud is not None]
     crosses = [None] * (len(chain.levels) - len(clouds))
-    if tree.wood is None:
+    if tree.trunk is None:
         return [None, *(None for _ in clouds), *crosses]
-    first = whole(f"{plan.name}_wood", tree.wood)
-    if not plan.wood_errors:
+    first = whole(f"{plan.name}_trunk", tree.trunk)
+    if not plan.trunk_errors:
         return [first, *(first for _ in clouds), *crosses]
     with costs.spent_on("trunk_levels", 0):
-        coarser = simplified(first, tree.wood, plan.placement, plan.wood_errors[: len(clouds)])
-    costs.bytes["trunk_levels"] = sum({id(wood): wood.nbytes for wood in coarser if wood is not first}.values())
+        coarser = simplified(first, tree.trunk, plan.placement, plan.trunk_errors[: len(clouds)])
+    costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *crosses]
 
 
 def _add_level(
-    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, wood: Wood | None, plan: Plan, costs: Costs
+    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, trunk: Trunk | None, plan: Plan, costs: Costs
 ) -> BuiltLevel:
     """Link `obj` and its child trunk to the collection. Set their transforms, custom properties and modifiers."""
     obj.matrix_world = Matrix(plan.placement.matrix.tolist())
     obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(plan.centre), plan.radius
     members = {obj: plan.lod_ranges[number]}
-    wooden = None
-    if wood is not None and wood.mesh is not None:
-        wooden = bpy.data.objects.new(f"{obj.name}_wood", wood.mesh)
-        wooden.parent = obj
-        members[wooden] = wood_range(plan.lod_ranges, number)
+    trunk_object = None
+    if trunk is not None and trunk.mesh is not None:
+        trunk_object = bpy.data.objects.new(f"{obj.name}_trunk", trunk.mesh)
+        trunk_object.parent = obj
+        members[trunk_object] = trunk_range(plan.lod_ranges, number)
     for member, lod_range in members.items():
         collection.objects.link(member)
-        if number == 0 or member is wooden:
+        if number == 0 or member is trunk_object:
             read_own_randoms(member)
-        if lod_range.fades and (number == 0 or member is wooden):
+        if lod_range.fades and (number == 0 or member is trunk_object):
             with costs.spent_on("transitions", 0):
                 _let_fade(member)
         if plan.follows_camera:
@@ -228,10 +228,10 @@ def _add_level(
         with costs.spent_on("grazing_fade", 0):
             add_grazing_modifier(obj)
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
-    built = BuiltLevel(number, obj, wooden, triangles)
-    if wood is None:
+    built = BuiltLevel(number, obj, trunk_object, triangles)
+    if trunk is None:
         return built
-    return replace(built, wood_triangles=wood.triangles, wood_error=wood.error, wood_corners=wood.corners)
+    return replace(built, trunk_triangles=trunk.triangles, trunk_error=trunk.error, trunk_corners=trunk.corners)
 
 
 def _let_fade(obj: bpy.types.Object) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import bpy
 from mathutils import Matrix
 
-from .baked_trees import level_number, woods
+from .baked_trees import level_number, trunks
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
 
     name: of the new collection. Raises `ValueError` if there is no baked tree.
     """
-    wood = woods()
+    trunk = trunks()
     placed: list[tuple[bpy.types.Object, Matrix]] = []
     sources: list[bpy.types.Object] = []
     for obj in objects:
@@ -46,9 +46,9 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
     trees = bpy.data.collections.new(name)
     for level, matrix in placed:
         _add(trees, level, matrix)
-        if (own := wood.get(level)) is not None:
+        if (own := trunk.get(level)) is not None:
             _add(trees, own, matrix @ level.matrix_world.inverted() @ own.matrix_world)
-    sources += [wood[obj] for obj in sources if obj in wood]
+    sources += [trunk[obj] for obj in sources if obj in trunk]
     kinds = {level.data: level for level, _ in reversed(placed)}
     leaves = tuple(sorted(kinds.values(), key=lambda level: level.name))
     return SharedTrees(trees, tuple(sources), leaves, len(placed))

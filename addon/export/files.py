@@ -83,16 +83,16 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     return content
 
 
-def level_woods(baked: Baked) -> list[leafcloud.Foliage | None]:
+def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
     """Return the trunk of each level, LOD 0 first; None for a level without one."""
-    came, part = baked.prepared.wood, baked.prepared.wood_part
+    came, part = baked.prepared.trunk, baked.prepared.trunk_part
 
-    def wood(level: BuiltLevel) -> leafcloud.Foliage | None:
-        if part is None or level.wood is None:
+    def trunk(level: BuiltLevel) -> leafcloud.Foliage | None:
+        if part is None or level.trunk is None:
             return None
-        return came if level.wood_corners is None else part.of(level.wood_corners).foliage()
+        return came if level.trunk_corners is None else part.of(level.trunk_corners).foliage()
 
-    return [wood(level) for level in baked.levels]
+    return [trunk(level) for level in baked.levels]
 
 
 def _additions(trees: Sequence[Baked]) -> list[_Addition]:
@@ -139,11 +139,11 @@ def _lod_chain(tree: Baked) -> LodChain:
 def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
     """Return the objects of level `number` of each tree that has it, with its trunk."""
     levels = [tree.levels[number] for tree in trees if number < len(tree.levels)]
-    return [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
+    return [obj for level in levels for obj in (level.object, level.trunk) if obj is not None]
 
 
 def _preview(tree: Baked) -> NDArray[np.uint8]:
-    return preview_image(tree.prepared.foliage, level_woods(tree), tree.chain.levels, tree.switch_distances, tree.view)
+    return preview_image(tree.prepared.foliage, level_trunks(tree), tree.chain.levels, tree.switch_distances, tree.view)
 
 
 def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:

@@ -135,7 +135,7 @@ def _node_names(collection: bpy.types.Collection) -> set[str]:
 
 def export_level(level: BuiltLevel, path: Path) -> None:
     """Write one level with its trunk as a GLB file. Raises `ExportError` if the complete file cannot be written."""
-    export_objects([obj for obj in (level.object, level.wood) if obj is not None], path, level.object.name)
+    export_objects([obj for obj in (level.object, level.trunk) if obj is not None], path, level.object.name)
 
 
 def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: str) -> None:

@@ -35,7 +35,7 @@ def untangled(levels: Sequence[BuiltLevel]) -> Iterator[None]:
     These are the invalid links of cycles, and links to `tangled_inputs`. A tangled input is linked to the first image
     behind it instead, which is all that the exporter reads there.
     """
-    objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
+    objects = [obj for level in levels for obj in (level.object, level.trunk) if obj is not None]
     materials = dict.fromkeys(material for obj in objects for material in obj.data.materials if material is not None)
     trees = [material.node_tree for material in materials if material.node_tree is not None]
     taken = [pair for tree in dict.fromkeys(each for tree in trees for each in trees_of(tree)) for pair in _cut(tree)]
@@ -77,7 +77,7 @@ def _first_image(target: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
 @contextmanager
 def materials_of_meshes(levels: Sequence[BuiltLevel]) -> Iterator[None]:
     """Use the materials of the leaf and trunk meshes instead of their objects' while the block runs."""
-    objects = [obj for level in levels for obj in (level.object, level.wood) if obj is not None]
+    objects = [obj for level in levels for obj in (level.object, level.trunk) if obj is not None]
     own = [slot for obj in objects for slot in obj.material_slots if slot.link == "OBJECT"]
     for slot in own:
         slot.link = "DATA"

@@ -25,7 +25,7 @@ DIRECTION = (0.45, -1.0, 0.2)
 
 def preview_image(
     foliage: leafcloud.Foliage,
-    woods: Sequence[leafcloud.Foliage | None],
+    trunks: Sequence[leafcloud.Foliage | None],
     levels: Sequence[leafcloud.Level],
     switch_distances: Sequence[float],
     view: View,
@@ -33,10 +33,10 @@ def preview_image(
     """Return an image (h, w, 4) with three rows of pictures.
 
     Row 1: leaves and levels, enlarged. Rows 2 and 3: the leaves, and below them each level, at the size where the level
-    takes over. `woods` (the trunks) and `switch_distances` have one entry per level, LOD 0 first.
+    takes over. `trunks` (the trunks) and `switch_distances` have one entry per level, LOD 0 first.
     """
     leaves = [foliage, *(level.foliage() for level in levels)]
-    subjects = [[part, *([] if wood is None else [wood])] for part, wood in zip(leaves, woods, strict=True)]
+    subjects = [[part, *([] if trunk is None else [trunk])] for part, trunk in zip(leaves, trunks, strict=True)]
     centre, radius = _sphere(subjects[0])
     cell = min(LARGEST_CELL, (WIDEST - GAP) // len(subjects) - GAP)
     sizes = [seen_size(radius, distance, view, cell) for distance in switch_distances[1:]]

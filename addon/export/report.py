@@ -30,10 +30,10 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
     for level, built, seconds in zip(baked.chain.levels, baked.levels[1:], write_seconds[1:], strict=True):
         distance = baked.switch_distances[built.number]
         levels.append(_level(level, built, prepared.settings, distance, seconds))
-    if prepared.tree.wood is not None and is_on(baked.effects, "trunk_levels"):
+    if prepared.tree.trunk is not None and is_on(baked.effects, "trunk_levels"):
         for row, built in zip(levels, baked.levels, strict=True):
             # The cross impostor has no trunk mesh: its textures show the trunk.
-            row["wood"] = None if row["method"] == "cross" else _wood(built, prepared.foliage.radius)
+            row["trunk"] = None if row["method"] == "cross" else _trunk(built, prepared.foliage.radius)
     return {
         "leafcloud": leafcloud.__version__,
         "blender": bpy.app.version_string,
@@ -90,7 +90,7 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
         "candidates": 0,
         "billboards": 0,
         "triangles": built.triangles,
-        "trunk_triangles": built.wood_triangles,
+        "trunk_triangles": built.trunk_triangles,
         "texels": 0,
         "atlas_occupancy": 0.0,
         "max_deviation": 0.0,
@@ -115,7 +115,7 @@ def _level(
         "candidates": None if cloud is None else settings.candidates,
         "billboards": billboard_count(level),
         "triangles": built.triangles,
-        "trunk_triangles": built.wood_triangles,
+        "trunk_triangles": built.trunk_triangles,
         "texels": level.texels,
         "atlas_occupancy": level.occupancy,
         "max_deviation": None if cloud is None else cloud.max_deviation,
@@ -128,9 +128,9 @@ def _level(
     }
 
 
-def _wood(built: BuiltLevel, radius: float) -> dict[str, Any]:
+def _trunk(built: BuiltLevel, radius: float) -> dict[str, Any]:
     """Return the triangles of a level's trunk, and its deviation from LOD 0's trunk as a fraction of R."""
-    return {"triangles": built.wood_triangles, "error": built.wood_error / radius}
+    return {"triangles": built.trunk_triangles, "error": built.trunk_error / radius}
 
 
 def billboard_count(level: leafcloud.Level) -> int:

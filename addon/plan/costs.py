@@ -31,9 +31,9 @@ class Amounts:
     """Vertices of the leaves."""
     triangles: int
     """Triangles of the leaves."""
-    wood: int
+    trunk: int
     """Trunk triangles of all clouds together, before simplification."""
-    wood_left: int
+    trunk_left: int
     """Estimated trunk triangles after simplification. Texture seams hold triangles in place."""
     texels: int
     """Texels of the atlas pages of all levels."""
@@ -73,9 +73,9 @@ def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> 
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds)]
     pages += [min(_cross_texels(settings), _page_texels(settings, clouds))] if cross else []
-    wood, left = facts.wood * clouds, min(max(4.0 * facts.wood_seams**1.5, 0.1), 1.0)
+    trunk, left = facts.trunk * clouds, min(max(4.0 * facts.trunk_seams**1.5, 0.1), 1.0)
     texels, leaf_size = (sum(pages), sum(pages[1:])), facts.leaf_size / facts.radius
-    return Amounts(facts.vertices, facts.triangles, wood, round(left * wood), *texels, facts.depth, leaf_size)
+    return Amounts(facts.vertices, facts.triangles, trunk, round(left * trunk), *texels, facts.depth, leaf_size)
 
 
 def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -96,7 +96,7 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
             paid = True
             rates.append(_GLOSS)
         if effect.name == "trunk_levels":
-            rates.append(_WOOD_LEFT)
+            rates.append(_TRUNK_LEFT)
         if effect.name == "pruning":
             rates += [_ORDER] if settings.chain == "billboards" else [_ORDER, _GROWTH]
         seconds, nbytes = sum(each.time(known) for each in rates), sum(each.size(known) for each in rates)
@@ -124,12 +124,12 @@ def _triangles(known: Amounts) -> int:
     return known.triangles
 
 
-def _wood(known: Amounts) -> int:
-    return known.wood
+def _trunk(known: Amounts) -> int:
+    return known.trunk
 
 
-def _wood_left(known: Amounts) -> int:
-    return known.wood_left
+def _trunk_left(known: Amounts) -> int:
+    return known.trunk_left
 
 
 def _texels(known: Amounts) -> int:
@@ -154,7 +154,7 @@ def _pieces(known: Amounts) -> int:
 
 _SHARING = ("gloss", "occlusion", "self_shadowing")
 _GLOSS = Rate(_texels, BYTES_PER_TEXEL, seconds=1.65e-7, seconds_per_layer=8.3e-9)
-_WOOD_LEFT = Rate(_wood_left, 87.0)
+_TRUNK_LEFT = Rate(_trunk_left, 87.0)
 _ORDER = Rate(_triangles, fixed=0.065, per_layer=0.028, seconds=2.25e-6)
 """Measuring how much of each leaf is visible."""
 _GROWTH = Rate(_triangles, fixed=0.11, per_layer=0.0225, seconds=1.45e-6)
@@ -164,7 +164,7 @@ RATES: dict[str, Rate] = {
     "transitions": Rate(_vertices, 41.0, seconds=1.0e-7),
     "pruning": Rate(_vertices, 16.5, seconds=1.0e-8),
     "back_sides": Rate(_texels, 1.64),
-    "trunk_levels": Rate(_wood, fixed=0.04, seconds=2.8e-5),
+    "trunk_levels": Rate(_trunk, fixed=0.04, seconds=2.8e-5),
     "far_levels": Rate(_far_texels, BYTES_PER_TEXEL, fixed=0.25, seconds=4.6e-7),
     "normals": Rate(_texels, BYTES_PER_TEXEL, seconds=8.0e-8),
     "gloss": Rate(_texels),

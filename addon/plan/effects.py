@@ -256,14 +256,14 @@ def _back_sides(scene: _Scene) -> Effect:
 
 
 def _trunk_levels(scene: _Scene) -> Effect:
-    wood = scene.facts.wood
-    if wood == 0:
+    trunk = scene.facts.trunk
+    if trunk == 0:
         return Effect("trunk_levels", False, "the tree has no trunk or branches")
     if scene.only_leaves:
         return Effect("trunk_levels", False, f"{scene.where}, and {scene.takes_over(1)}: only LOD 0's trunk is seen")
     if scene.seen is not None:
-        return Effect("trunk_levels", True, f"{scene.where}, and sees {wood} trunk triangles beside billboards")
-    return Effect("trunk_levels", True, f"{scene.free_camera}, so it may see {wood} trunk triangles from far away")
+        return Effect("trunk_levels", True, f"{scene.where}, and sees {trunk} trunk triangles beside billboards")
+    return Effect("trunk_levels", True, f"{scene.free_camera}, so it may see {trunk} trunk triangles from far away")
 
 
 def _far_levels(scene: _Scene) -> Effect:

@@ -50,9 +50,9 @@ class Facts:
     vertices: int = 0
     triangles: int = 0
     """Vertices and triangles of the leaves."""
-    wood: int = 0
+    trunk: int = 0
     """Triangles of trunk and branches."""
-    wood_seams: float = 0.0
+    trunk_seams: float = 0.0
     """Fraction of the trunk's vertices that exist only because of texture seams."""
     radius: float = 1.0
     """R, the radius of the leaves' bounding sphere, in world units."""

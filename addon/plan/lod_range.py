@@ -18,7 +18,7 @@ the edges of alpha are left to fade."""
 LEAST_STEP = 1.25
 """Minimum ratio of a level's switch distance to that of the level before."""
 
-WOOD_PIXELS = 2.0
+TRUNK_PIXELS = 2.0
 """Maximum deviation of a level's trunk in pixels at the distance where the level appears."""
 
 
@@ -79,7 +79,7 @@ def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, tra
     return tuple(result)
 
 
-def wood_range(ranges: Sequence[LodRange], number: int) -> LodRange:
+def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
     Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
@@ -92,11 +92,11 @@ def wood_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     return LodRange(own.appear, math.inf, math.inf, vanish, whole=own.appear, fading=fading)
 
 
-def wood_errors(deviations: Sequence[float], ranges: Sequence[LodRange], unit: float) -> tuple[float, ...]:
+def trunk_errors(deviations: Sequence[float], ranges: Sequence[LodRange], unit: float) -> tuple[float, ...]:
     """Return the maximum deviation of the trunk of each level after LOD 0, from the original trunk.
 
-    It is the level's leaf deviation in `deviations`, limited to `WOOD_PIXELS` at the distance where the level appears.
-    `unit`: the distance at which a length of 1 covers `WOOD_PIXELS`. Leaves morph onto their billboards, but a trunk
+    It is the level's leaf deviation in `deviations`, limited to `TRUNK_PIXELS` at the distance where the level appears.
+    `unit`: the distance at which a length of 1 covers `TRUNK_PIXELS`. Leaves morph onto their billboards, but a trunk
     switches at once, so a deviation as large as the leaves' would be a visible jump.
     """
     behind = zip(deviations, ranges[1:], strict=True)

@@ -71,15 +71,15 @@ class Stature:
     period: float
 
 
-def stature(leaves: NDArray[np.float32], wood: NDArray[np.float32] | None, matrix: NDArray[np.float64]) -> Stature:
-    """Measure a tree with the points of `leaves` (n, 3), n > 0, and of its trunk `wood` (m, 3), in its own coordinates.
+def stature(leaves: NDArray[np.float32], trunk: NDArray[np.float32] | None, matrix: NDArray[np.float64]) -> Stature:
+    """Measure a tree with the points of `leaves` (n, 3), n > 0, and `trunk` (m, 3), in its own coordinates.
 
     `matrix` (4, 4) transforms its coordinates to the world, where up is +Z. The period is 0.8 s · √(height / 1 m), with
     world units as meters: taller trees of the same shape sway more slowly, as pendulums do. A 10 m tree takes 2 to 4 s.
     """
     up = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
     crown = leaves.astype(np.float64)
-    standing = crown if wood is None or not len(wood) else wood.astype(np.float64)
+    standing = crown if trunk is None or not len(trunk) else trunk.astype(np.float64)
     heights = standing @ up
     low = standing[heights <= heights.min() + FOOT_SHARE * np.ptp(heights)]
     lowest, highest = min(heights.min(), (crown @ up).min()), max(heights.max(), (crown @ up).max())

@@ -70,7 +70,7 @@ class Tree:
     Never singular; may mirror.
     """
     leaves: Geometry
-    wood: Geometry | None
+    trunk: Geometry | None
     choice: str
     """One sentence that names the leaf parts and the reason."""
     dropped: list[str]
@@ -109,7 +109,7 @@ def extract(
     except LeavesError as error:
         raise SceneError(str(error)) from error
     leaves = [slots[i] for i in choice.indices]
-    wood = [slot for i, slot in enumerate(slots) if i not in set(choice.indices)]
+    trunk = [slot for i, slot in enumerate(slots) if i not in set(choice.indices)]
     frame = leaves[0].copies
     surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
     reader = _Reader(frame.owner_matrix, surfaces, warnings=[])
@@ -118,7 +118,7 @@ def extract(
         name=name or _name(depsgraph, selected, frame),
         matrix=frame.owner_matrix,
         leaves=reader.geometry(leaves),
-        wood=reader.geometry(wood) if wood else None,
+        trunk=reader.geometry(trunk) if trunk else None,
         choice=choice.reason,
         dropped=[*dropped, *loose],
         warnings=list(dict.fromkeys(reader.warnings)),

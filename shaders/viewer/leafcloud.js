@@ -48,10 +48,10 @@ vec3 lcBlownLeaf(vec3 point) {
     return lc_blown(turned, lcPivot, lcBillboardPivot, transition, lcWind);
 }
 `;
-const WOOD_DECLARATIONS = `
+const TRUNK_DECLARATIONS = `
 uniform LcWind lcWind;
 
-vec3 lcBlownWood(vec3 point) {
+vec3 lcBlownTrunk(vec3 point) {
     return lc_blown(point, point, point, 0.0, lcWind);
 }
 `;
@@ -423,7 +423,7 @@ function patched(original, uniforms, leaves, shading) {
 export function placing(leaves, wind) {
   if (leaves && wind) return [LAWS + DECLARATIONS + WIND_DECLARATIONS, "lcBlownLeaf(position)"];
   if (leaves) return [LAWS + DECLARATIONS, "lcPlaced(position)"];
-  return wind ? [LAWS + WOOD_DECLARATIONS, "lcBlownWood(position)"] : ["", "position"];
+  return wind ? [LAWS + TRUNK_DECLARATIONS, "lcBlownTrunk(position)"] : ["", "position"];
 }
 
 function vertexShader(source, leaves, wind) {

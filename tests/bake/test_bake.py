@@ -48,7 +48,7 @@ def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> Non
     assert [level["level"] for level in report["levels"]] == [0, 1, 2, 3]
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "stochastic", "cross"]
     for level in report["levels"]:
-        assert set(level) == {*LEVEL_KEYS, "wood"}
+        assert set(level) == {*LEVEL_KEYS, "trunk"}
         assert set(level["seconds"]) == {"fit", "pack", "bake", "look", "write"}
     assert report["levels"][0]["triangles"] == report["input"]["triangles"]
     for level, epsilon in zip(report["levels"][1:3], (0.04, 0.1), strict=True):
@@ -73,14 +73,14 @@ def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -
     assert sorted(file.name for file in out.iterdir()) == report["files"]
 
 
-def test_every_level_has_its_node_with_the_wood_below(baked: tuple[Path, dict[str, Any]]) -> None:
+def test_every_level_has_its_node_with_the_trunk_below(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     nodes = read_glb(out / "shrub.glb")
     clouds = [f"shrub_LOD{number}" for number in range(3)]
-    assert set(nodes) == {*clouds, *(f"{name}_wood" for name in clouds), "shrub_LOD3"}
+    assert set(nodes) == {*clouds, *(f"{name}_trunk" for name in clouds), "shrub_LOD3"}
     for level in report["levels"]:
         node = nodes[f"shrub_LOD{level['level']}"]
-        assert node.children == ([f"{node.name}_wood"] if level["level"] < 3 else [])
+        assert node.children == ([f"{node.name}_trunk"] if level["level"] < 3 else [])
         assert node.extras["leafcloud"]["level"] == level["level"]
         assert node.extras["leafcloud"]["switch_distance"] == pytest.approx(level["switch_distance"])
         assert sum(len(primitive.indices) for primitive in node.primitives) == level["triangles"]
@@ -184,8 +184,8 @@ def test_levels_take_over_from_one_another_before_the_camera(baked: tuple[Path, 
         depsgraph = bpy.context.evaluated_depsgraph_get()
         drawn = [number for number in range(4) if _polygons(depsgraph, f"shrub_LOD{number}")]
         assert drawn == [expected]
-        wooden = [number for number in range(3) if _polygons(depsgraph, f"shrub_LOD{number}_wood")]
-        assert wooden == [number for number in drawn if number < 3]
+        trunk_object = [number for number in range(3) if _polygons(depsgraph, f"shrub_LOD{number}_trunk")]
+        assert trunk_object == [number for number in drawn if number < 3]
 
 
 def _polygons(depsgraph: bpy.types.Depsgraph, name: str) -> int:

@@ -22,7 +22,7 @@ def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..
     report = bake(source, out, *QUICK, "--levels", 1)
     assert report["input"]["leaves"] == 672
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
-    assert "bush_LOD0_wood" in read_glb(out / "bush.glb")
+    assert "bush_LOD0_trunk" in read_glb(out / "bush.glb")
     assert gltf_issues(*out.glob("*.glb")) == []
 
 
@@ -44,7 +44,7 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
     assert relative[1] > 1.5 * relative[0]  # a narrow view sees errors from farther
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
     assert {obj.name for obj in bpy.data.objects} == {
-        "camera", "garden_LOD0", "garden_LOD0_wood", "garden_LOD1", "garden_LOD1_wood"
+        "camera", "garden_LOD0", "garden_LOD0_trunk", "garden_LOD1", "garden_LOD1_trunk"
     }  # fmt: skip
     assert bpy.context.scene.camera.name == "camera"
 

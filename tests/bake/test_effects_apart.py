@@ -71,8 +71,8 @@ EFFECTS_APART = {
         ("addon.plan.effects:_settled", "addon.build.side_nodes"), ("materials tree_LOD1 use_backface_culling = True",)
     ),
     "trunk_levels": Own(
-        ("addon.build.wood:simplified", "addon.build.wood:gathered", "addon.plan.lod_range:wood_errors"),
-        ("meshes tree_wood_1 is there",),
+        ("addon.build.trunk:simplified", "addon.build.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
+        ("meshes tree_trunk_1 is there",),
     ),
     # The functions that make the first level make the others, too.
     "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),

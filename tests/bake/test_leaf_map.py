@@ -89,7 +89,7 @@ def baked(colors: dict[str, Color], effects: str, *others: bpy.types.Object, **s
     obj = crown(colors)
     settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, **shape})
     result = bake(read([obj, *others], [obj.name]), settings)
-    for made in (obj, *others, *(each for level in result.levels for each in (level.object, level.wood) if each)):
+    for made in (obj, *others, *(each for level in result.levels for each in (level.object, level.trunk) if each)):
         made.hide_render = True
     return result
 
@@ -160,17 +160,17 @@ def test_levels_behind_the_first_know_the_leaves_too(tmp_path: Path) -> None:
     np.testing.assert_allclose(mean_color(after), mean_color(expected), rtol=0.05)
 
 
-def test_wood_in_the_cross_keeps_its_colour(tmp_path: Path) -> None:
+def test_trunk_in_the_cross_keeps_its_colour(tmp_path: Path) -> None:
     result = baked(SUMMER, "leaf_map", trunk(), cross=True)
     before = seen(result.levels[2].object, tmp_path, 8.0)
     wear(material_of(result, 2), AUTUMN)
     after = seen(result.levels[2].object, tmp_path, 8.0)
     x = 8.0 * ((np.arange(SIDE) + 0.5) / SIDE - 0.5)
-    wood, leaves = ((before[..., 3] > 0.99) & of_part for of_part in (x > 1.9, x < 1.5))
-    assert wood.sum() > 50 < leaves.sum()
-    np.testing.assert_allclose(after[wood], before[wood], rtol=1e-5)
+    bark, leaves = ((before[..., 3] > 0.99) & of_part for of_part in (x > 1.9, x < 1.5))
+    assert bark.sum() > 50 < leaves.sum()
+    np.testing.assert_allclose(after[bark], before[bark], rtol=1e-5)
     assert after[leaves][:, 0].mean() > 3.0 * before[leaves][:, 0].mean()
-    assert before[wood][:, 2].min() > 0.5 > 0.1 > after[leaves][:, 2].max(), "only bark is blue"
+    assert before[bark][:, 2].min() > 0.5 > 0.1 > after[leaves][:, 2].max(), "only bark is blue"
 
 
 # Nodes
@@ -220,7 +220,7 @@ def test_the_group_decodes_labels(tmp_path: Path) -> None:
 
 
 def test_each_material_has_its_own_colour(tmp_path: Path) -> None:
-    """A number, an image by a factor, none where it is rendered; the sixteenth for all behind it; the page for wood."""
+    """A number, an image by a factor, none where it is rendered; the sixteenth for all after it; the page for bark."""
     leaves = [new_material() for _ in range(18)]
     for number, (_, principled, _) in enumerate(leaves):
         principled.inputs["Base Color"].default_value = (0.05 * number, 0.5, 0.0, 1.0)

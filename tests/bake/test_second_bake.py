@@ -64,10 +64,10 @@ def test_a_selected_level_stands_for_what_it_was_made_of(sources: list[bpy.types
     assert bpy.context.view_layer.objects.active.name == "leaves_LOD0"
     settings = bpy.context.scene.leafcloud
     settings.levels = 2
-    for name in ("leaves_LOD0", "leaves_LOD1_wood"):
+    for name in ("leaves_LOD0", "leaves_LOD1_trunk"):
         select(bpy.data.objects[name])
         assert bpy.ops.leafcloud.bake() == {"FINISHED"}
-    assert {*names()["objects"]} == {*before["objects"], "leaves_LOD2_wood", "leaves_LOD3"}
+    assert {*names()["objects"]} == {*before["objects"], "leaves_LOD2_trunk", "leaves_LOD3"}
     settings.levels = 1
     bpy.ops.leafcloud.bake()
     assert names() == before
@@ -84,10 +84,10 @@ def test_a_level_can_be_planned_and_measured(sources: list[bpy.types.Object]) ->
 def test_a_bake_of_more_of_a_tree_takes_the_place_of_that_of_its_leaves(sources: list[bpy.types.Object]) -> None:
     select(sources[0])
     bpy.ops.leafcloud.bake()
-    assert "leaves_LOD0_wood" not in bpy.data.objects
+    assert "leaves_LOD0_trunk" not in bpy.data.objects
     select(*sources)
     bpy.ops.leafcloud.bake()
-    assert "leaves_LOD0_wood" in bpy.data.objects
+    assert "leaves_LOD0_trunk" in bpy.data.objects
     assert not [name for name in names()["objects"] if "_2" in name or "." in name]
 
 

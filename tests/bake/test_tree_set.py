@@ -72,7 +72,7 @@ def read_trees(how: str = "collections", leaf_names: list[str] | None = None) ->
     return extract_trees(bpy.context.evaluated_depsgraph_get(), groups, leaf_names=leaf_names)
 
 
-def bake(trees: dict[str, Tree], name: str = "wood", **settings: Any) -> TreeSet:
+def bake(trees: dict[str, Tree], name: str = "trunk", **settings: Any) -> TreeSet:
     scene = bpy.context.scene
     prepared = prepare_tree_set(trees, BakeSettings(**{**SMALL, **settings}), layer_of(scene))
     return bake_tree_set(prepared, scene, name, lambda stage, fraction: None)
@@ -119,7 +119,7 @@ def test_topmost_parents_part_trees() -> None:
     bpy.context.view_layer.update()
     trees = read_trees("parents")
     assert {name: len(tree.leaves.triangles) for name, tree in trees.items()} == {"elm_trunk": 40, "oak_trunk": 40}
-    assert all(tree.wood is not None and len(tree.wood.triangles) == 1 for tree in trees.values())
+    assert all(tree.trunk is not None and len(tree.trunk.triangles) == 1 for tree in trees.values())
 
 
 def test_collections_part_trees_and_cameras_are_none() -> None:
@@ -156,7 +156,7 @@ def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
     for number in (1, 2):
         page = page_of(first[number].object)
         assert page == page_of(second[number].object)
-        assert page.name == f"wood_LOD{number}"
+        assert page.name == f"trunk_LOD{number}"
     assert page_of(first[1].object) != page_of(first[2].object)
     for levels, own, other in ((first, 0, 2), (second, 2, 0)):
         for level in levels[1:]:
@@ -171,7 +171,7 @@ def test_one_page_casts_the_shadows_of_all() -> None:
     red_and_blue()
     tree_set = bake(read_trees(), effects="+shadow_proxy", viewer="anywhere")
     pages = {page_of(obj) for tree in tree_set.trees for obj in tree.collection.objects if obj.name.endswith("_shadow")}
-    assert [page.name for page in pages] == ["wood_shadow"]
+    assert [page.name for page in pages] == ["trunk_shadow"]
 
 
 def test_a_tree_alone_keeps_its_name_and_pages() -> None:
@@ -284,7 +284,7 @@ def test_blended_trees_are_ordered_each_by_itself(tmp_path: Path) -> None:
         collected(f"{name}_tree", glass)
     bpy.context.view_layer.update()
     write(bake(read_trees(), viewer="anywhere"), tmp_path, lambda stage, fraction: None, blend=False)
-    nodes = read_glb(tmp_path / "wood.glb")
+    nodes = read_glb(tmp_path / "trunk.glb")
     for tree in ("red_tree", "blue_tree"):
         for number in (1, 2):
             [node] = [node for name, node in nodes.items() if name.startswith(tree) and name.endswith(f"_LOD{number}")]
@@ -298,20 +298,20 @@ def test_files_have_all_trees_and_each_page_once(
     tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     red_and_blue()
-    scene, out = saved(tmp_path / "wood.blend"), tmp_path / "out"
+    scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
     report = bake_files(scene, out, "--trees", "collections", "--texture-size", 128, "--levels", 1)
     assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
     assert report["files"] == sorted(
-        ["preview.png", "report.json", "wood.blend", "wood.glb", *(f"wood_LOD{number}.glb" for number in range(3))]
+        ["preview.png", "report.json", "trunk.blend", "trunk.glb", *(f"trunk_LOD{number}.glb" for number in range(3))]
     )
     assert {file.name for file in out.iterdir()} == set(report["files"])
-    nodes = read_glb(out / "wood.glb")
+    nodes = read_glb(out / "trunk.glb")
     assert set(nodes) == {f"{tree}_LOD{number}" for tree in ("maple", "spruce") for number in range(3)}
-    assert set(read_glb(out / "wood_LOD1.glb")) == {"maple_LOD1", "spruce_LOD1"}
-    pages = [image["name"] for image in json_of(out / "wood.glb")["images"] if "normal" not in image["name"]]
-    assert pages == ["wood_LOD1", "wood_LOD2"]
-    assert len(json_of(out / "wood_LOD1.glb")["images"]) == 2
-    assert not gltf_issues(out / "wood.glb", *(out / f"wood_LOD{number}.glb" for number in range(3)))
+    assert set(read_glb(out / "trunk_LOD1.glb")) == {"maple_LOD1", "spruce_LOD1"}
+    pages = [image["name"] for image in json_of(out / "trunk.glb")["images"] if "normal" not in image["name"]]
+    assert pages == ["trunk_LOD1", "trunk_LOD2"]
+    assert len(json_of(out / "trunk_LOD1.glb")["images"]) == 2
+    assert not gltf_issues(out / "trunk.glb", *(out / f"trunk_LOD{number}.glb" for number in range(3)))
     assert [len(tree["levels"]) for tree in report["trees"]] == [3, 3]
     # Each tells its own share of the page. On the small page of the cross impostors alignment takes room.
     for number, least in ((1, 0.5), (2, 0.25)):
@@ -334,7 +334,7 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
 
 def test_what_is_of_one_tree_is_refused_for_several(tmp_path: Path, shrub: Path) -> None:
     red_and_blue()
-    scene, out = saved(tmp_path / "wood.blend"), tmp_path / "out"
+    scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
     assert "one tree" in refusal(out, "--input", scene, "--trees", "collections", "--cost-curve", "quick")
     assert ".blend" in refusal(out, "--input", shrub, scene)
     assert "open one that has all trees" in refusal(out, "--input", shrub, shrub, "--unlit")

@@ -59,7 +59,7 @@ def triangles(nodes: dict[str, Node]) -> int:
 
 def test_a_plain_reader_sees_the_leaves_and_their_trunk_alone(baked: Path) -> None:
     seen, alone = read_scene(baked / "shrub.glb"), read_scene(baked / "shrub_LOD0.glb")
-    assert set(seen) == set(alone) == {"shrub_LOD0", "shrub_LOD0_wood"}
+    assert set(seen) == set(alone) == {"shrub_LOD0", "shrub_LOD0_trunk"}
     level = report_of(baked)["levels"][0]
     assert triangles(seen) == triangles(alone) == level["triangles"] + level["trunk_triangles"]
 
@@ -73,7 +73,7 @@ def test_a_reader_of_the_extension_finds_the_other_levels_with_their_trunks(bake
     nodes = read_glb(path)
     for level in report_of(baked)["levels"]:
         node = nodes[f"shrub_LOD{level['level']}"]
-        assert node.children == ([f"{node.name}_wood"] if level["level"] < 3 else [])
+        assert node.children == ([f"{node.name}_trunk"] if level["level"] < 3 else [])
         found = {name: nodes[name] for name in (node.name, *node.children)}
         assert triangles(found) == triangles(read_scene(baked / f"{node.name}.glb"))
         assert triangles(found) == level["triangles"] + level["trunk_triangles"]
@@ -113,7 +113,7 @@ def test_each_level_says_where_the_crown_is(baked: Path) -> None:
 def test_the_report_counts_the_trunk_beside_each_level(baked: Path) -> None:
     nodes = read_glb(baked / "shrub.glb")
     for level in report_of(baked)["levels"]:
-        trunk = nodes.get(f"shrub_LOD{level['level']}_wood")
+        trunk = nodes.get(f"shrub_LOD{level['level']}_trunk")
         assert level["trunk_triangles"] == (0 if trunk is None else triangles({"trunk": trunk}))
     counts = [level["trunk_triangles"] for level in report_of(baked)["levels"]]
     assert counts[0] > counts[1] >= counts[2] > counts[3] == 0
@@ -127,7 +127,7 @@ def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) ->
     path = tmp_path / "out" / "shrub_bush.glb"
     expected = {f"{tree}_LOD0": [f"{tree}_LOD1", f"{tree}_LOD2"] for tree in ("shrub", "bush")}
     assert chains(path) == expected
-    assert set(read_scene(path)) == {*expected, *(f"{name}_wood" for name in expected)}
+    assert set(read_scene(path)) == {*expected, *(f"{name}_trunk" for name in expected)}
 
 
 # What reads it back
@@ -136,11 +136,11 @@ def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) ->
 def test_a_bake_read_back_in_is_its_leaves_and_trunk(baked: Path) -> None:
     load(baked / "shrub.glb")
     level = report_of(baked)["levels"][0]
-    assert {obj.name for obj in bpy.data.objects} == {"shrub_LOD0", "shrub_LOD0_wood"}
+    assert {obj.name for obj in bpy.data.objects} == {"shrub_LOD0", "shrub_LOD0_trunk"}
     tree = extract(bpy.context.evaluated_depsgraph_get(), None)
-    assert tree.wood is not None
+    assert tree.trunk is not None
     assert len(tree.leaves.triangles) == level["triangles"]
-    assert len(tree.wood.triangles) == level["trunk_triangles"]
+    assert len(tree.trunk.triangles) == level["trunk_triangles"]
 
 
 def test_a_bake_read_in_beside_another_leaves_the_other_s_levels_alone(baked: Path) -> None:

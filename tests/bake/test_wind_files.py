@@ -183,7 +183,7 @@ def apart(seen: dict[str, Any], primitive: Primitive, moved: dict[bytes, Floats]
 
 @pytest.mark.browser
 def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Node]) -> None:
-    """Leaves, clouds, cross and wood. Sines in GLSL are within 2⁻¹¹, and of that a tenth of height and spread, at most
+    """Leaves, clouds, cross and trunk. Sines in GLSL are within 2⁻¹¹, and of that a tenth of height and spread, at most
     half of a leaf's arm, is left; a is off by rounding of the distance."""
     places = eyes(nodes)
     question = {
@@ -205,9 +205,9 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
         for seen, primitive in zip(view["meshes"], primitives(nodes, number), strict=True):
             assert apart(seen, primitive, moved) < 4e-4
         for child in nodes[obj.name].children:
-            wood = moved_by_nodes(bpy.data.objects[child])
-            for seen, primitive in zip(view["wood"], nodes[child].primitives, strict=True):
-                assert apart(seen, primitive, wood) < 4e-4
+            trunk = moved_by_nodes(bpy.data.objects[child])
+            for seen, primitive in zip(view["trunk"], nodes[child].primitives, strict=True):
+                assert apart(seen, primitive, trunk) < 4e-4
         still = {key: np.frombuffer(key, np.float32)[:3] for key in moved}
         assert max(float(np.linalg.norm(moved[key] - still[key])) for key in moved) > 0.01
 
@@ -286,7 +286,7 @@ def test_a_forest_sways(shrub: Path) -> None:
             drawn[frame] = [
                 (each.object.original.name, points_of(each.object.data))
                 for each in bpy.context.evaluated_depsgraph_get().object_instances
-                if each.is_instance and each.parent.original == obj and not each.object.name.endswith("wood")
+                if each.is_instance and each.parent.original == obj and not each.object.name.endswith("trunk")
             ]
         assert len({name for name, _ in drawn[1]}) == 2
         for (name, first), (again, later) in zip(drawn[1], drawn[FRAME], strict=True):

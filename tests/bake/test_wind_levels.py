@@ -173,17 +173,17 @@ def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[
     assert (off <= bound + stretch * np.linalg.norm(way, axis=1) + ROUNDING).all()
 
 
-def test_wood_and_cloud_stand_in_one_field(levels: list[bpy.types.Object]) -> None:
-    """The wood is where w has it, and each billboard's pivot, too: the middle of its corners, which go along."""
+def test_trunk_and_cloud_stand_in_one_field(levels: list[bpy.types.Object]) -> None:
+    """The trunk is where w has it, and each billboard's pivot, too: the middle of its corners, which go along."""
     blow(9.0)
-    cloud, wood = levels[1], bpy.data.objects["shrub_LOD1_wood"]
+    cloud, trunk = levels[1], bpy.data.objects["shrub_LOD1_trunk"]
     by_hand(cloud, 0.0)
-    set_manual(wood.modifiers[0], transition=0.0, keep=1.0)
-    pivots, rest, bark = attribute(cloud.data, "leaf_pivot"), points_of(cloud.data), points_of(wood.data)
+    set_manual(trunk.modifiers[0], transition=0.0, keep=1.0)
+    pivots, rest, bark = attribute(cloud.data, "leaf_pivot"), points_of(cloud.data), points_of(trunk.data)
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
         air = air_of(cloud, frame / FPS)
-        np.testing.assert_allclose(points_of(evaluate(wood)) - bark, sway_at(bark.astype(float), air), atol=ROUNDING)
+        np.testing.assert_allclose(points_of(evaluate(trunk)) - bark, sway_at(bark.astype(float), air), atol=ROUNDING)
         swayed = points_of(evaluate(cloud)) - rest
         for pivot in np.unique(pivots, axis=0):
             corners = (pivots == pivot).all(axis=1)

@@ -67,7 +67,7 @@ def square(name: str, height: float, side: float = 1.0, material: bpy.types.Mate
 
 
 def lit(tree: Tree, **options: Any) -> BakedLight:
-    return light_of(tree, bpy.context.view_layer, **{"with_wood": False, **options})
+    return light_of(tree, bpy.context.view_layer, **{"with_trunk": False, **options})
 
 
 # The light
@@ -125,7 +125,7 @@ def test_normals_that_lean_are_followed_through_the_leaf() -> None:
         bpy.data.objects.remove(lamp)
 
 
-@pytest.mark.parametrize("by", ["leaf", "wood", "other"])
+@pytest.mark.parametrize("by", ["leaf", "trunk", "other"])
 def test_what_stands_in_the_light_casts_its_shadow(by: str) -> None:
     """On a leaf below; whether it is of the tree or not."""
     leaf, above = square("leaf", 0.0), square("above", 1.0, 2.0)
@@ -193,12 +193,12 @@ def state() -> Any:
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_the_scene_is_as_it_was(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    leaf, wood, hidden = square("leaf", 0.0), square("wood", 1.0), square("hidden", 2.0)
+    leaf, trunk, hidden = square("leaf", 0.0), square("trunk", 1.0), square("hidden", 2.0)
     hidden.hide_render = True
     world(SKY)
-    wood.select_set(True)
-    bpy.context.view_layer.objects.active = wood
-    tree = read([leaf, wood], ["leaf"])
+    trunk.select_set(True)
+    bpy.context.view_layer.objects.active = trunk
+    tree = read([leaf, trunk], ["leaf"])
     before = state()
     if fails:
 
@@ -209,9 +209,9 @@ def test_the_scene_is_as_it_was(fails: bool, monkeypatch: pytest.MonkeyPatch) ->
         with pytest.raises(
             SceneError, match=r"the light of the scene 'Scene' could not be baked \(no engine\); enable"
         ):
-            lit(tree, with_wood=True)
+            lit(tree, with_trunk=True)
     else:
-        assert lit(tree, with_wood=True).wood is not None
+        assert lit(tree, with_trunk=True).trunk is not None
     assert state() == before
 
 
@@ -377,7 +377,7 @@ def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[st
     (leaves, binary), (cloud, _) = documents(result, tmp_path)
     lit_leaf = next(material for material in leaves["materials"] if "KHR_materials_unlit" in material["extensions"])
     bark = next(material for material in leaves["materials"] if material is not lit_leaf)
-    assert "KHR_materials_unlit" not in bark.get("extensions", {}), "the wood is lit as before"
+    assert "KHR_materials_unlit" not in bark.get("extensions", {}), "the trunk is lit as before"
     assert lit_leaf["extensions"] == {"KHR_materials_unlit": {}}
     assert (lit_leaf["alphaMode"], lit_leaf["alphaCutoff"]) == ("MASK", pytest.approx(0.4))
     assert "baseColorTexture" in lit_leaf["pbrMetallicRoughness"]
@@ -392,7 +392,7 @@ def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[st
     ]
     assert [name for name in primitive["attributes"] if name.startswith("COLOR")] == ["COLOR_0"]
     colors = values(leaves, binary, primitive["attributes"]["COLOR_0"])
-    # The wood above shades the middle of one of the two triangles a little.
+    # The trunk above shades the middle of one of the two triangles a little.
     assert colors[:, :3].max(axis=0) == pytest.approx((np.array(SKY) + 1.5) / strength, rel=0.01)
     assert len(leaves["images"]) == 1, "nothing asks for the normal map"
     material = next(material for material in cloud["materials"] if material["name"] == "tree_LOD1")
@@ -424,13 +424,13 @@ def test_the_artists_materials_stay(tmp_path: Path) -> None:
     assert [level.object.data.materials[0].use_backface_culling for level in result.levels[1:]] == [True] * 3
 
 
-def test_the_cross_shows_lit_wood() -> None:
-    """Only it shows the wood, so only for it the light on wood is baked."""
+def test_the_cross_shows_lit_trunk() -> None:
+    """Only it shows the trunk, so only for it the light on trunk is baked."""
     world(SKY)
     result = baked(square("leaves", 0.0), square("bark", 0.5, 0.1), cross=True)
     assert result.prepared.light is not None
-    assert result.prepared.light.wood is not None
-    np.testing.assert_allclose(result.prepared.light.wood.front, np.broadcast_to(SKY, (2, 3, 3)), rtol=1e-4)
+    assert result.prepared.light.trunk is not None
+    np.testing.assert_allclose(result.prepared.light.trunk.front, np.broadcast_to(SKY, (2, 3, 3)), rtol=1e-4)
     bpy.data.objects["tree_LOD0"].hide_render = True
 
 

@@ -91,7 +91,7 @@ def leaves() -> Geometry:
     )
 
 
-def wood() -> Geometry:
+def trunk() -> Geometry:
     return Geometry(
         positions=np.array([[0, 0, -1], [1, 0, -1], [0, 0, 0]], np.float32),
         triangles=np.array([[0, 1, 2]], np.int32),
@@ -103,10 +103,10 @@ def wood() -> Geometry:
     )
 
 
-def tree(*, with_wood: bool = True) -> Tree:
+def tree(*, with_trunk: bool = True) -> Tree:
     matrix = np.eye(4)
     matrix[:3, 3] = (5.0, 6.0, 7.0)
-    return Tree("tree", matrix, leaves(), wood() if with_wood else None, "", [], [])
+    return Tree("tree", matrix, leaves(), trunk() if with_trunk else None, "", [], [])
 
 
 FOLIAGE = SimpleNamespace(leaf_ids=np.array([0, 0, 1, 2], np.uint32))
@@ -379,18 +379,18 @@ def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
     assert world @ np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0
 
 
-def test_all_levels_but_the_cross_share_the_wood() -> None:
+def test_all_levels_but_the_cross_share_the_trunk() -> None:
     levels = build(tree())
     assert [level.object.name for level in levels] == ["tree_LOD0", "tree_LOD1", "tree_LOD2", "tree_LOD3"]
-    woods = [level.wood for level in levels[:-1]]
-    assert [wood.name for wood in woods] == ["tree_LOD0_wood", "tree_LOD1_wood", "tree_LOD2_wood"]
-    assert {wood.data.name for wood in woods} == {"tree_wood"}
-    assert all(wood.parent == level.object for wood, level in zip(woods, levels, strict=False))
-    assert levels[-1].wood is None
+    trunks = [level.trunk for level in levels[:-1]]
+    assert [trunk.name for trunk in trunks] == ["tree_LOD0_trunk", "tree_LOD1_trunk", "tree_LOD2_trunk"]
+    assert {trunk.data.name for trunk in trunks} == {"tree_trunk"}
+    assert all(trunk.parent == level.object for trunk, level in zip(trunks, levels, strict=False))
+    assert levels[-1].trunk is None
 
 
-def test_a_tree_without_wood_has_none() -> None:
-    assert [level.wood for level in build(tree(with_wood=False))] == [None] * 4
+def test_a_tree_without_trunk_has_none() -> None:
+    assert [level.trunk for level in build(tree(with_trunk=False))] == [None] * 4
 
 
 def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
@@ -406,9 +406,9 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     assert get_modifier_input(cross, "Whole") == get_modifier_input(last, "Fading") == pytest.approx(56.25)
     assert get_modifier_input(last, "Vanish") == pytest.approx(62.5)
     assert get_modifier_input(cross, "Vanish") > 1e8
-    wood = levels[1].wood.modifiers[0]
-    assert get_modifier_input(wood, "Appear") == get_modifier_input(cloud, "Appear")
-    assert get_modifier_input(wood, "Start") > 1e8
+    trunk = levels[1].trunk.modifiers[0]
+    assert get_modifier_input(trunk, "Appear") == get_modifier_input(cloud, "Appear")
+    assert get_modifier_input(trunk, "Start") > 1e8
     assert get_modifier_input(leaf, "Centre") == pytest.approx((0.5, 0.0, 0.5))
 
 

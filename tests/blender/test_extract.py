@@ -51,7 +51,7 @@ def test_a_square_bit_for_bit() -> None:
     assert tree.leaves.colors is None
     assert tree.leaves.material_ids.tolist() == [0]
     assert tree.leaves.materials == [None]
-    assert (tree.matrix.tolist(), tree.wood, tree.dropped, tree.warnings) == (np.eye(4).tolist(), None, [], [])
+    assert (tree.matrix.tolist(), tree.trunk, tree.dropped, tree.warnings) == (np.eye(4).tolist(), None, [], [])
     assert (tree.name, tree.choice) == ("leaf", "'leaf': the names contain leaf, leaves, foliage, needle or frond.")
 
 
@@ -74,12 +74,12 @@ def test_several_objects_and_materials() -> None:
     assert tree.matrix.tolist() == np.array(Matrix.Translation((10, 0, 0))).tolist()
     assert corners(tree.leaves) == [[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(1, 5, 0), (1, 6, 0), (0, 6, 0)]]
     assert tree.leaves.materials == [leaf]
-    assert tree.wood is not None
-    assert corners(tree.wood) == [[(-10, 0, 0), (-9, 0, 0), (-9, 1, 0)]]
-    assert tree.wood.materials == [bark]
+    assert tree.trunk is not None
+    assert corners(tree.trunk) == [[(-10, 0, 0), (-9, 0, 0), (-9, 1, 0)]]
+    assert tree.trunk.materials == [bark]
 
 
-def test_leaf_and_wood_slots_of_one_mesh() -> None:
+def test_leaf_and_trunk_slots_of_one_mesh() -> None:
     leaf, bark, twig = material("leaf"), material("bark"), material("twig")
     obj = add_mesh("tree", SQUARE, [(0, 1, 2), (0, 2, 3), (1, 2, 3)], materials=[bark, leaf, twig])
     obj.data.polygons.foreach_set("material_index", [0, 1, 2])
@@ -88,9 +88,9 @@ def test_leaf_and_wood_slots_of_one_mesh() -> None:
     assert tree.leaves.positions.tolist() == [list(SQUARE[i]) for i in (0, 2, 3)]
     assert tree.leaves.triangles.tolist() == [[0, 1, 2]]
     assert tree.leaves.materials == [leaf]
-    assert tree.wood is not None
-    assert tree.wood.materials == [bark, twig]
-    assert tree.wood.material_ids.tolist() == [0, 1]
+    assert tree.trunk is not None
+    assert tree.trunk.materials == [bark, twig]
+    assert tree.trunk.material_ids.tolist() == [0, 1]
 
 
 def test_names_given_choose_other_leaves() -> None:
@@ -128,7 +128,7 @@ def test_hidden_objects_stay_out() -> None:
     add_mesh("hidden", TRIANGLE, [(0, 1, 2)]).hide_viewport = True
     add_mesh("cutter", TRIANGLE, [(0, 1, 2)]).hide_render = True
     tree = read()
-    assert tree.wood is None
+    assert tree.trunk is None
     assert tree.dropped == ["'cutter' is hidden in renders"]
 
 
@@ -189,9 +189,9 @@ def test_curves_count_with_their_meshes() -> None:
     bpy.context.collection.objects.link(bpy.data.objects.new("stem", curve))
     add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     tree = read()
-    assert tree.wood is not None
-    assert len(tree.wood.triangles) == 24  # 12 sides of two triangles
-    assert [found.name for found in tree.wood.materials] == ["bark"]
+    assert tree.trunk is not None
+    assert len(tree.trunk.triangles) == 24  # 12 sides of two triangles
+    assert [found.name for found in tree.trunk.materials] == ["bark"]
 
 
 def test_geometry_node_instances_of_an_object() -> None:
@@ -204,7 +204,7 @@ def test_geometry_node_instances_of_an_object() -> None:
     expected = [[(x, y, 0), (x + 2, y, 0), (x + 2, y + 2, 0)] for x, y in ((0, 0), (3, 0), (0, 4))]
     assert corners(tree.leaves) == expected
     assert tree.leaves.materials == [leaf]
-    assert tree.wood is None
+    assert tree.trunk is None
     assert len(read(leaf_names=["crown"]).leaves.triangles) == 3
     assert len(read([points]).leaves.triangles) == 3
 
@@ -293,14 +293,14 @@ def test_the_same_scene_gives_the_same_bytes() -> None:
 def test_the_tree_that_comes_with_the_repository(shrub: Path) -> None:
     load(shrub)
     tree = read()
-    assert tree.wood is not None
+    assert tree.trunk is not None
     assert len(tree.leaves.triangles) == 672 * 2
     assert tree.leaves.uvs is not None
     assert tree.warnings == []
 
 
 @pytest.mark.parametrize(
-    ("file", "leaf_triangles", "wood_triangles"),
+    ("file", "leaf_triangles", "trunk_triangles"),
     [
         ("bush_ash_5k", 4992, 8880),
         ("douglas_fir_105k", 104908, 0),
@@ -311,14 +311,14 @@ def test_the_tree_that_comes_with_the_repository(shrub: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("named", [True, False])
-def test_measured_trees(foliage_dir: Path, file: str, leaf_triangles: int, wood_triangles: int, named: bool) -> None:
+def test_measured_trees(foliage_dir: Path, file: str, leaf_triangles: int, trunk_triangles: int, named: bool) -> None:
     load(foliage_dir / f"{file}.glb")
     if not named:
         for data in (*bpy.data.objects, *bpy.data.materials):
             data.name = "part"
     tree = read()
     assert len(tree.leaves.triangles) == leaf_triangles
-    assert (0 if tree.wood is None else len(tree.wood.triangles)) == wood_triangles
+    assert (0 if tree.trunk is None else len(tree.trunk.triangles)) == trunk_triangles
     assert (tree.warnings, tree.dropped) == ([], [])
 
 

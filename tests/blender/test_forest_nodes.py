@@ -218,7 +218,7 @@ def test_a_variant_may_be_a_collection() -> None:
     variants = bpy.data.collections.new("Variants")
     for name in ("a", "b"):
         variant = bpy.data.collections.new(name)
-        for part in ("leaves", "wood"):
+        for part in ("leaves", "trunk"):
             variant.objects.link(add_mesh(f"{name}_{part}", TRIANGLE, [(0, 1, 2)], link=False))
         variants.children.link(variant)
     obj = points([(5.0, 0, 0), (15.0, 0, 0)])
@@ -226,7 +226,7 @@ def test_a_variant_may_be_a_collection() -> None:
     add_camera((0.0, 0.0, 0.0))
     found = sorted((each.variant, each.location) for each in planted(obj))
     near, far = (5.0, 0.0, 0.0), (15.0, 0.0, 0.0)
-    assert found == [("a_leaves", near), ("a_wood", near), ("b_leaves", far), ("b_wood", far)]
+    assert found == [("a_leaves", near), ("a_trunk", near), ("b_leaves", far), ("b_trunk", far)]
 
 
 def test_points_of_a_curve_are_planted_too() -> None:
@@ -255,21 +255,21 @@ def leaf_mesh(leaves: Leaves) -> bpy.types.Mesh:
     return mesh
 
 
-def level(number: int, mesh: bpy.types.Mesh, wood: bpy.types.Mesh | None, matrix: Matrix) -> BuiltLevel:
+def level(number: int, mesh: bpy.types.Mesh, trunk: bpy.types.Mesh | None, matrix: Matrix) -> BuiltLevel:
     obj = bpy.data.objects.new(f"tree_LOD{number}", mesh)
     obj.matrix_world = matrix
     obj.modifiers.new("Leafcloud LOD", "NODES")
-    return BuiltLevel(number, obj, None if wood is None else bpy.data.objects.new(f"{obj.name}_wood", wood), 0)
+    return BuiltLevel(number, obj, None if trunk is None else bpy.data.objects.new(f"{obj.name}_trunk", trunk), 0)
 
 
 TURNED = Matrix.LocRotScale(Vector((9.0, 8.0, 7.0)), Quaternion((1.0, 0.0, 0.0), math.pi / 2.0), Vector((2.0,) * 3))
 
 
 def small_forest(**settings: Any) -> tuple[list[BuiltLevel], Forest]:
-    """Leaves, a cloud and a cross, the first two with wood."""
-    wood = bpy.data.meshes.new("wood")
+    """Leaves, a cloud and a cross, the first two with trunk."""
+    trunk = bpy.data.meshes.new("trunk")
     meshes = [leaf_mesh(many_leaves(64)), build(many_leaves(5)), build(many_leaves(2))]
-    levels = [level(i, mesh, wood if i < 2 else None, TURNED) for i, mesh in enumerate(meshes)]
+    levels = [level(i, mesh, trunk if i < 2 else None, TURNED) for i, mesh in enumerate(meshes)]
     settings = {"switch_distances": (0.0, 90.0, 200.0), "centre": (0.0, 1.0, 3.0), **settings}
     return levels, build_forest(levels, "Oaks", **settings)
 
@@ -282,7 +282,7 @@ def test_a_forest_has_halvings_up_to_the_first_cloud_and_then_the_levels() -> No
     leaves = [variant.objects[variant.name] for variant in variants]
     assert [len(obj.data.polygons) for obj in leaves] == [64, 32, 16, 8, 5, 2]
     assert [leaves[number].data for number in (0, 4, 5)] == [each.object.data for each in levels]
-    assert [variant.objects[-1].data.name for variant in variants[:5]] == ["wood"] * 5
+    assert [variant.objects[-1].data.name for variant in variants[:5]] == ["trunk"] * 5
     assert [len(variant.objects) for variant in variants] == [2, 2, 2, 2, 2, 1]
     for variant in variants:
         for obj in variant.objects:
@@ -314,7 +314,7 @@ def test_a_planted_forest_shows_the_levels_by_their_distances() -> None:
     forest.plant(obj, width=0.0)
     add_camera((0.0, -6.0, 2.0))  # as high as the centres
     found = planted(obj)
-    leaves = [each for each in found if not each.variant.endswith("wood")]
+    leaves = [each for each in found if not each.variant.endswith("trunk")]
     assert [each.variant for each in leaves] == [f"Oaks_{number:02d}" for number in range(6)]
     assert len(found) == 11
     np.testing.assert_allclose(leaves[4].matrix[:3, :3], TURNED.to_3x3(), atol=1e-6)
@@ -435,7 +435,7 @@ def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path
     result = json.loads(found.read_text())
     assert result["addon"] == []
     trees = [f"Shrubs_{number:02d}" for number in range(4)]
-    assert sorted(result["drawn"]) == sorted([*trees, *(f"{tree}_wood" for tree in trees[:3])])
+    assert sorted(result["drawn"]) == sorted([*trees, *(f"{tree}_trunk" for tree in trees[:3])])
 
 
 def test_the_group_is_made_once_and_is_its_own() -> None:

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 LEAVES, SIDE = 60, 0.1
 
 
-def baked_crown(name: str = "tree", chain: str = "both", *, wood: bool = True) -> Baked:
+def baked_crown(name: str = "tree", chain: str = "both", *, trunk: bool = True) -> Baked:
     """Square leaves of the side 0.1 in a ball of the radius 1, on a trunk; baked, and the sources gone."""
     rng = np.random.default_rng(3)
     corners = SIDE * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -30,7 +30,7 @@ def baked_crown(name: str = "tree", chain: str = "both", *, wood: bool = True) -
     places = rng.uniform(-0.6, 0.6, size=(LEAVES, 1, 3)) + corners @ turns
     faces = [tuple(range(i, i + 4)) for i in range(0, 4 * LEAVES, 4)]
     sources = [add_mesh(f"{name} leaves", places.reshape(-1, 3).tolist(), faces)]
-    if wood:
+    if trunk:
         trunk = [(0.05 * x, 0.05 * y, z) for z in (-2.0, 0.0) for x, y in ((1, 0), (-1, 1), (-1, -1))]
         sources.append(add_mesh(f"{name} trunk", trunk, [(0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]))
     settings = BakeSettings(
@@ -56,11 +56,11 @@ def grid(count: int, step: float) -> bpy.types.Object:
 
 
 def drawn(obj: bpy.types.Object) -> list[str]:
-    """The instances of `obj` without their wood."""
+    """The instances of `obj` without their trunk."""
     graph = bpy.context.evaluated_depsgraph_get()
     instances = (each for each in graph.object_instances if each.is_instance and each.parent.original == obj)
     names = [each.object.original.name for each in instances]
-    return [name for name in names if not name.endswith("wood")]
+    return [name for name in names if not name.endswith("trunk")]
 
 
 def counts() -> dict[str, int]:
@@ -77,14 +77,14 @@ def triangles(mesh: bpy.types.Mesh) -> int:
 
 def test_all_visible_trees_make_a_scene_and_their_own_objects_are_hidden() -> None:
     baked = baked_crown()
-    leaves, wood = baked.levels[0].object, baked.levels[0].wood
-    assert wood is not None
+    leaves, trunk = baked.levels[0].object, baked.levels[0].trunk
+    assert trunk is not None
     bpy.context.scene.leafcloud_scene.budget = 0
     assert bpy.ops.leafcloud.scene() == {"FINISHED"}
     obj = bpy.data.objects["Leafcloud Scene"]
     assert [each for each in bpy.context.view_layer.objects if each.visible_get()] == [obj]
     assert all(each.hide_render for each in baked.collection.objects)
-    assert triangles(evaluate(obj)) == triangles(leaves.data) + triangles(wood.data)
+    assert triangles(evaluate(obj)) == triangles(leaves.data) + triangles(trunk.data)
     [modifier] = obj.modifiers
     assert get_modifier_input(modifier, "Centre") == get_modifier_input(leaves.modifiers[0], "Centre")
     for name in ("Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast", "Contrast of Few"):
@@ -98,7 +98,7 @@ def test_the_settings_of_a_scene_start_as_those_of_the_node_group() -> None:
 
 
 def test_copies_and_instances_of_a_tree_stand_where_they_stood() -> None:
-    baked = baked_crown(wood=False)
+    baked = baked_crown(trunk=False)
     leaves = baked.levels[0].object
     copy = leaves.copy()
     copy.location.x += 10.0
@@ -120,8 +120,8 @@ def test_copies_and_instances_of_a_tree_stand_where_they_stood() -> None:
 
 
 def test_the_budget_holds_for_the_trees_of_a_chosen_collection() -> None:
-    baked_crown("far", wood=False)
-    chosen = baked_crown("near", wood=False)
+    baked_crown("far", trunk=False)
+    chosen = baked_crown("near", trunk=False)
     settings = bpy.context.scene.leafcloud_scene
     settings.trees, settings.budget = chosen.collection, 30
     add_camera((0.0, 0.0, 3.0))
@@ -132,7 +132,7 @@ def test_the_budget_holds_for_the_trees_of_a_chosen_collection() -> None:
 
 
 def test_trees_that_no_chain_prunes_are_pruned_where_a_leaf_gets_small() -> None:
-    baked_crown(chain="billboards", wood=False)
+    baked_crown(chain="billboards", trunk=False)
     bpy.context.scene.leafcloud.prune_pixels = 16.0
     bpy.ops.leafcloud.scene()
     [modifier] = bpy.data.objects["Leafcloud Scene"].modifiers
@@ -140,8 +140,8 @@ def test_trees_that_no_chain_prunes_are_pruned_where_a_leaf_gets_small() -> None
     assert get_modifier_input(modifier, "Prune Start") == pytest.approx(expected, rel=1e-4)
 
 
-def test_wood_does_not_count_as_a_tree_of_its_own() -> None:
-    baked_crown(wood=True)
+def test_trunk_does_not_count_as_a_tree_of_its_own() -> None:
+    baked_crown(trunk=True)
     bpy.context.scene.leafcloud_scene.full_models = 4.0
     bpy.ops.leafcloud.scene()
     [modifier] = bpy.data.objects["Leafcloud Scene"].modifiers
@@ -156,7 +156,7 @@ def test_a_scene_without_baked_trees_is_refused() -> None:
 
 
 def test_leaves_without_ranks_are_refused_and_nothing_is_left() -> None:
-    baked = baked_crown(wood=False)
+    baked = baked_crown(trunk=False)
     leaves = baked.levels[0].object
     leaves.data.attributes.remove(leaves.data.attributes["leaf_rank"])
     before = counts()
@@ -234,7 +234,7 @@ def test_a_mirrored_tree_is_planted_as_it_stands() -> None:
 
 
 def test_the_settings_of_a_forest_reach_the_node_group() -> None:
-    baked = baked_crown(wood=False)
+    baked = baked_crown(trunk=False)
     settings = bpy.context.scene.leafcloud_forest
     settings.tree, settings.points, settings.width, settings.far = baked.collection, grid(3, 4.0), 0.5, 6.0
     bpy.ops.leafcloud.forest()
@@ -245,7 +245,7 @@ def test_the_settings_of_a_forest_reach_the_node_group() -> None:
 
 
 def test_planting_again_replaces_the_forest() -> None:
-    baked_crown(wood=False)
+    baked_crown(trunk=False)
     points = grid(3, 1.0)
     bpy.context.view_layer.objects.active = points
     bpy.ops.leafcloud.forest()
@@ -255,8 +255,8 @@ def test_planting_again_replaces_the_forest() -> None:
 
 
 def test_a_forest_of_two_trees_asks_which() -> None:
-    baked_crown("one", wood=False)
-    second = baked_crown("two", wood=False)
+    baked_crown("one", trunk=False)
+    second = baked_crown("two", trunk=False)
     bpy.context.view_layer.objects.active = grid(2, 1.0)
     with pytest.raises(RuntimeError, match="Choose the tree: tree, "):
         bpy.ops.leafcloud.forest()
@@ -277,7 +277,7 @@ def test_what_cannot_be_planted_says_why() -> None:
     baked = baked_crown()
     refused("make it active", None)
     refused("belongs to a baked tree", baked.levels[0].object)
-    refused("belongs to a baked tree", baked.levels[0].wood)
+    refused("belongs to a baked tree", baked.levels[0].trunk)
     refused("has no points", add_camera((0.0, 0.0, 0.0)))
     empty = bpy.data.collections.new("empty")
     bpy.context.scene.leafcloud_forest.tree = empty

@@ -338,13 +338,13 @@ def test_protected_triangles_count_in_the_budget_that_cannot_remove_them() -> No
     assert not np.isnan(points_of(evaluate(obj))).any()
 
 
-def test_wood_in_the_collection_is_left_alone() -> None:
-    leaves, wood = many_leaves(100), many_leaves(40)
-    trees = add_trees([build(leaves), build(wood, attributes=False)], [Matrix(), Matrix()])
+def test_trunk_in_the_collection_is_left_alone() -> None:
+    leaves, trunk = many_leaves(100), many_leaves(40)
+    trees = add_trees([build(leaves), build(trunk, attributes=False)], [Matrix(), Matrix()])
     obj, _ = add_scene(trees, SceneSettings(prune_start=1.0))
     add_camera((0.0, 0.0, 10.0))
     found = points_of(evaluate(obj))
-    assert found[-120:].tobytes() == wood.points.tobytes()
+    assert found[-120:].tobytes() == trunk.points.tobytes()
     assert len(found) == 3 * 10 + 120
 
 

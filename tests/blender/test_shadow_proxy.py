@@ -98,11 +98,11 @@ def test_nobody_sees_it_and_nothing_else_of_the_leaves_casts_a_shadow(tmp_path: 
     assert render(tmp_path, (0.0, 0.0, 3.0), width=2.4)[..., 3].any()
 
 
-def test_the_wood_goes_on_with_its_own_shadow() -> None:
+def test_the_trunk_goes_on_with_its_own_shadow() -> None:
     trunk = add_mesh("trunk", [(0, 0, -1), (0.1, 0, -1), (0, 0, 1)], [(0, 1, 2)])
     settings = BakeSettings(epsilon=0.1, texture_size=64, effects="shadow_proxy", cross=False)
     result = bake(read([add_crown(), trunk], ["leaves"]), settings)
-    assert all(level.wood is not None and level.wood.visible_shadow for level in result.levels)
+    assert all(level.trunk is not None and level.trunk.visible_shadow for level in result.levels)
 
 
 def test_engines_have_it_as_a_file_of_its_own(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:

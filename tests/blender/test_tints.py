@@ -14,7 +14,7 @@ from scenes import SQUARE, add_mesh
 
 import leafcloud
 from addon.build.cloud_mesh import read_own_randoms
-from addon.build.wood import geometry_mesh
+from addon.build.trunk import geometry_mesh
 from addon.part import described_part
 from addon.placement import Placement
 from addon.scene.describe import Described, describe_materials

@@ -374,7 +374,7 @@ def test_gltf_tells_what_shines_through(tmp_path: Path, gltf_issues: Callable[..
     assert own["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([*GREEN, 1.0])
 
 
-def test_wood_in_the_cross_is_opaque(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+def test_trunk_in_the_cross_is_opaque(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
     result = baked(leaf(), "translucency", trunk(), cross=True)
     cross = result.levels[2]
     color, through = (

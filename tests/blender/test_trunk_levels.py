@@ -16,14 +16,14 @@ from scenes import add_mesh, bake, material, read
 
 import leafcloud
 from addon.baked import Baked
-from addon.build.wood import simplified, whole
+from addon.build.trunk import simplified, whole
 from addon.export import preview
-from addon.export.files import level_woods
+from addon.export.files import level_trunks
 from addon.placement import Placement
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
-from addon.plan.lod_range import WOOD_PIXELS, LodRange, wood_errors
+from addon.plan.lod_range import TRUNK_PIXELS, LodRange, trunk_errors
 from addon.scene.extract import Geometry
 from addon.scene.seams import seam_share
 from addon.settings import BakeSettings
@@ -138,8 +138,8 @@ def test_what_cannot_be_meant_is_refused(arguments: dict[str, Any], message: str
 # The plan
 
 
-def test_wood_calls_for_trunk_levels() -> None:
-    facts = Facts(engine="unity", leaves=5, wood=1200)
+def test_trunk_calls_for_trunk_levels() -> None:
+    facts = Facts(engine="unity", leaves=5, trunk=1200)
     [effect] = [effect for effect in plan_effects(BakeSettings(), facts) if effect.name == "trunk_levels"]
     assert effect.on is True
     assert effect.reason == "the camera may be anywhere in unity, so it may see 1200 trunk triangles from far away"
@@ -148,7 +148,7 @@ def test_wood_calls_for_trunk_levels() -> None:
 
 
 def test_seams_are_corners_that_differ_in_texture_only() -> None:
-    """Two triangles with a side in common, whose texture is cut along it; so that wood keeps more of its triangles."""
+    """Two triangles with a side in common, whose texture is cut along it; so that trunk keeps more of its triangles."""
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
     triangles = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
     joined = positions[triangles][..., :2]
@@ -159,20 +159,20 @@ def test_seams_are_corners_that_differ_in_texture_only() -> None:
         return seam_share(Geometry(positions, triangles, uvs, normals, None, np.zeros(2, np.int32), []))
 
     assert (share(None), share(joined), share(cut)) == (0.0, 0.0, pytest.approx(1 / 3))
-    few, many = (Facts(engine="unity", leaves=5, wood=1200, wood_seams=each) for each in (0.1, 0.3))
+    few, many = (Facts(engine="unity", leaves=5, trunk=1200, trunk_seams=each) for each in (0.1, 0.3))
     sizes = [with_costs(BakeSettings(), facts, plan_effects(BakeSettings(), facts)) for facts in (few, many)]
     left = [effect.bytes for effects in sizes for effect in effects if effect.name == "trunk_levels"]
     assert left[1] > 2 * left[0]
 
 
-def test_wood_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
+def test_trunk_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
     def reach(appear: float) -> LodRange:
         return LodRange(appear, 0.0, 0.0, 0.0, appear, 0.0)
 
     reached = [reach(0.0), reach(100.0), reach(300.0)]
-    # What is one unit long is seen so large as the wood may be off from 50 units away: from 100, two units are.
-    assert wood_errors([5.0, 5.0], reached, 50.0) == (2.0, 5.0)
-    assert wood_errors([1.0, 5.0], reached, 50.0) == (1.0, 5.0)
+    # What is one unit long is seen so large as the trunk may be off from 50 units away: from 100, two units are.
+    assert trunk_errors([5.0, 5.0], reached, 50.0) == (2.0, 5.0)
+    assert trunk_errors([1.0, 5.0], reached, 50.0) == (1.0, 5.0)
 
 
 # In Blender
@@ -195,9 +195,9 @@ def test_levels_never_have_more_triangles_than_the_one_before() -> None:
     """A scale of 2 makes the tube's radius 2: errors are lengths in the world."""
     placement = Placement(np.diag([2.0, 2.0, 2.0, 1.0]))
     errors = [0.0, 0.05, 0.05, 0.6, 100.0, 100.0]
-    wood = geometry()
-    first = whole("bark", wood)
-    flat, fine, again, coarse, none, nothing = simplified(first, wood, placement, errors)
+    trunk = geometry()
+    first = whole("bark", trunk)
+    flat, fine, again, coarse, none, nothing = simplified(first, trunk, placement, errors)
     assert flat is first, "no error, no change"
     assert again is fine, "what is not fewer is not made twice"
     assert first.triangles > fine.triangles > coarse.triangles > 0 == none.triangles
@@ -227,20 +227,20 @@ def baked_tree(effects: str) -> Baked:
     return bake(read(), BakeSettings(candidates=50, texture_size=128, effects=effects))
 
 
-def test_each_level_shows_its_own_wood() -> None:
+def test_each_level_shows_its_own_trunk() -> None:
     result = baked_tree("auto")
     came, first, second, cross = result.levels
-    assert came.wood.data.name == "tree_wood"
-    assert came.wood_error == 0.0
-    assert len(came.wood.data.polygons) == came.wood_triangles == 1920
-    assert 1920 > first.wood_triangles >= second.wood_triangles > 0
-    assert len(second.wood.data.polygons) == second.wood_triangles
-    assert (cross.wood, cross.wood_triangles) == (None, 0)
+    assert came.trunk.data.name == "tree_trunk"
+    assert came.trunk_error == 0.0
+    assert len(came.trunk.data.polygons) == came.trunk_triangles == 1920
+    assert 1920 > first.trunk_triangles >= second.trunk_triangles > 0
+    assert len(second.trunk.data.polygons) == second.trunk_triangles
+    assert (cross.trunk, cross.trunk_triangles) == (None, 0)
     radius = result.prepared.foliage.radius
     for level, built in zip(result.chain.levels, (first, second), strict=False):
-        assert built.wood_error <= level.max_deviation_leaves * radius
-        pixel = leafcloud.switch_distance(1.0, WOOD_PIXELS, result.view.resolution, result.view.field_of_view)
-        assert built.wood_error <= result.switch_distances[built.number] / pixel
+        assert built.trunk_error <= level.max_deviation_leaves * radius
+        pixel = leafcloud.switch_distance(1.0, TRUNK_PIXELS, result.view.resolution, result.view.field_of_view)
+        assert built.trunk_error <= result.switch_distances[built.number] / pixel
     assert result.costs.seconds["trunk_levels"] > 0.0
     assert result.costs.bytes["trunk_levels"] > 0
 
@@ -252,34 +252,34 @@ def covered(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
     return (row != preview.GROUND).any(axis=2).reshape(len(row), 4, cell).sum(axis=(0, 2))
 
 
-def test_the_preview_draws_each_level_with_its_own_wood() -> None:
-    """As large as the meshes beside the levels; and in its picture a level whose wood is taken away loses it."""
+def test_the_preview_draws_each_level_with_its_own_trunk() -> None:
+    """As large as the meshes beside the levels; and in its picture a level whose trunk is taken away loses it."""
     result = baked_tree("auto")
-    woods = level_woods(result)
-    assert woods[3] is None, "the cross shows it in its textures"
-    for built, wood in zip(result.levels[:3], woods, strict=False):
-        assert wood is not None
-        assert wood.triangle_count == built.wood_triangles
-        assert wood.area == pytest.approx(sum(face.area for face in built.wood.data.polygons), rel=1e-5)
+    trunks = level_trunks(result)
+    assert trunks[3] is None, "the cross shows it in its textures"
+    for built, trunk in zip(result.levels[:3], trunks, strict=False):
+        assert trunk is not None
+        assert trunk.triangle_count == built.trunk_triangles
+        assert trunk.area == pytest.approx(sum(face.area for face in built.trunk.data.polygons), rel=1e-5)
 
     def drawn(shown: list[leafcloud.Foliage | None]) -> NDArray[np.int64]:
         foliage, levels = result.prepared.foliage, result.chain.levels
         return covered(preview.preview_image(foliage, shown, levels, result.switch_distances, result.view))
 
-    lost = drawn(woods) - drawn([woods[0], None, *woods[2:]])
+    lost = drawn(trunks) - drawn([trunks[0], None, *trunks[2:]])
     assert lost[1] > 50
     assert not lost[[0, 2, 3]].any()
 
 
-def test_the_preview_shows_what_came_where_wood_stays_as_it_is() -> None:
+def test_the_preview_shows_what_came_where_trunk_stays_as_it_is() -> None:
     result = baked_tree("transitions")
-    came = result.prepared.wood
-    assert level_woods(result) == [came, came, came, None]
+    came = result.prepared.trunk
+    assert level_trunks(result) == [came, came, came, None]
 
 
 def test_without_the_effect_all_levels_share_what_came() -> None:
     levels = baked_tree("transitions").levels
-    assert {level.wood.data.name for level in levels[:-1]} == {"tree_wood"}
+    assert {level.trunk.data.name for level in levels[:-1]} == {"tree_trunk"}
 
 
 # In files
@@ -289,29 +289,29 @@ def test_without_the_effect_all_levels_share_what_came() -> None:
 def with_and_without(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> tuple[Path, Path]:
     folders = []
     for effects in ("transitions,trunk_levels", "transitions"):
-        out = tmp_path_factory.mktemp("wood")
+        out = tmp_path_factory.mktemp("trunk")
         command_line.bake(shrub, out, "--levels", 1, "--effects", effects, *QUICK)
         folders.append(out)
     return folders[0], folders[1]
 
 
-def test_the_report_tells_of_the_wood(with_and_without: tuple[Path, Path]) -> None:
+def test_the_report_tells_of_the_trunk(with_and_without: tuple[Path, Path]) -> None:
     simplified, plain = (json.loads((out / "report.json").read_text()) for out in with_and_without)
-    leaves, cloud, cross = (level["wood"] for level in simplified["levels"])
+    leaves, cloud, cross = (level["trunk"] for level in simplified["levels"])
     assert leaves["error"] == 0.0 < cloud["error"] <= simplified["levels"][1]["max_deviation_leaves"]
     assert leaves["triangles"] > cloud["triangles"] > 0
     assert cross is None
-    assert not any("wood" in level for level in plain["levels"])
+    assert not any("trunk" in level for level in plain["levels"])
 
 
-def test_files_without_the_effect_and_lod_0_have_the_wood_that_came(with_and_without: tuple[Path, Path]) -> None:
+def test_files_without_the_effect_and_lod_0_have_the_trunk_that_came(with_and_without: tuple[Path, Path]) -> None:
     simplified, plain = with_and_without
     assert (simplified / "shrub_LOD0.glb").read_bytes() == (plain / "shrub_LOD0.glb").read_bytes()
 
     def triangles(out: Path, level: int) -> int:
-        node = read_glb(out / f"shrub_LOD{level}.glb")[f"shrub_LOD{level}_wood"]
+        node = read_glb(out / f"shrub_LOD{level}.glb")[f"shrub_LOD{level}_trunk"]
         return sum(len(primitive.indices) for primitive in node.primitives)
 
     assert triangles(plain, 1) == triangles(plain, 0) == triangles(simplified, 0) > triangles(simplified, 1)
     report = json.loads((simplified / "report.json").read_text())
-    assert triangles(simplified, 1) == report["levels"][1]["wood"]["triangles"]
+    assert triangles(simplified, 1) == report["levels"][1]["trunk"]["triangles"]

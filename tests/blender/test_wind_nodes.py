@@ -134,7 +134,7 @@ def test_at_strength_0_the_output_is_the_input_bit_for_bit(strength: float) -> N
         assert points_of(evaluate(obj)).tobytes() == points_of(evaluate(still)).tobytes()
 
 
-def test_a_pivot_moves_as_the_wood_beneath_it() -> None:
+def test_a_pivot_moves_as_the_trunk_beneath_it() -> None:
     """Leaves that have a corner in their pivot, and branches that end there: also while the leaves are pruned."""
     leaves = many_leaves(40)
     corners = leaves.points.reshape(-1, 3, 3).copy()
@@ -143,11 +143,11 @@ def test_a_pivot_moves_as_the_wood_beneath_it() -> None:
     obj = tree.build()
     set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=0.0, keep=0.5)
     add_wind_modifier(obj, SETTINGS)
-    wood = place(build(replace(leaves, points=np.repeat(leaves.pivots, 3, axis=0)), attributes=False), "Wood")
-    add_wind_modifier(wood, SETTINGS)
+    trunk = place(build(replace(leaves, points=np.repeat(leaves.pivots, 3, axis=0)), attributes=False), "Trunk")
+    add_wind_modifier(trunk, SETTINGS)
     for frame in FRAMES:
         seconds = at_frame(frame)
-        ends = points_of(evaluate(wood))[::3]
+        ends = points_of(evaluate(trunk))[::3]
         assert (
             np.abs(ends - leaves.pivots - sway_at(leaves.pivots.astype(float), air_of(SETTINGS, seconds))).max() < 2e-5
         )
@@ -176,7 +176,7 @@ def test_nothing_moves_farther_than_the_bound(strength: float) -> None:
     """|w| ≤ |σ|·(A·H·η² + B·Q·ρ²), and the foot stays."""
     settings = replace(SETTINGS, wind=replace(WIND, strength=strength), swing=Swing(sway=0.3, branches=0.2))
     places = np.float32([[0.1, -0.2, -4.0], [2.0, 1.0, -5.0], [0.1, -0.2, 4.0], [3.0, -0.2, 1.0], [-1.0, 2.0, 3.5]])
-    mesh = bpy.data.meshes.new("Wood")
+    mesh = bpy.data.meshes.new("Trunk")
     mesh.from_pydata(places.tolist(), [(0, 2)], [])
     obj = place(mesh)
     add_wind_modifier(obj, settings)

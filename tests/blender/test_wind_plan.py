@@ -148,7 +148,7 @@ def test_a_tree_stands_on_the_foot_of_its_trunk() -> None:
     assert found.period == pytest.approx(0.8 * 4.0)
 
 
-def test_a_tree_without_wood_stands_on_its_lowest_leaves() -> None:
+def test_a_tree_without_trunk_stands_on_its_lowest_leaves() -> None:
     crown = np.float32([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 3.0, 10.0]])
     found = stature(crown, None, np.eye(4))
     assert found.foot == pytest.approx((1.0, 0.0, 0.0))

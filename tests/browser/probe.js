@@ -4,7 +4,7 @@
 // table of areas. The answer has a list of four numbers for each row.
 //
 // {tree, settings, eyes, seconds}: the file as the viewer shows it from each of the `eyes`, after so many `seconds` of wind:
-// {level, share, triangles, pixels, meshes: [{material, count, places}], wood: [{…}]}; `count` indices are drawn, `places`
+// {level, share, triangles, pixels, meshes: [{material, count, places}], trunk: [{…}]}; `count` indices are drawn, `places`
 // are the points where the viewer's own vertex shader puts them. `pixels` are 64 × 64 times four floats, lit so that they
 // are all but the materials' linear colours; with `suns`, by one light from the direction that stands
 // there for each of the eyes.
@@ -196,9 +196,9 @@ function encoded(values) {
   return btoa(text);
 }
 
-function meshesOf(level, wooden) {
+function meshesOf(level, trunk_object) {
   const found = [];
-  level.object.traverse((object) => object.isMesh && object.name.endsWith("_wood") === wooden && found.push(object));
+  level.object.traverse((object) => object.isMesh && object.name.endsWith("_trunk") === trunk_object && found.push(object));
   return found.map(({ geometry, material }) => ({
     material: material.name,
     count: Math.min(geometry.drawRange.count, geometry.index.count),
@@ -249,8 +249,8 @@ async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
     const level = tree.levels[tree.level];
     const pixels = encoded(pictured(renderer, scene, camera));
     const { triangles } = renderer.info.render;
-    const [meshes, wood] = [false, true].map((wooden) => meshesOf(level, wooden));
-    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes, wood };
+    const [meshes, trunk] = [false, true].map((trunk_object) => meshesOf(level, trunk_object));
+    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes, trunk };
   });
 }
 

@@ -153,7 +153,7 @@ def test_levels_that_cross_fade_share_the_pixels(shrub: Path, tmp_path: Path) ->
     camera = camera_at(inputs_of(cross.object).whole, *sphere_of(baked))
     [drawn] = preview_pictures(tmp_path, [camera], SIDE * FINER)
     alone = []
-    for hidden in ((cross.object,), (last.object, last.wood)):
+    for hidden in ((cross.object,), (last.object, last.trunk)):
         for obj in hidden:
             obj.hide_render = True
         alone += cycles_pictures(tmp_path, [camera])

@@ -267,8 +267,8 @@ def test_the_viewer_draws_no_more_than_is_left(tree: Tree, views: list[dict[str,
             drawn = sum(mesh["count"] // 3 for mesh in view["meshes"])
             assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 4  # of a leaf more, and one protected
         if view["share"] == 0.0:  # Else the next level is drawn, too.
-            wood = [tree.nodes[name] for name in tree.nodes[f"shrub_LOD{number}"].children]
-            others = sum(len(primitive.indices) for each in wood for primitive in each.primitives)
+            trunk = [tree.nodes[name] for name in tree.nodes[f"shrub_LOD{number}"].children]
+            others = sum(len(primitive.indices) for each in trunk for primitive in each.primitives)
             assert view["triangles"] == others + sum(mesh["count"] // 3 for mesh in view["meshes"])
 
 
@@ -295,7 +295,7 @@ def contrast_at(pruning: Pruning, keep: float) -> float:
 
 
 def test_colours_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """Each pixel is of wood, and as it was, or of a leaf, and as near to the mean as κ says. Leaves are lit all alike
+    """Each pixel is of trunk, and as it was, or of a leaf, and as near to the mean as κ says. Leaves are lit all alike
     but for what three.js takes for their gloss, which is up to a tenth of the light, the same in each channel."""
     for (number, eye), view, plain in zip(tree.eyes(), views, viewed(tree, contrast=False), strict=True):
         before, after = colors(plain), colors(view)

@@ -108,7 +108,7 @@ def tree_turns(seconds: float, period: float, place: Floats) -> float:
 
 
 def sway_at(places: Floats, air: Air) -> Any:
-    """w (n, 3): how far the wood at `places` (n, 3) is moved. Of complex places, too: it is analytic above the foot."""
+    """w (n, 3): how far the trunk at `places` (n, 3) is moved. Places may be complex: it is analytic above the foot."""
     y = places - air.foot
     rise = y @ air.up
     above = np.where(rise.real > 0.0, rise, 0.0)

@@ -17,7 +17,7 @@ from addon.settings import EFFECTS, BakeSettings
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
 """At the distance d a length of 2 d is seen 1000 pixels large."""
 
-FACTS = Facts("generic", leaves=100, vertices=400, triangles=200, wood=50, radius=2.0, area=4.0)
+FACTS = Facts("generic", leaves=100, vertices=400, triangles=200, trunk=50, radius=2.0, area=4.0)
 SETTINGS = BakeSettings(epsilon=0.08, pixels=10.0)
 # So level 1 takes over where 0.16 is seen 10 pixels large, from 8; level 2 where 0.56 is, from 28; the cross from 50.
 
@@ -141,7 +141,7 @@ def test_an_effect_that_is_undecided_is_expected_to_cost_what_it_may() -> None:
 
 @pytest.mark.parametrize(("name", "amount"), [("transitions", 40 * 400), ("pruning", 16 * 400), ("trunk_levels", 1)])
 def test_more_of_a_tree_costs_more(name: str, amount: int) -> None:
-    settings, twice = replace(SETTINGS, effects="all"), replace(FACTS, vertices=800, triangles=400, wood=100)
+    settings, twice = replace(SETTINGS, effects="all"), replace(FACTS, vertices=800, triangles=400, trunk=100)
     [larger] = [e for e in with_costs(settings, twice, plan_effects(settings, twice)) if e.name == name]
     assert larger.bytes - costs(settings)[name].bytes >= amount
     assert larger.seconds > costs(settings)[name].seconds

@@ -9,7 +9,7 @@ import pytest
 
 from addon.plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.facts import Facts
-from addon.plan.lod_range import LodRange, lod_ranges, rising, wood_range
+from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
 from addon.settings import MOVING_LIGHT, BakeSettings, SettingsError
 
 FACTS = Facts(engine="generic", leaves=672)
@@ -159,9 +159,9 @@ def test_a_level_that_nothing_morphs_to_fades_in_before_the_one_it_follows_fades
     assert [second.fades, cross.fades] == [True, True]
 
 
-def test_wood_switches_where_levels_begin_to_fade_and_fades_into_the_cross() -> None:
+def test_trunk_switches_where_levels_begin_to_fade_and_fades_into_the_cross() -> None:
     reached = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
-    leaves, first, second = (wood_range(reached, number) for number in range(3))
+    leaves, first, second = (trunk_range(reached, number) for number in range(3))
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (reached[1].appear, reached[1].appear)
     assert (first.vanish, second.appear, second.whole) == (reached[2].appear,) * 3

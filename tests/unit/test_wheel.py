@@ -329,7 +329,7 @@ def test_wrong_attributes_and_materials() -> None:
         (lambda f: leafcloud.fit(f, seed=2**64), "seed is 18446744073709551616; it must be .* between 0 and 2.64 - 1"),
         (lambda f: leafcloud.fit(f, epsilon=1e300), "epsilon is 1e300; it must lie between"),
         (lambda f: leafcloud.fit(f, progress=3), "progress is 3; it must be a function"),
-        (lambda f: leafcloud.build_chain(f, wood="oak"), "wood is 'oak'; it must be a Foliage"),
+        (lambda f: leafcloud.build_chain(f, trunk="oak"), "trunk is 'oak'; it must be a Foliage"),
         (lambda f: leafcloud.build_chain(f, levels=0, cross=False), "levels is 0 without a cross"),
         (lambda f: leafcloud.render([f], (0, 1, 0), -1, centre=(0, 0, 0), radius=1), "size is -1"),
         (lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius="wide"), "radius is 'wide'"),

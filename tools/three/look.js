@@ -32,7 +32,7 @@ async function load({ url, ktx2, mips, trunk }) {
   // Without a KTX2 loader three.js uses the PNG, like any engine without the extension.
   if (ktx2) loader.setKTX2Loader(new KTX2Loader().setTranscoderPath(TRANSCODER).detectSupport(renderer));
   const { scene } = await loader.loadAsync(url);
-  if (!trunk) objects(scene).filter(isWood).forEach((object) => object.removeFromParent());
+  if (!trunk) objects(scene).filter(isTrunk).forEach((object) => object.removeFromParent());
   for (const mesh of meshes(scene)) {
     mesh.material = unlit(mesh.material);
     // Nothing moves here, and morph targets are slow in software.
@@ -56,8 +56,8 @@ function meshes(scene) {
   return objects(scene).filter((object) => object.isMesh);
 }
 
-function isWood({ name }) {
-  return name.endsWith("_wood");
+function isTrunk({ name }) {
+  return name.endsWith("_trunk");
 }
 
 function unlit({ map, color, vertexColors, alphaTest, side }) {

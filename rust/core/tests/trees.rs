@@ -22,8 +22,8 @@ fn the_search_needs_no_more_planes_than_the_literal_one() {
 #[test]
 fn parts_are_read_by_name() {
     let path = common::in_repository("examples/shrub.glb");
-    let wood = gltf::read(&path, &["branch"]).unwrap();
-    assert!(wood.triangle_count() != shrub().triangle_count());
+    let trunk = gltf::read(&path, &["branch"]).unwrap();
+    assert!(trunk.triangle_count() != shrub().triangle_count());
     let error = gltf::read(&path, &["no such part"]).unwrap_err().to_string();
     assert!(error.contains("shrub.glb") && error.contains("no such part"));
     assert!(gltf::read(&path.with_file_name("missing.glb"), &gltf::DEFAULT_NAMES).is_err());

@@ -206,11 +206,11 @@ fn page_bytes(level: &Level) -> u64 {
 /// The errors of [`build_chain`].
 pub fn measure(
     foliage: &Foliage,
-    wood: Option<&Foliage>,
+    trunk: Option<&Foliage>,
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<(Chain, Point)> {
-    let (chain, bytes) = peak(|| build_chain(foliage, wood, settings, progress));
+    let (chain, bytes) = peak(|| build_chain(foliage, trunk, settings, progress));
     let chain = chain?;
     let point = Point::of(&chain, Choice::of(settings), foliage, bytes);
     Ok((chain, point))
@@ -228,7 +228,7 @@ fn sample_of(triangles: usize) -> usize {
 /// [`Error::Cancelled`].
 pub fn sweep(
     foliage: &Foliage,
-    wood: Option<&Foliage>,
+    trunk: Option<&Foliage>,
     settings: &ChainSettings,
     sweep: Sweep,
     progress: Progress,
@@ -259,13 +259,13 @@ pub fn sweep(
         order: 0.0,
     };
     match sweep {
-        Sweep::Full => curve.measure_all(foliage, wood, settings, &full_choices(settings), progress)?,
+        Sweep::Full => curve.measure_all(foliage, trunk, settings, &full_choices(settings), progress)?,
         Sweep::Quick => {
             curve.order = order_seconds(foliage, settings)?;
             let settings = quick_base(settings);
             let (whole, sample) = (foliage, sampled(foliage, sample_of(foliage.triangle_count()))?);
             let foliage = sample.as_ref().unwrap_or(whole);
-            curve.measure_all(foliage, wood, &settings, &quick_choices(&settings), progress.part(0.0, 0.95))?;
+            curve.measure_all(foliage, trunk, &settings, &quick_choices(&settings), progress.part(0.0, 0.95))?;
             if let Some(sample) = &sample {
                 curve.rest = Some(Rest::of(whole, sample, &settings, progress.part(0.95, 1.0))?);
             }
@@ -287,7 +287,7 @@ impl Curve {
     fn measure_all(
         &mut self,
         foliage: &Foliage,
-        wood: Option<&Foliage>,
+        trunk: Option<&Foliage>,
         settings: &ChainSettings,
         choices: &[Choice],
         progress: Progress,
@@ -297,7 +297,7 @@ impl Curve {
             progress.tell("measure", part(index))?;
             let choice = self.with_clusters(*choice);
             let built = choice.applied(settings);
-            let built = built.and_then(|s| measure(foliage, wood, &s, progress.part(part(index), part(index + 1))));
+            let built = built.and_then(|s| measure(foliage, trunk, &s, progress.part(part(index), part(index + 1))));
             match built {
                 Ok((_, point)) => self.points.push(point),
                 Err(Error::Cancelled) => return Err(Error::Cancelled),

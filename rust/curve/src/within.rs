@@ -182,16 +182,16 @@ fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
 /// Never: a curve has offers.
 pub fn build_within(
     foliage: &Foliage,
-    wood: Option<&Foliage>,
+    trunk: Option<&Foliage>,
     settings: &ChainSettings,
     wish: Wish,
     progress: Progress,
 ) -> Result<Built> {
     let begun = Instant::now();
     wish.check(settings)?;
-    let curve = sweep(foliage, wood, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
+    let curve = sweep(foliage, trunk, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
     let (model, offers, settings) = (Model::new(&curve), offers(&curve), &curve.settings);
-    let tries = Tries { foliage, wood, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
+    let tries = Tries { foliage, trunk, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
     match wish {
         Wish::Preset(preset) => tries.place(preset),
         Wish::ImageError(most) => tries.reach(most),
@@ -244,7 +244,7 @@ const LATE: f64 = 1.05;
 
 struct Tries<'a> {
     foliage: &'a Foliage,
-    wood: Option<&'a Foliage>,
+    trunk: Option<&'a Foliage>,
     settings: &'a ChainSettings,
     model: Model<'a>,
     offers: Vec<Offer>,
@@ -261,7 +261,7 @@ impl Tries<'_> {
         self.count += 1;
         let report = |stage: &str, fraction: f64| part.tell(stage, fraction).is_ok() && !late();
         let settings = offer.choice.applied(self.settings)?;
-        let (chain, point) = measure(self.foliage, self.wood, &settings, Progress::new(&report))?;
+        let (chain, point) = measure(self.foliage, self.trunk, &settings, Progress::new(&report))?;
         Ok((chain, point.seconds.total()))
     }
 

@@ -533,8 +533,8 @@ def fit(
 
     Budgets:
     ``max_billboards``: use the smallest ε found that needs no more billboards; ``epsilon`` is ignored.
-    ``extra_error``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where it
-    reduces the mean deviation, and the best of several seeds' clouds is taken. Not with ``max_texels`` or
+    ``extra_error``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where
+    it reduces the mean deviation, and the best of several seeds' clouds is taken. Not with ``max_texels`` or
     ``image_epsilon``.
     ``max_texels``: use the smallest ε found that needs no more texels of side ε/8, but at least ``epsilon``.
     For a time budget use :func:`start_fit`: its job has a complete result early and can be cancelled. ``Cloud.epsilon``
@@ -568,7 +568,7 @@ def start_fit(
 def build_chain(
     foliage: Foliage,
     *,
-    wood: Foliage | None = None,
+    trunk: Foliage | None = None,
     progress: Progress | None = None,
     **options: Unpack[ChainOptions],
 ) -> Chain:
@@ -578,7 +578,7 @@ def build_chain(
     leaves' R; a budget applies to the first level). The page of level i has ``texture_size`` / 2^(i−1) columns and as
     many rows, unless ``texture_height`` is given.
 
-    ``wood``: the trunk; only the cross impostor shows it.
+    ``trunk``: the trunk; only the cross impostor shows it.
     ``pixels``: size > 0 at which a level's deviation appears where the level takes over. There the cross impostor's
     page has texels of half a pixel or less, within the limit of ``texture_size``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
@@ -606,7 +606,7 @@ def build_chain(
 def cost_curve(
     foliage: Foliage,
     *,
-    wood: Foliage | None = None,
+    trunk: Foliage | None = None,
     quick: bool = False,
     progress: Progress | None = None,
     **options: Unpack[LevelOptions],
@@ -626,7 +626,7 @@ def cost_curve(
 def start_cost_curve(
     foliage: Foliage,
     *,
-    wood: Foliage | None = None,
+    trunk: Foliage | None = None,
     quick: bool = False,
     **options: Unpack[LevelOptions],
 ) -> Job[Curve]: ...
@@ -644,7 +644,7 @@ def share_pages(chains: Sequence[Chain]) -> list[Chain]:
 def start_chain(
     foliage: Foliage,
     *,
-    wood: Foliage | None = None,
+    trunk: Foliage | None = None,
     **options: Unpack[ChainOptions],
 ) -> Job[Chain]: ...
 

@@ -1,4 +1,4 @@
-//! Conversion between NumPy arrays and the core's vectors.
+//! Conversion between numpy arrays and the core's vectors.
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;

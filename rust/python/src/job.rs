@@ -53,24 +53,24 @@ impl Work {
 
     fn chain(
         foliage: &PyFoliage,
-        wood: Option<&Bound<'_, PyAny>>,
+        trunk: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
         let (settings, wish) = (options.chain()?, options.wish()?);
         options.finish()?;
-        Ok(Self::Chain(Arc::clone(&foliage.0), wood_of(wood)?, settings, wish))
+        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, settings, wish))
     }
 
     fn curve(
         foliage: &PyFoliage,
-        wood: Option<&Bound<'_, PyAny>>,
+        trunk: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
         let (settings, sweep) = (options.chain()?, options.sweep()?);
         options.finish()?;
-        Ok(Self::Curve(Arc::clone(&foliage.0), wood_of(wood)?, settings, sweep))
+        Ok(Self::Curve(Arc::clone(&foliage.0), trunk_of(trunk)?, settings, sweep))
     }
 
     /// Runs the work. Calls `better` with complete intermediate results, each better than the one before.
@@ -89,19 +89,19 @@ impl Work {
                 let tell = |cloud: leafcloud::Cloud| better(output(cloud));
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
-            Self::Chain(foliage, wood, settings, wish) => {
+            Self::Chain(foliage, trunk, settings, wish) => {
                 let (chain, offer) = match wish {
-                    None => (lod::build_chain(foliage, wood.as_deref(), settings, progress)?, None),
+                    None => (lod::build_chain(foliage, trunk.as_deref(), settings, progress)?, None),
                     Some(wish) => {
                         let Built { chain, offer, .. } =
-                            build_within(foliage, wood.as_deref(), settings, *wish, progress)?;
+                            build_within(foliage, trunk.as_deref(), settings, *wish, progress)?;
                         (chain, Some(offer))
                     }
                 };
                 Ok(Output::Chain(Arc::new(chain), foliage.frame().radius, offer))
             }
-            Self::Curve(foliage, wood, settings, wanted) => {
-                let curve = sweep(foliage, wood.as_deref(), settings, *wanted, progress)?;
+            Self::Curve(foliage, trunk, settings, wanted) => {
+                let curve = sweep(foliage, trunk.as_deref(), settings, *wanted, progress)?;
                 Ok(Output::Curve(Arc::new(curve)))
             }
         }
@@ -169,10 +169,10 @@ impl Work {
     }
 }
 
-fn wood_of(wood: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Arc<Foliage>>> {
-    let wood: Option<Bound<'_, PyFoliage>> =
-        wood.map_or(Ok(None), |wood| read(wood, "wood", "a Foliage or None").map(Some))?;
-    Ok(wood.map(|wood| Arc::clone(&wood.get().0)))
+fn trunk_of(trunk: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Arc<Foliage>>> {
+    let trunk: Option<Bound<'_, PyFoliage>> =
+        trunk.map_or(Ok(None), |trunk| read(trunk, "trunk", "a Foliage or None").map(Some))?;
+    Ok(trunk.map(|trunk| Arc::clone(&trunk.get().0)))
 }
 
 #[pyfunction]
@@ -187,15 +187,15 @@ pub fn fit(
 }
 
 #[pyfunction]
-#[pyo3(signature = (foliage, *, wood = None, progress = None, **options))]
+#[pyo3(signature = (foliage, *, trunk = None, progress = None, **options))]
 pub fn build_chain(
     py: Python<'_>,
     foliage: &PyFoliage,
-    wood: Option<&Bound<'_, PyAny>>,
+    trunk: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
-    Work::chain(foliage, wood, options)?.run_here(py, progress)
+    Work::chain(foliage, trunk, options)?.run_here(py, progress)
 }
 
 #[pyfunction]
@@ -205,35 +205,35 @@ pub fn start_fit(foliage: &PyFoliage, options: Option<&Bound<'_, PyDict>>) -> Py
 }
 
 #[pyfunction]
-#[pyo3(signature = (foliage, *, wood = None, **options))]
+#[pyo3(signature = (foliage, *, trunk = None, **options))]
 pub fn start_chain(
     foliage: &PyFoliage,
-    wood: Option<&Bound<'_, PyAny>>,
+    trunk: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<PyJob> {
-    PyJob::start(Work::chain(foliage, wood, options)?)
+    PyJob::start(Work::chain(foliage, trunk, options)?)
 }
 
 #[pyfunction]
-#[pyo3(signature = (foliage, *, wood = None, progress = None, **options))]
+#[pyo3(signature = (foliage, *, trunk = None, progress = None, **options))]
 pub fn cost_curve(
     py: Python<'_>,
     foliage: &PyFoliage,
-    wood: Option<&Bound<'_, PyAny>>,
+    trunk: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
-    Work::curve(foliage, wood, options)?.run_here(py, progress)
+    Work::curve(foliage, trunk, options)?.run_here(py, progress)
 }
 
 #[pyfunction]
-#[pyo3(signature = (foliage, *, wood = None, **options))]
+#[pyo3(signature = (foliage, *, trunk = None, **options))]
 pub fn start_cost_curve(
     foliage: &PyFoliage,
-    wood: Option<&Bound<'_, PyAny>>,
+    trunk: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<PyJob> {
-    PyJob::start(Work::curve(foliage, wood, options)?)
+    PyJob::start(Work::curve(foliage, trunk, options)?)
 }
 
 /// State shared by the worker and the threads that watch it.

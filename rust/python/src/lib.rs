@@ -14,7 +14,7 @@ mod ktx2;
 mod levels;
 mod options;
 mod tools;
-mod wood;
+mod trunk;
 mod work;
 
 use pyo3::prelude::*;
@@ -31,7 +31,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<levels::PyChain>()?;
     module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
-    module.add_class::<wood::PySimplified>()?;
+    module.add_class::<trunk::PySimplified>()?;
     module.add_class::<blend::PyBlendOrder>()?;
     module.add_function(wrap_pyfunction!(job::fit, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_fit, module)?)?;
@@ -40,7 +40,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(job::cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
-    module.add_function(wrap_pyfunction!(wood::simplify, module)?)?;
+    module.add_function(wrap_pyfunction!(trunk::simplify, module)?)?;
     module.add_function(wrap_pyfunction!(blend::blend_order, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;

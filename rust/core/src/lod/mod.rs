@@ -264,21 +264,21 @@ pub struct Chain {
     pub prepare_seconds: f64,
 }
 
-/// Fits, packs, bakes and measures every level. `wood` (trunk and branches) appears in the cross impostor only.
+/// Fits, packs, bakes and measures every level. `trunk` (trunk and branches) appears in the cross impostor only.
 ///
 /// # Errors
 /// A setting outside its range; fully transparent leaves; an atlas page without visible texels; a trunk that reaches too far from the
 /// leaves; more billboards than the atlas page holds; [`Error::Cancelled`].
 pub fn build_chain(
     foliage: &Foliage,
-    wood: Option<&Foliage>,
+    trunk: Option<&Foliage>,
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Chain> {
     settings.check()?;
     let started = Instant::now();
     let frame = *foliage.frame();
-    wood.map_or(Ok(()), |wood| check_wood(wood.frame(), &frame))?;
+    trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = LookSeconds::default();
     let mut seen = Vec::new();
     if settings.looks.order > 0 {
@@ -303,8 +303,8 @@ pub fn build_chain(
     };
     let judges = Judges::new(&[foliage], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
-    let wood = wood.map(Foliage::without_labels);
-    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&wood).collect();
+    let trunk = trunk.map(Foliage::without_labels);
+    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&trunk).collect();
     let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
     let prepare_seconds = started.elapsed().as_secs_f64();
     let count = settings.levels + usize::from(settings.cross);
@@ -354,17 +354,17 @@ fn pivots(foliage: &Foliage) -> Vec<DVec3> {
 }
 
 /// Greatest distance of the trunk from the center of the leaves, in R of the leaves.
-const WOOD_REACH: f64 = 1000.0;
+const TRUNK_REACH: f64 = 1000.0;
 
 /// Checks the size of the trunk. The cross impostor shows leaves and trunk on one atlas page; beside a huge trunk the leaves would be
 /// smaller than a texel.
-fn check_wood(wood: &Frame, leaves: &Frame) -> Result<()> {
-    let reach = (wood.centre.distance(leaves.centre) + wood.radius) / leaves.radius;
-    if reach <= WOOD_REACH {
+fn check_trunk(trunk: &Frame, leaves: &Frame) -> Result<()> {
+    let reach = (trunk.centre.distance(leaves.centre) + trunk.radius) / leaves.radius;
+    if reach <= TRUNK_REACH {
         return Ok(());
     }
     Err(Error::invalid(format!(
-        "the trunk reaches {reach:.1e} times the leaves' radius away from them; the limit is {WOOD_REACH}: apply its scale or leave it out"
+        "the trunk reaches {reach:.1e} times the leaves' radius away from them; the limit is {TRUNK_REACH}: apply its scale or leave it out"
     )))
 }
 

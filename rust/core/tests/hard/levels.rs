@@ -26,8 +26,8 @@ fn settings() -> ChainSettings {
     }
 }
 
-fn chain(foliage: &Foliage, wood: Option<&Foliage>, settings: &ChainSettings) -> leafcloud::Result<Chain> {
-    build_chain(foliage, wood, settings, Progress::silent())
+fn chain(foliage: &Foliage, trunk: Option<&Foliage>, settings: &ChainSettings) -> leafcloud::Result<Chain> {
+    build_chain(foliage, trunk, settings, Progress::silent())
 }
 
 /// Needles of length 1 and this width in a ball.
@@ -107,8 +107,8 @@ fn foliage_of_horizontal_tiers() {
     let mut least: f64 = 1.0;
     for tilt in [0.0, 1e-4, 0.03, 0.1] {
         let (leaves, stem) = tiers(tilt);
-        for wood in [None, Some(&stem)] {
-            let cross = chain(&leaves, wood, &ChainSettings { levels: 0, ..settings() }).unwrap().levels.remove(0);
+        for trunk in [None, Some(&stem)] {
+            let cross = chain(&leaves, trunk, &ChainSettings { levels: 0, ..settings() }).unwrap().levels.remove(0);
             least = least.min(cross.judgement.coverage);
         }
     }
@@ -206,19 +206,19 @@ fn nothing_asked_for() {
 }
 
 #[test]
-fn wood_out_of_proportion() {
+fn trunk_out_of_proportion() {
     let leaves = soup(&random_corners(50, 73));
-    let wood = |scale: f64, at: f64| {
+    let trunk = |scale: f64, at: f64| {
         soup(&random_corners(20, 74).into_iter().map(|t| t.map(|p| p * scale + DVec3::X * at)).collect::<Vec<_>>())
     };
-    for (name, wood) in
-        [("a trunk 10³⁰ times as large as the leaves", wood(1e30, 0.0)), ("a trunk 10⁹ R away", wood(1.0, 1e9))]
+    for (name, trunk) in
+        [("a trunk 10³⁰ times as large as the leaves", trunk(1e30, 0.0)), ("a trunk 10⁹ R away", trunk(1.0, 1e9))]
     {
         case(GROUP, name, "a named error")
-            .refuses(chain(&leaves, Some(&wood), &settings()).map(|_| ()), "the trunk reaches");
+            .refuses(chain(&leaves, Some(&trunk), &settings()).map(|_| ()), "the trunk reaches");
     }
     let fine = ChainSettings { texture_size: 1024.into(), ..settings() };
-    let tall = chain(&leaves, Some(&wood(20.0, 0.0)), &fine).unwrap();
+    let tall = chain(&leaves, Some(&trunk(20.0, 0.0)), &fine).unwrap();
     case(GROUP, "a trunk twenty times as large as the leaves", "definition: every page shows something")
         .equals(fewest_drawn(&tall) > 0, true);
 }

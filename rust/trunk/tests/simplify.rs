@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_wood::{Simplified, simplify};
+use leafcloud_trunk::{Simplified, simplify};
 
 /// Positions, triangles, and attributes of the corners.
 #[derive(Clone, Default)]
@@ -56,9 +56,9 @@ impl Mesh {
 
     fn simplified(&self, error: f64) -> Simplified {
         let materials = vec![Material::default(); self.materials];
-        let wood =
+        let trunk =
             Foliage::new(&self.positions, self.triangles.clone(), self.attributes.clone(), materials).expect("a mesh");
-        simplify(&wood, error, Progress::silent()).expect("an error above 0")
+        simplify(&trunk, error, Progress::silent()).expect("an error above 0")
     }
 
     fn corner(&self, corner: u32) -> DVec3 {
@@ -286,10 +286,10 @@ fn threads_change_nothing() {
 
 #[test]
 fn an_error_that_is_no_length_is_refused() {
-    let wood =
+    let trunk =
         Foliage::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], Attributes::default(), vec![]).unwrap();
     for error in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(simplify(&wood, error, Progress::silent()).unwrap_err().to_string().contains("a length above 0"));
+        assert!(simplify(&trunk, error, Progress::silent()).unwrap_err().to_string().contains("a length above 0"));
     }
 }
 

@@ -19,7 +19,7 @@ from .materials import layer_names
 
 
 @dataclass(frozen=True)
-class Wood:
+class Trunk:
     """The trunk of one level.
 
     name: common to the trunks of all levels. mesh: None if no triangles are kept. error: measured deviation from the
@@ -43,12 +43,12 @@ def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
     return create_mesh(name, surface, geometry.materials, layer_names(geometry.materials))
 
 
-def whole(name: str, geometry: Geometry) -> Wood:
+def whole(name: str, geometry: Geometry) -> Trunk:
     """Return the unsimplified trunk."""
-    return Wood(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
+    return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
 
 
-def simplified(first: Wood, geometry: Geometry, placement: Placement, errors: Sequence[float]) -> list[Wood]:
+def simplified(first: Trunk, geometry: Geometry, placement: Placement, errors: Sequence[float]) -> list[Trunk]:
     """Return one simplified trunk per level, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
 
     errors: maximum deviations from `geometry` in world units, ascending. Each trunk is made from `geometry`, so errors
@@ -65,7 +65,7 @@ def simplified(first: Wood, geometry: Geometry, placement: Placement, errors: Se
             continue
         left = gathered(geometry, found.corners)
         mesh = geometry_mesh(f"{first.name}_{level}", left) if len(found.corners) else None
-        result.append(Wood(first.name, mesh, len(found.corners), found.error, _nbytes(left), found.corners))
+        result.append(Trunk(first.name, mesh, len(found.corners), found.error, _nbytes(left), found.corners))
     return result[1:]
 
 

@@ -2,7 +2,7 @@
 
 use leafcloud::groups::number_by_appearance;
 use leafcloud::{Attributes, Foliage, Material};
-use leafcloud_wood::Simplified;
+use leafcloud_trunk::Simplified;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -55,8 +55,8 @@ pub fn simplify(
         ..Attributes::default()
     };
     let simplified = interruptible(py, move |progress| {
-        let wood = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
-        leafcloud_wood::simplify(&wood, error, progress)
+        let trunk = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
+        leafcloud_trunk::simplify(&trunk, error, progress)
     })?;
     Ok(PySimplified(simplified))
 }

@@ -28,7 +28,7 @@ pub struct Simplified {
     pub error: f64,
 }
 
-/// Returns `wood` with the fewest triangles found within `error`, a length in the caller's units. Its parts are the leaves of the foliage
+/// Returns `trunk` with the fewest triangles found within `error`, a length in the caller's units. Its parts are the leaves of the foliage
 /// (`Foliage::leaf_ids`).
 ///
 /// Parts that fit into a sphere of the radius `error` are removed. The result does not depend on the number of threads; `meshopt`, which is
@@ -36,19 +36,19 @@ pub struct Simplified {
 ///
 /// # Errors
 /// An `error` that is not above 0 and finite; [`Error::Cancelled`], checked before every part.
-pub fn simplify(wood: &Foliage, error: f64, progress: Progress) -> Result<Simplified> {
+pub fn simplify(trunk: &Foliage, error: f64, progress: Progress) -> Result<Simplified> {
     if !(error > 0.0 && error.is_finite()) {
         return Err(Error::invalid(format!(
             "error is {}; it must be a length above 0, in the units of the positions",
             number(error)
         )));
     }
-    let radius = wood.frame().radius;
-    let parts = wood.leaves();
+    let radius = trunk.frame().radius;
+    let parts = trunk.leaves();
     let numbers: Vec<usize> = (0..parts.len()).collect();
     let simplify = |&number: &usize| {
         progress.tell("simplify", 0.0)?;
-        Ok(part::simplify(wood, parts.get(number), error / radius))
+        Ok(part::simplify(trunk, parts.get(number), error / radius))
     };
     let simplified = numbers.par_iter().map(simplify).collect::<Result<Vec<Simplified>>>()?;
     Ok(Simplified {

@@ -1,13 +1,13 @@
-"""Measures the trunk of each level: `make wood`.
+"""Measures the trunk of each level: `make trunk`.
 
-usage: python tools/wood.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
+usage: python tools/trunk.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
 
 Measures each cloud of a bake with default settings: the triangles of the original and of the simplified trunk, and
 the distance between the two as a fraction of R. Then, in 8 views with the pixel size of the level's switch: the
 coverage of the trunk relative to the original; the overlap of the two silhouettes (intersection over union of alpha >
 ½); and both numbers for the whole level. Last the trunk's graphics memory, and the number and memory of the
 billboards that would show it with the same error and the level's texel size. Prints a table in Markdown; for all
-trees it also writes docs/bench/wood.md.
+trees it also writes docs/bench/trunk.md.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ def main() -> None:
     for path in trees or sorted(FOLIAGE.glob("*.glb")):
         load(path)
         tree = extract(bpy.context.evaluated_depsgraph_get(), None)
-        if tree.wood is None:
+        if tree.trunk is None:
             continue
         prepared = prepare(tree, BakeSettings())
         baked = finish(prepared, start(prepared).result(), "tree", view_of(bpy.context.scene))
         table += ["| " + " | ".join([path.stem, *row]) + " |" for row in rows(baked)]
     print("\n".join(table))
     if not trees:
-        (ROOT / "docs" / "bench" / "wood.md").write_text("\n".join([*table, ""]), encoding="utf-8")
+        (ROOT / "docs" / "bench" / "trunk.md").write_text("\n".join([*table, ""]), encoding="utf-8")
 
 
 def rows(baked: Baked) -> Iterator[list[str]]:
@@ -66,45 +66,45 @@ def rows(baked: Baked) -> Iterator[list[str]]:
     radius = baked.prepared.foliage.radius
     bpy.context.scene.collection.children.link(baked.collection)
     bpy.context.view_layer.update()
-    came = seen(baked.levels[0].wood)
+    came = seen(baked.levels[0].trunk)
     for level, built in zip(baked.chain.levels, baked.levels[1:], strict=True):
         if level.cloud is None:
             continue
-        shown, leaves = seen(built.wood), [level.foliage()]
+        shown, leaves = seen(built.trunk), [level.foliage()]
         pixel = 2.0 * math.tan(baked.view.field_of_view / 2.0) * baked.switch_distances[built.number]
         size = max(16, round(2.0 * came[0].radius * baked.view.resolution / pixel))
         ratios = (*compared(came, shown, size), *compared(leaves + came, leaves + shown, size))
-        counts = (baked.levels[0].wood_triangles, built.wood_triangles)
-        numbers = [*map(str, counts), f"{built.wood_error / radius:.4f}", *(f"{ratio:.3f}" for ratio in ratios)]
-        memory = [f"{mesh_bytes(built.wood) / 1024:.0f}", *as_billboards(came[0], level, built.wood_error)]
+        counts = (baked.levels[0].trunk_triangles, built.trunk_triangles)
+        numbers = [*map(str, counts), f"{built.trunk_error / radius:.4f}", *(f"{ratio:.3f}" for ratio in ratios)]
+        memory = [f"{mesh_bytes(built.trunk) / 1024:.0f}", *as_billboards(came[0], level, built.trunk_error)]
         yield [f"{built.number} ({size} px)", *numbers, *memory]
 
 
-def mesh_bytes(wood: bpy.types.Object | None) -> int:
+def mesh_bytes(trunk: bpy.types.Object | None) -> int:
     """Return the bytes of an object's corners and of three indices per triangle; 0 without an object."""
-    return 0 if wood is None else CORNER_BYTES * len(wood.data.vertices) + 4 * len(wood.data.loops)
+    return 0 if trunk is None else CORNER_BYTES * len(trunk.data.vertices) + 4 * len(trunk.data.loops)
 
 
-def as_billboards(wood: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
-    """Fit billboards to `wood` within `error`; return their number and their KiB (corners, texels with mips)."""
+def as_billboards(trunk: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
+    """Fit billboards to `trunk` within `error`; return their number and their KiB (corners, texels with mips)."""
     if error == 0.0:
         return "–", "–"
-    epsilon = min(error / wood.radius, 1.0)
-    [own] = leafcloud.build_chain(wood, levels=1, cross=False, epsilon=epsilon, texture_size=1024).levels
+    epsilon = min(error / trunk.radius, 1.0)
+    [own] = leafcloud.build_chain(trunk, levels=1, cross=False, epsilon=epsilon, texture_size=1024).levels
     texels = own.texels * (own.texel_size / level.texel_size) ** 2
     nbytes = CORNER_BYTES * own.corners.size / 3 + 4.0 * texels * 4.0 / 3.0
     return str(len(own.corners)), f"{nbytes / 1024:.0f}"
 
 
-def seen(wood: bpy.types.Object | None) -> list[leafcloud.Foliage]:
+def seen(trunk: bpy.types.Object | None) -> list[leafcloud.Foliage]:
     """Return a triangle mesh object as foliage in world space, in a list; an empty list without an object."""
-    if wood is None:
+    if trunk is None:
         return []
-    positions = np.empty((len(wood.data.vertices), 3), np.float32)
-    wood.data.vertices.foreach_get("co", positions.ravel())
-    corners = np.empty(len(wood.data.loops), np.int32)
-    wood.data.loops.foreach_get("vertex_index", corners)
-    matrix = np.array(wood.matrix_world)
+    positions = np.empty((len(trunk.data.vertices), 3), np.float32)
+    trunk.data.vertices.foreach_get("co", positions.ravel())
+    corners = np.empty(len(trunk.data.loops), np.int32)
+    trunk.data.loops.foreach_get("vertex_index", corners)
+    matrix = np.array(trunk.matrix_world)
     return [leafcloud.Foliage(positions @ matrix[:3, :3].T + matrix[:3, 3], corners.reshape(-1, 3))]
 
 

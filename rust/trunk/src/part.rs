@@ -23,15 +23,15 @@ const SPACING: f64 = 0.5;
 /// they do not collapse. Of weights from 0.1 to 4, measured on the trees of `ez-tree`, this one gives the fewest triangles.
 const NORMAL_WEIGHT: f32 = 0.3;
 
-/// Simplifies the part of `wood` with these triangles within `error`. Both the given and the returned error are in the local frame.
-pub fn simplify(wood: &Foliage, triangles: &[u32], error: f64) -> Simplified {
-    let places: Vec<DVec3> = triangles.iter().flat_map(|&t| wood.corners(t as usize)).collect();
+/// Simplifies the part of `trunk` with these triangles within `error`. Both the given and the returned error are in the local frame.
+pub fn simplify(trunk: &Foliage, triangles: &[u32], error: f64) -> Simplified {
+    let places: Vec<DVec3> = triangles.iter().flat_map(|&t| trunk.corners(t as usize)).collect();
     match Frame::of(places.iter().copied()) {
         Some(sphere) if sphere.radius > error => {}
         sphere => return Simplified { corners: Vec::new(), error: sphere.map_or(0.0, |s| s.radius) },
     }
-    let part = Part::new(wood, triangles, places, error);
-    part.search().unwrap_or_else(|| Simplified { corners: part.in_wood(&part.vertices.of_corner), error: 0.0 })
+    let part = Part::new(trunk, triangles, places, error);
+    part.search().unwrap_or_else(|| Simplified { corners: part.in_trunk(&part.vertices.of_corner), error: 0.0 })
 }
 
 struct Part<'a> {
@@ -48,8 +48,8 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    fn new(wood: &Foliage, triangles: &'a [u32], places: Vec<DVec3>, error: f64) -> Self {
-        let vertices = Vertices::new(wood, triangles, &places);
+    fn new(trunk: &Foliage, triangles: &'a [u32], places: Vec<DVec3>, error: f64) -> Self {
+        let vertices = Vertices::new(trunk, triangles, &places);
         let bound = (error / f64::from(simplify_scale_decoder(&vertices.places))) as f32;
         let mut part = Self { triangles, vertices, places, whole: Vec::new(), error, bound };
         part.whole = part.surface(&part.vertices.of_corner);
@@ -68,7 +68,7 @@ impl<'a> Part<'a> {
                     break;
                 }
                 let missed = match self.measured(&indices) {
-                    Ok(error) => return Some(Simplified { corners: self.in_wood(&indices), error }),
+                    Ok(error) => return Some(Simplified { corners: self.in_trunk(&indices), error }),
                     Err(missed) => missed,
                 };
                 if !self.keep(missed, &mut locks) {
@@ -145,7 +145,7 @@ impl<'a> Part<'a> {
     }
 
     /// Returns triangles of the part's vertices as corners of the whole trunk.
-    fn in_wood(&self, indices: &[u32]) -> Vec<[u32; 3]> {
+    fn in_trunk(&self, indices: &[u32]) -> Vec<[u32; 3]> {
         let corner = |v: u32| {
             let corner = self.vertices.corners[v as usize];
             3 * self.triangles[corner as usize / 3] + corner % 3

@@ -25,20 +25,21 @@ pub struct Vertices {
 type Corner = (usize, usize);
 
 impl Vertices {
-    /// Returns the vertices of the `triangles` of `wood`. `places` are the positions of their corners (3 t).
-    pub fn new(wood: &Foliage, triangles: &[u32], places: &[DVec3]) -> Self {
-        let in_wood = |corner: usize| (triangles[corner / 3] as usize, corner % 3);
+    /// Returns the vertices of the `triangles` of `trunk`. `places` are the positions of their corners (3 t).
+    pub fn new(trunk: &Foliage, triangles: &[u32], places: &[DVec3]) -> Self {
+        let in_trunk = |corner: usize| (triangles[corner / 3] as usize, corner % 3);
         // Adding zero turns −0 into 0.
         let place = |corner: usize| (places[corner].as_vec3() + Vec3::ZERO).to_array();
-        let key =
-            |corner: usize| (bits(place(corner)), bits(look(wood, in_wood(corner))), material(wood, in_wood(corner)));
+        let key = |corner: usize| {
+            (bits(place(corner)), bits(look(trunk, in_trunk(corner))), material(trunk, in_trunk(corner)))
+        };
         let (of_corner, count) = number_by_appearance((0..places.len()).map(key));
         let corners = first_of_each(&of_corner, count);
         let of_vertex = || corners.iter().map(|&corner| corner as usize);
-        let seams: Vec<_> = of_vertex().map(|corner| seam(wood, in_wood(corner))).collect();
+        let seams: Vec<_> = of_vertex().map(|corner| seam(trunk, in_trunk(corner))).collect();
         Self {
             places: of_vertex().map(place).collect(),
-            attributes: of_vertex().map(|corner| look(wood, in_wood(corner))).collect(),
+            attributes: of_vertex().map(|corner| look(trunk, in_trunk(corner))).collect(),
             on_seam: differing(of_vertex().map(|corner| bits(place(corner))), &seams),
             corners,
             of_corner,
@@ -58,17 +59,17 @@ fn differing<K: std::hash::Hash + Eq, V: PartialEq>(keys: impl Iterator<Item = K
 }
 
 /// Returns the attributes that make a seam if they differ: texture coordinates, color, material.
-fn seam(wood: &Foliage, corner: Corner) -> ([u32; 6], u32) {
-    let [u, v, _, _, _, r, g, b, a] = look(wood, corner);
-    (bits([u, v, r, g, b, a]), material(wood, corner))
+fn seam(trunk: &Foliage, corner: Corner) -> ([u32; 6], u32) {
+    let [u, v, _, _, _, r, g, b, a] = look(trunk, corner);
+    (bits([u, v, r, g, b, a]), material(trunk, corner))
 }
 
-fn material(wood: &Foliage, (triangle, _): Corner) -> u32 {
-    wood.attributes().material_ids.get(triangle).copied().unwrap_or(0)
+fn material(trunk: &Foliage, (triangle, _): Corner) -> u32 {
+    trunk.attributes().material_ids.get(triangle).copied().unwrap_or(0)
 }
 
-fn look(wood: &Foliage, (triangle, k): Corner) -> [f32; ATTRIBUTES] {
-    let attributes = wood.attributes();
+fn look(trunk: &Foliage, (triangle, k): Corner) -> [f32; ATTRIBUTES] {
+    let attributes = trunk.attributes();
     let [u, v] = attributes.uvs.get(triangle).map_or([0.0; 2], |t| t[k].to_array());
     let [x, y, z] = attributes.normals.get(triangle).map_or([0.0; 3], |t| t[k].normalize_or_zero().to_array());
     let [r, g, b, a] = attributes.colors.get(triangle).map_or([0.0; 4], |t| t[k].to_array());
