@@ -6,9 +6,10 @@
 //! detail and less area. It is the largest power at which the level keeps the area of level 0. (A multiplicative cascade; compare the
 //! thresholds of Castaño, "Computing Alpha Mipmaps", 2010, which need mip levels of their own in the file.)
 //!
-//! The area is within 5 % of level 0 on levels 1 to [`LEVELS`] of the measured cross impostors (`docs/bench/three.md`). O(texels) for each
-//! area, of which some hundred are measured: for small pages. Known limit: shapes at level 0 follow those of the coarse levels, so
-//! silhouettes are softer than those of the page itself; a page that is seen at one texel a pixel is better served by [`super::plain`].
+//! `docs/bench/three.md` lists the coverage of cross impostors on screen. O(texels) for each area, of which some hundred are measured: for
+//! small pages. Known limits: a crown that is one or two texels wide at level [`LEVELS`] cannot keep its area there; shapes at level 0
+//! follow those of the coarse levels, so silhouettes are softer than those of the page itself. [`super::plain`] suits a page that is seen
+//! at one texel per pixel better.
 
 use crate::foliage::{Image, mask};
 
