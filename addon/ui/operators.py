@@ -88,7 +88,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         earlier = levels_of(scene, sources)
         before = name_before(earlier, sources)
         with replaced(earlier), removed_on_failure():
-            name = before or free_name(file_name(_grove_name(list(self._prepared))))
+            name = before or free_name(file_name(_tree_set_name(list(self._prepared))))
             tree_set = finish_tree_set(self._prepared, chains, name, scene)
             if self._directory is not None:
                 write(tree_set, self._directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
@@ -142,6 +142,6 @@ def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> 
     context.view_layer.objects.active = objects[0]
 
 
-def _grove_name(trees: Sequence[str]) -> str:
+def _tree_set_name(trees: Sequence[str]) -> str:
     """Return the base name of the files: the tree's name, or the .blend file's for several trees."""
-    return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "tree_set"
+    return trees[0] if len(trees) == 1 else Path(bpy.data.filepath).stem or "trees"

@@ -156,14 +156,14 @@ def test_several_trees_take_the_place_of_themselves(sources: list[bpy.types.Obje
     select(sources[0], other)
     bpy.ops.leafcloud.bake()
     before = names()
-    assert {"tree_set", "leaves", "leaves.001"} <= {*before["collections"]}
+    assert {"trees", "leaves", "leaves.001"} <= {*before["collections"]}
     assert {obj.name for obj in bpy.context.selected_objects} == {"leaves_LOD0", "leaves.001_LOD0"}
     bpy.ops.leafcloud.bake()
     assert names() == before
     select(bpy.data.objects["leaves_LOD1"])
     bpy.ops.leafcloud.bake()
     assert {*names()["objects"]} == {*before["objects"]}
-    assert {child.name for child in bpy.data.collections["tree_set"].children} == {"leaves", "leaves.001"}
+    assert {child.name for child in bpy.data.collections["trees"].children} == {"leaves", "leaves.001"}
 
 
 def test_a_level_whose_tree_is_gone_says_so_at_once(sources: list[bpy.types.Object]) -> None:
