@@ -150,7 +150,7 @@ def test_without_a_tree_there_is_nothing_to_bake() -> None:
 def test_levels_of_one_number_share_a_page_and_show_their_own_leaves() -> None:
     red_and_blue()
     tree_set = bake(read_trees())
-    assert [tree.collection.name.split(".")[0] for tree in tree_set.trees] == ["maple", "spruce"]
+    assert [tree.collection.name for tree in tree_set.trees] == ["maple_2", "spruce_2"]
     assert set(tree_set.collection.children) == {tree.collection for tree in tree_set.trees}
     first, second = (tree.levels for tree in tree_set.trees)
     for number in (1, 2):
@@ -215,7 +215,7 @@ def test_what_is_seen_through_shares_no_page_with_what_is_cut_out() -> None:
     collected("maple", glass)
     collected("spruce", crown("blue", BLUE))
     bpy.context.view_layer.update()
-    with pytest.raises(SceneError, match="leaves of maple are seen through"):
+    with pytest.raises(SceneError, match="leaves of maple are alpha blended"):
         bake(read_trees())
     bake(read_trees(), effects="-blend_order")
 
@@ -337,4 +337,4 @@ def test_what_is_of_one_tree_is_refused_for_several(tmp_path: Path, shrub: Path)
     scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
     assert "one tree" in refusal(out, "--input", scene, "--trees", "collections", "--cost-curve", "quick")
     assert ".blend" in refusal(out, "--input", shrub, scene)
-    assert "open one that has all trees" in refusal(out, "--input", shrub, shrub, "--unlit")
+    assert "open a scene with all trees" in refusal(out, "--input", shrub, shrub, "--unlit")

@@ -69,6 +69,6 @@ def test_regions_keep_apart() -> None:
 
 def test_levels_of_different_channels_are_refused() -> None:
     chains = [tree(1, (1.0, 1.0, 1.0, 1.0), 128), tree(2, (1.0, 1.0, 1.0, 1.0), 128, leaf_map=True)]
-    with pytest.raises(leafcloud.LeafcloudError, match="bake all with the same effects"):
+    with pytest.raises(leafcloud.LeafcloudError, match="bake all trees with the same effects"):
         leafcloud.share_pages(chains)
     assert leafcloud.share_pages([]) == []
