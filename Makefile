@@ -28,7 +28,7 @@ THREE := shaders/viewer
 
 .PHONY: help
 help: ## list the targets
-	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 12
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 18
 
 .PHONY: setup
 setup: .venv/.wheel ## make .venv: Python 3.11 with Blender 4.5 LTS as a module and the release build of the wheel
@@ -64,82 +64,82 @@ bench: ## measure the speed of the core, and compare its results with alternativ
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
 	cargo bench --quiet --package leafcloud --bench safeguards -- $(CURDIR)/../shared/foliage/*.glb | tee docs/bench/safeguards.md
-	$(if $(wildcard $(MEASURED)),$(MAKE) fidelity relit flight forest speed)
+	$(if $(wildcard $(MEASURED)),$(MAKE) bench-fidelity bench-relit bench-flight bench-forest bench-speed)
 
-.PHONY: fidelity
-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives with the leaves, in Cycles (two hours; later runs take less)
+.PHONY: bench-fidelity
+bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives with the leaves, in Cycles (two hours; later runs take less)
 	@mkdir -p docs/bench
-	.venv/bin/python tools/fidelity.py $(ARGS)
+	.venv/bin/python bench/fidelity.py $(ARGS)
 
-.PHONY: curves
-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--verify compares the metrics with Cycles)
+.PHONY: bench-curves
+bench-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--verify compares the metrics with Cycles)
 	@mkdir -p docs/bench
-	.venv/bin/python tools/curves.py $(ARGS)
+	.venv/bin/python bench/curves.py $(ARGS)
 
-.PHONY: flight
-flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and measure popping (an hour)
+.PHONY: bench-flight
+bench-flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and measure popping (an hour)
 	@mkdir -p docs/bench
-	PYTHONPATH=$(CURDIR) .venv/bin/python tools/flight.py $(ARGS)
+	PYTHONPATH=$(CURDIR) .venv/bin/python bench/flight.py $(ARGS)
 
-.PHONY: forest
-forest: setup ## measure a forest of 10,000 pines from seven distances: triangles, evaluation, Cycles (ten minutes)
+.PHONY: bench-forest
+bench-forest: setup ## measure a forest of 10,000 pines from seven distances: triangles, evaluation, Cycles (ten minutes)
 	@mkdir -p docs/bench
-	.venv/bin/python tools/forest.py $(ARGS)
+	.venv/bin/python bench/forest.py $(ARGS)
 
-.PHONY: speed
-speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time the leaves and the levels in Cycles and three.js, near and far
+.PHONY: bench-speed
+bench-speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time the leaves and the levels in Cycles and three.js, near and far
 	@tools/prerequisites.sh chromium
 	@mkdir -p docs/bench
-	.venv/bin/python tools/speed.py $(ARGS)
+	.venv/bin/python bench/speed.py $(ARGS)
 
-.PHONY: relit
-relit: setup ## compare level 1 with its leaves under six suns, in Cycles
+.PHONY: bench-relit
+bench-relit: setup ## compare level 1 with its leaves under six suns, in Cycles
 	@mkdir -p docs/bench
-	.venv/bin/python tools/relit.py $(ARGS)
+	.venv/bin/python bench/relit.py $(ARGS)
 
-.PHONY: size
-size: setup .venv/.fidelity ## compare billboards of the default size with billboards of any size: fragments, triangles, error (ten minutes)
+.PHONY: bench-size
+bench-size: setup .venv/.fidelity ## compare billboards of the default size with billboards of any size: fragments, triangles, error (ten minutes)
 	@mkdir -p docs/bench
-	.venv/bin/python tools/size.py $(ARGS)
+	.venv/bin/python bench/size.py $(ARGS)
 
-.PHONY: trunk
-trunk: setup ## measure the trunk of each level: triangles, error, coverage
+.PHONY: bench-trunk
+bench-trunk: setup ## measure the trunk of each level: triangles, error, coverage
 	@mkdir -p docs/bench
-	.venv/bin/python tools/trunk.py $(ARGS)
+	.venv/bin/python bench/trunk.py $(ARGS)
 
-.PHONY: plan
-plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)
+.PHONY: bench-plan
+bench-plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)
 	@mkdir -p docs/bench
-	.venv/bin/python tools/plan_costs.py $(ARGS)
+	.venv/bin/python bench/plan.py $(ARGS)
 
-.PHONY: minimal
-minimal: setup .venv/.fidelity ## bake a scene that needs few effects as planned, and with everything forced on
+.PHONY: bench-minimal
+bench-minimal: setup .venv/.fidelity ## bake a scene that needs few effects as planned, and with everything forced on
 	@mkdir -p docs/bench
-	.venv/bin/python tools/minimal.py $(ARGS)
+	.venv/bin/python bench/minimal.py $(ARGS)
 
-.PHONY: blending
-blending: setup ## measure the cost and the accuracy of splitting billboards for alpha blending
+.PHONY: bench-blending
+bench-blending: setup ## measure the cost and the accuracy of splitting billboards for alpha blending
 	@mkdir -p docs/bench
-	.venv/bin/python tools/blending.py $(ARGS)
+	.venv/bin/python bench/blending.py $(ARGS)
 
-.PHONY: grazing
-grazing: setup ## measure pictures without the billboards seen edge-on
+.PHONY: bench-grazing
+bench-grazing: setup ## measure pictures without the billboards seen edge-on
 	@mkdir -p docs/bench
-	.venv/bin/python tools/grazing.py $(ARGS)
+	.venv/bin/python bench/grazing.py $(ARGS)
 
-.PHONY: three
-three: setup $(THREE)/node_modules/.package-lock.json ## measure the levels' coverage in three.js, with PNG and with KTX2
+.PHONY: bench-three
+bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the levels' coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium
-	.venv/bin/python tools/three.py $(ARGS)
+	.venv/bin/python bench/three.py $(ARGS)
 
 .PHONY: viewer
 viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/viewer/
 	@tools/prerequisites.sh python
 	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 --directory shaders 8000
 
-.PHONY: stability
-stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
-	.venv/bin/python tools/stability.py
+.PHONY: bench-stability
+bench-stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
+	.venv/bin/python bench/stability.py
 
 # The fuzzer's instrumentation and AddressSanitizer need nightly Rust.
 .PHONY: fuzz
@@ -152,9 +152,9 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 	    RAYON_NUM_THREADS=1 cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target rust/fuzz/target/corpus/$$target rust/fuzz/corpus/$$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
 	done
 
-.PHONY: measure
-measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check the files: validator, ε, coverage, overlap
-	.venv/bin/python tools/measure.py $(ARGS)
+.PHONY: bench-measure
+bench-measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check the files: validator, ε, coverage, overlap
+	.venv/bin/python bench/measure.py $(ARGS)
 
 .PHONY: docs
 docs: setup ## remake the pictures of the documentation

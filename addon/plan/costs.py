@@ -2,7 +2,7 @@
 
 A cost is proportional to an amount that is known before the bake: vertices, texels or triangles. Effects that look
 through the crown take longer the more leaves overlap along a line of sight. The constants are fitted to measured trees.
-`make plan` measures the costs again and compares them with the estimates. Seconds apply to the measuring machine.
+`make bench-plan` measures the costs again and compares them with the estimates. Seconds apply to the measuring machine.
 
 Known limit: two amounts are only known after the bake. The trunk triangles left after simplification are estimated from
 the seams of the trunk's texture, the pieces of blended billboards from the leaf size.

@@ -22,7 +22,7 @@ from viewing import PAGE, PATIENCE
 
 import leafcloud
 from addon.settings import BakeSettings
-from tools.browser import FILES, ask
+from bench.browser import FILES, ask
 
 COLORS = ((0.8, 0.1, 0.1), (0.1, 0.7, 0.1), (0.1, 0.1, 0.9))
 ALPHA = 0.5

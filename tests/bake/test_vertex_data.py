@@ -22,7 +22,7 @@ from scenes import add_mesh
 from viewing import PAGE, PATIENCE
 
 from addon.settings import ENGINES
-from tools.browser import ask
+from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 BY_NAME = ("generic", "three", "bevy")

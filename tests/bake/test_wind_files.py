@@ -31,7 +31,7 @@ from addon.pipeline import wind_settings
 from addon.scene.load import load
 from addon.settings import BakeSettings
 from addon.versions import get_modifier_input
-from tools.browser import ask
+from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 PAGE = "tests/browser/probe.html"

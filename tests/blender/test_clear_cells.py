@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.clear_cells import without_clear
+from bench.clear_cells import without_clear
 
 SIZE = 64
 

@@ -23,7 +23,7 @@ from addon.build.grazing_nodes import GRAZING_SHARE, WIDTH, add_grazing_fade, ad
 from addon.settings import BakeSettings
 from addon.versions import set_modifier_input
 from addon.viewport.draw import inputs_of
-from tools.browser import ask
+from bench.browser import ask
 
 ANGLES = np.radians([0.0, 45.0, 70.0, 80.0, 85.0, 88.0, 90.0])
 

@@ -25,7 +25,7 @@ from addon.viewport.draw import inputs_of, levels_in
 from addon.viewport.look import LevelInputs, look_at
 from addon.viewport.paint import paint_of
 from addon.viewport.shader import uniforms_of
-from tools.browser import ask
+from bench.browser import ask
 
 NEVER = 1e9
 

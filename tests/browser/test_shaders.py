@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
 
-from tools.browser import ask
+from bench.browser import ask
 
 PAGE = "tests/browser/probe.html"
 PATIENCE = 120.0

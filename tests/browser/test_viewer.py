@@ -23,7 +23,7 @@ from viewing import PAGE, PATIENCE, Pruning, apart, attribute, by_leaf, drawn_by
 from addon.build.lod_nodes import NEVER
 from addon.scene.meshes import PROTECT
 from addon.versions import set_modifier_input
-from tools.browser import ask
+from bench.browser import ask
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from lod_scenes import add_camera
 from viewing import PAGE, PATIENCE, Pruning, drawn_by_nodes, drawn_by_shader
 
 from addon.plan.thinning import CUT_OFF
-from tools.browser import ask
+from bench.browser import ask
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)
 """Of d₀: there 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves are left, for half are at 2 d₀."""

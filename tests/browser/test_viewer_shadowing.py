@@ -13,7 +13,7 @@ from laws import Floats, sun_share
 from small_glb import QUAD, QUAD_UVS, png
 from viewing import PAGE, PATIENCE
 
-from tools.browser import FILES, ask
+from bench.browser import FILES, ask
 
 TANGENT = (0.6, 0.8, 0.0, -1.0)
 """In the plane of the quad, which faces +z; the bitangent lies on the left of it as seen from the front."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from laws import Air, Floats, blown, carried, fluttered
 
-from tools.browser import ask
+from bench.browser import ask
 
 PAGE = "tests/browser/probe.html"
 SINE = 2.0**-11

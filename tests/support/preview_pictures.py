@@ -23,7 +23,7 @@ from addon.viewport.shader import (
     laws,
     uniforms_of_paint,
 )
-from tools.browser import FILES, ask
+from bench.browser import FILES, ask
 
 PAGE, PATIENCE = "tests/browser/probe.html", 120.0
 

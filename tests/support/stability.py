@@ -1,5 +1,5 @@
 """Hard cases: what was measured is asserted here, and recorded for docs/stability.md when ``LEAFCLOUD_STABILITY`` names
-a file (``make stability``). Each line of that file is a case in JSON, as the Rust tests write it."""
+a file (``make bench-stability``). Each line of that file is a case in JSON, as the Rust tests write it."""
 
 from __future__ import annotations
 

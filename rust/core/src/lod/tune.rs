@@ -38,7 +38,7 @@ const MOSTLY_LOST: f64 = 0.5;
 /// Weight of a coverage difference against a loss of overlap when choosing a cutoff: 5 % denser is as bad as 1 % less overlap.
 const COVERAGE_WEIGHT: f64 = 0.2;
 
-/// Turn of the tuning views. Tuning uses other cameras than the report (turn ½) and `make fidelity` (turn 0), so settings are never scored
+/// Turn of the tuning views. Tuning uses other cameras than the report (turn ½) and `make bench-fidelity` (turn 0), so settings are never scored
 /// on the views they were tuned for.
 const TURN: f64 = 0.25;
 

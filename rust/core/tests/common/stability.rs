@@ -1,5 +1,5 @@
 //! Assertions for hard cases. With `LEAFCLOUD_STABILITY` set to a file, they also record each case there for docs/stability.md
-//! (`make stability`), as a line of JSON.
+//! (`make bench-stability`), as a line of JSON.
 
 use std::io::Write;
 

@@ -1,6 +1,6 @@
-"""Compares estimated with actual costs of effects: `make plan`.
+"""Compares estimated with actual costs of effects: `make bench-plan`.
 
-usage: python tools/plan_costs.py [--runs N] [--texture-size N] [TREE.glb …]
+usage: python bench/plan.py [--runs N] [--texture-size N] [TREE.glb …]
 
 The default trees are all of ../shared/foliage except the one of a million triangles. Each is baked with all effects
 on and the chain `both`, with baked light, and with `blend_order`. Seconds are the minimum over the runs, because

@@ -1,6 +1,6 @@
-"""Compares pictures with and without billboards seen edge-on: `make grazing`.
+"""Compares pictures with and without billboards seen edge-on: `make bench-grazing`.
 
-usage: python tools/grazing.py [TREE.glb …]
+usage: python bench/grazing.py [TREE.glb …]
 
 Renders levels 1 and 2 of each tree, flat-lit, from six directions: with all billboards, and without billboards whose
 |cos| between normal and view is below each of three bounds. At the bound a fade twice as wide is half done. A level
@@ -37,7 +37,7 @@ def main() -> None:
     columns[1:1] = [f"cos ≥ {bound} × {NEARER[0]}" for bound in BOUNDS[1:]]
     columns += [f"cos ≥ {bound} × {NEARER[1]}" for bound in BOUNDS[1:]]
     lines = [
-        "Levels without the billboards seen edge-on (`make grazing`, see `tools/grazing.py`): error against the leaves",
+        "Levels without the billboards seen edge-on (`make bench-grazing`): error against the leaves",
         "and coverage relative to them, at the switch distance (× 1) and at half of it (× 2).",
         "",
         f"| tree | level | {' | '.join(columns)} |",

@@ -1,10 +1,10 @@
-"""Measures error over time, tree by tree: `make curves` makes docs/accuracy.md.
+"""Measures error over time, tree by tree: `make bench-curves` makes docs/accuracy.md.
 
-usage: python tools/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
-       python tools/curves.py --verify [TREE.glb]      metrics and Cycles on ten settings (minutes; cards an hour)
+usage: python bench/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
+       python bench/curves.py --verify [TREE.glb]      metrics and Cycles on ten settings (minutes; cards an hour)
 
 A tree's curve takes minutes to an hour. It goes into docs/bench/curves.json immediately, its charts and pictures into
-docs/curves; docs/accuracy.md shows them. tools/curve_checks.py measures the guarantees of the curve, the bench
+docs/curves; docs/accuracy.md shows them. bench/curve_checks.py measures the guarantees of the curve, the bench
 `safeguards` the cost of safeguards.
 """
 
@@ -31,10 +31,10 @@ CHARTS, MEASURED, PAGE = (
     ROOT / "docs" / "bench" / "curves.json",
     ROOT / "docs" / "accuracy.md",
 )
-TEXT, SAFEGUARDS = ROOT / "tools" / "accuracy.md", ROOT / "docs" / "bench" / "safeguards.md"
+TEXT, SAFEGUARDS = ROOT / "bench" / "accuracy.md", ROOT / "docs" / "bench" / "safeguards.md"
 TREE_LIMIT = 200_000
 """Maximum triangles of a tree for a full curve; larger trees get a quick one."""
-NOTHING = "Not measured yet: `make curves`, on an idle machine."
+NOTHING = "Not measured yet: `make bench-curves`, on an idle machine."
 COSTS: tuple[leafcloud.Cost, ...] = ("seconds", "billboards", "bytes")
 PICTURE, GAP = 256, 8
 VERIFIED = (
@@ -152,7 +152,7 @@ def tree_part(row: dict[str, Any]) -> str:
 
 
 def write_page(rows: list[dict[str, Any]]) -> None:
-    """Write docs/accuracy.md: the text of tools/accuracy.md with the measurements."""
+    """Write docs/accuracy.md: the text of bench/accuracy.md with the measurements."""
     safeguards = SAFEGUARDS.read_text() if SAFEGUARDS.is_file() else "Not measured yet: `make bench`."
     trees = "\n\n".join(tree_part(row) for row in rows) or NOTHING
     text = TEXT.read_text().replace("{trees}", trees)
@@ -183,7 +183,7 @@ def verify(tree: Path) -> None:
             print(settings, judged[-1], file=sys.stderr, flush=True)
         leaves = f"{Path(folder) / '0' / tree.stem}_LOD0.glb"
         views = Path(folder) / "views.npz"
-        run(sys.executable, ROOT / "tools" / "flat_views.py", views, 128, 8, 4, leaves, *models)
+        run(sys.executable, ROOT / "bench" / "flat_views.py", views, 128, 8, 4, leaves, *models)
         with np.load(views) as pictures:
             rendered = [flip(pictures[leaves], pictures[model]) for model in models]
     rows = [

@@ -1,6 +1,6 @@
-"""Bakes real trees and measures the results from the files alone: `make measure`.
+"""Bakes real trees and measures the results from the files alone: `make bench-measure`.
 
-usage: python tools/measure.py [--no-views] [TREE.glb …]      (default: all of ../shared/foliage)
+usage: python bench/measure.py [--no-views] [TREE.glb …]      (default: all of ../shared/foliage)
 
 For each tree: exit status, wall time and peak memory of the bake; errors and warnings of the Khronos validator; for
 each level the largest distance of a vertex from its parent plane, divided by ε, from the GLB in f64; and from Cycles
@@ -33,7 +33,7 @@ VIEW_LIMIT = 200_000
 
 INTRODUCTION = """# Measured
 
-Made by `make measure` on two cores, from the files of a bake of each tree; see `tools/measure.py`. `make bench`
+Made by `make bench-measure` on two cores, from the files of a bake of each tree. `make bench`
 compares the fit with the published algorithm in [bench/fit.md](bench/fit.md).
 
 - *s*, *GiB*: wall time and peak memory of the whole command, including Blender's start and import.
@@ -87,7 +87,7 @@ def views(name: str, out: Path) -> dict[str, float]:
     collapsed = f"{leaves}@1"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "views.npz"
-        script = [sys.executable, str(ROOT / "tools" / "flat_views.py"), str(file), "256", "8", "6"]
+        script = [sys.executable, str(ROOT / "bench" / "flat_views.py"), str(file), "256", "8", "6"]
         run = [*script, leaves, collapsed, level]
         looked = subprocess.run(run, capture_output=True, text=True, timeout=1800)
         if looked.returncode != 0:

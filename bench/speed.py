@@ -1,6 +1,6 @@
-"""Times Cycles and three.js on the leaves and on the levels, near and far: `make speed`.
+"""Times Cycles and three.js on the leaves and on the levels, near and far: `make bench-speed`.
 
-usage: python tools/speed.py [TREE.glb …]      (default: pine and oak of ../shared/foliage)
+usage: python bench/speed.py [TREE.glb …]      (default: pine and oak of ../shared/foliage)
 
 Near: Cycles' samples per second and three.js's time per picture, for the leaves, levels 1 and 2, and a tenth of the
 leaves, all from 3 radii. Far, for the first tree: the drawn triangles and Cycles' time per picture, for the leaves,
@@ -49,7 +49,7 @@ SUBJECTS = ("leaves", "level 1", "level 2", "leaves, pruned")
 
 INTRODUCTION = f"""# Rendering a cloud instead of its leaves
 
-Made by `make speed` (see `tools/speed.py`). Each level with its trunk, from {NEAR:.0f} R; *pruned*: λ = {PRUNED}.
+Made by `make bench-speed`. Each level with its trunk, from {NEAR:.0f} R; *pruned*: λ = {PRUNED}.
 
 - *Cycles*: {SIZE}², a sun and a sky, 1024 transparent bounces, on the processor. Samples of a pixel per second of
   processor time, all threads together: the difference between {MANY} and {FEW} samples, without scene export and BVH.
@@ -126,7 +126,7 @@ def in_browser(baked: Baked) -> list[float]:
         write(TreeSet.of(baked), Path(folder), lambda stage, fraction: None, blend=False)
         question = {"tree": f"/files/{baked.collection.name}.glb", "size": PICTURE, "distance": NEAR}
         question |= {"rounds": ROUNDS, "cases": cases}
-        answer = ask("tools/three/speed.html", question, patience=PATIENCE, files=Path(folder))
+        answer = ask("bench/three/speed.html", question, patience=PATIENCE, files=Path(folder))
     return [min(times) for times in answer["times"]]
 
 

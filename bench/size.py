@@ -1,6 +1,6 @@
-"""Compares billboards of the default size with billboards of any size: `make size`.
+"""Compares billboards of the default size with billboards of any size: `make bench-size`.
 
-usage: python tools/size.py [TREE.glb …]      (default: all of ../shared/foliage up to 10 MB)
+usage: python bench/size.py [TREE.glb …]      (default: all of ../shared/foliage up to 10 MB)
 
 Bakes each tree twice: with the default size limit and with --max-size 2, which is no limit. For levels 1 and 2 of both
 bakes it reports billboards, triangles of leaves, image error, seconds of the core, and the number of fragments relative
@@ -31,7 +31,7 @@ LIMITS: dict[str, tuple[str, ...]] = {"none": ("--max-size", "2"), "default": ()
 
 INTRODUCTION = """# The size of billboards
 
-Made by `make size` (see `tools/size.py`) on {commit}: the default size limit against no limit. *Fragments*: 2 x 2 quads
+Made by `make bench-size` on {commit}: the default size limit against no limit. *Fragments*: 2 x 2 quads
 without early z, relative to level 0's leaves, at crowns of 400, 200, 100 and 50 pixels. *Error*: the report's image
 error. *Seconds*: of the core, for this level. Files larger than 10 MB are left out.
 

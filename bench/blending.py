@@ -1,6 +1,6 @@
-"""Measures the cost and the accuracy of splitting billboards for alpha blending: `make blending`.
+"""Measures the cost and the accuracy of splitting billboards for alpha blending: `make bench-blending`.
 
-usage: python tools/blending.py [TREE.glb …]
+usage: python bench/blending.py [TREE.glb …]
 
 Splits level 1 of each tree with several limits on the number of pieces. Rays from six eyes cross the crown. Among all
 pairs of triangles on a ray it counts the pairs drawn in the wrong order, the nearer first. For comparison it counts the

@@ -1,6 +1,6 @@
-"""Measures a forest of 10,000 trees from seven distances: `make forest`.
+"""Measures a forest of 10,000 trees from seven distances: `make bench-forest`.
 
-usage: python tools/forest.py [TREE.glb]      (default: the pine of ../shared/foliage)
+usage: python bench/forest.py [TREE.glb]      (default: the pine of ../shared/foliage)
 
 Draws it in three ways: *forest*, as the extension plants it (levels and pruned leaves by distance, neighbors
 switching apart); *plain*, the same levels without pruned leaves, all switching at one distance; *leaves*, at every
@@ -47,7 +47,7 @@ NICE = 10
 
 INTRODUCTION = f"""# A forest
 
-Made by `make forest` (see `tools/forest.py`): {SIDE * SIDE:,} pines, {SPACING:.0f} R apart, R the radius of a crown,
+Made by `make bench-forest`: {SIDE * SIDE:,} pines, {SPACING:.0f} R apart, R the radius of a crown,
 seen from {DISTANCES[0]:.0f} R from the center, inside, to {DISTANCES[-1]:.0f} R; the forest ends at
 {SIDE * SPACING / 2:.0f} R. *Forest*: as the extension plants it, baked with `--chain both`. *Plain*: the same levels,
 switched at one distance, no pruned leaves. *Leaves*: all of them at any distance. No trees are culled by the view.

@@ -1,10 +1,10 @@
-"""Compares level 1 and its alternatives with the leaves: `make fidelity`.
+"""Compares level 1 and its alternatives with the leaves: `make bench-fidelity`.
 
-usage: python tools/fidelity.py [--judge] [--samples 32] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
+usage: python bench/fidelity.py [--judge] [--samples 32] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
 ../shared/measure makes the alternatives from the same leaves: the published method implemented literally, a cross of
 two billboards, and meshoptimizer's sloppy simplification to the same number of triangles. Level 1 has at most the
-billboards of the published method and the same number of texels, then a quarter of them. Cycles (tools/flat_views.py)
+billboards of the published method and the same number of texels, then a quarter of them. Cycles (bench/flat_views.py)
 and the project's own renderer for metrics both render all of them from 8 views. target/fidelity keeps the pictures
 that do not depend on the project. A tree takes Cycles a quarter of an hour and the metrics a minute. With --judge
 only the metrics are measured, and Cycles' earlier results stay. Each tree's results go into docs/bench/fidelity.json
@@ -55,7 +55,7 @@ Pictures = NDArray[np.float32]
 
 INTRODUCTION = f"""# Fidelity
 
-Made by `make fidelity` (see `tools/fidelity.py`): level 1 against the leaves, rendered from {VIEWS} directions by
+Made by `make bench-fidelity`: level 1 against the leaves, rendered from {VIEWS} directions by
 Cycles, flat-lit, orthographic, on a grid of samples in each pixel. *Samples* are along its side (half as many for
 cross and sloppy, which differ a lot). FLIP is the mean within four pixels of either silhouette, over gray. The
 alternatives are made from the same leaves. Trees with more than {TREE_LIMIT:,} triangles are left out: they are for
@@ -110,7 +110,7 @@ def bake(leaves: Path, billboards: int, side: int, out: Path) -> Path:
 def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
     """Render models with Cycles, framed by the model `frame`."""
     file = folder / "views.npz"
-    run(sys.executable, ROOT / "tools" / "flat_views.py", file, SIZE, VIEWS, grid, *models, f"{frame}:@frame")
+    run(sys.executable, ROOT / "bench" / "flat_views.py", file, SIZE, VIEWS, grid, *models, f"{frame}:@frame")
     with np.load(file) as pictures:
         return [pictures[model] for model in models]
 
@@ -118,7 +118,7 @@ def look(folder: Path, grid: int, frame: Path, *models: str) -> list[Pictures]:
 def reference(folder: Path, samples: int) -> dict[str, Pictures]:
     """Return Cycles' pictures of the leaves and the alternatives, rendered once and kept."""
     leaves = folder / "leaves.glb"
-    tools = (ROOT / "tools" / name for name in ("flat_views.py", "clear_cells.py"))
+    tools = (ROOT / "bench" / name for name in ("flat_views.py", "clear_cells.py"))
     file = folder / f"reference-{samples}-{digest(leaves, *tools)}.npz"
     if not file.is_file():
         models = {"leaves": leaves, "floor": f"{leaves}:@half"}

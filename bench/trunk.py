@@ -1,6 +1,6 @@
-"""Measures the trunk of each level: `make trunk`.
+"""Measures the trunk of each level: `make bench-trunk`.
 
-usage: python tools/trunk.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
+usage: python bench/trunk.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
 
 Measures each cloud of a bake with default settings: the triangles of the original and of the simplified trunk, and
 the distance between the two as a fraction of R. Then, in 8 views with the pixel size of the level's switch: the

@@ -1,6 +1,6 @@
-"""Measures popping while a camera flies away from a tree, past all its levels: `make flight`.
+"""Measures popping while a camera flies away from a tree, past all its levels: `make bench-flight`.
 
-usage: python tools/flight.py [--frames N] [TREE.glb …]      (default: pine and oak of ../shared/foliage)
+usage: python bench/flight.py [--frames N] [TREE.glb …]      (default: pine and oak of ../shared/foliage)
 
 Cycles, 256², 8 samples of one seed, a sun and a sky; from 1 to 60 radii, each frame farther by the same factor. Flies
 three times: as baked; with the same levels switched without transitions; with the leaves alone, as a control. A pop
@@ -63,7 +63,7 @@ HEAD = ["| | switch | at | transitions | plain | leaves |", "|---|---|---|---|--
 
 INTRODUCTION = f"""# A flight past the levels
 
-Made by `make flight` (see `tools/flight.py`): {FRAMES} frames from {NEAREST:.0f} to {FARTHEST:.0f} radii, {SIZE}²,
+Made by `make bench-flight`: {FRAMES} frames from {NEAREST:.0f} to {FARTHEST:.0f} radii, {SIZE}²,
 {SAMPLES} samples. For each switch the largest FLIP between neighboring frames, divided by the median of the frames
 around it: with transitions, with the same levels switched without them (plain), and for the leaves alone at the same
 frames.

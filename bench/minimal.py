@@ -1,6 +1,6 @@
-"""Measures the savings of leaving out effects that a scene does not need: `make minimal`.
+"""Measures the savings of leaving out effects that a scene does not need: `make bench-minimal`.
 
-usage: python tools/minimal.py [TREE.glb] [--runs N]
+usage: python bench/minimal.py [TREE.glb] [--runs N]
 
 The scene is a tree (default: the pine), a still camera 2.8 radii away, and a sun. It is baked twice: as planned for
 this camera only, and with all effects on except baked light, which excludes most others. Seconds are the program's,

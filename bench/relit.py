@@ -1,10 +1,10 @@
-"""Compares level 1 under several suns with the leaves and their shadows: `make relit`.
+"""Compares level 1 under several suns with the leaves and their shadows: `make bench-relit`.
 
-usage: python tools/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+usage: python bench/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
 In Cycles the leaves are white and diffuse, and cast shadows on one another. Level 1 is rendered in four ways: without
 shadows by its normals alone, as in an engine; with self-shadowing textures; with shadows that Cycles traces between the
-billboards; and with the exact light of the leaves (tools/exact_light.py). 6 suns, 4 views each. The luminance error is
+billboards; and with the exact light of the leaves (bench/exact_light.py). 6 suns, 4 views each. The luminance error is
 the mean difference over the pixels that either covers, divided by the leaves' mean luminance there: 1 for a black
 picture. Prints a table in Markdown. A tree takes some minutes. Its results go into docs/bench/relit.json immediately,
 with the measured commit; docs/bench/relit.md shows them.
@@ -49,7 +49,7 @@ Errors = dict[str, list[float]]
 
 INTRODUCTION = """# Relit
 
-Made by `make relit` (see `tools/relit.py`): level 1 under 6 suns from 4 views each, against the leaves with all their
+Made by `make bench-relit`: level 1 under 6 suns from 4 views each, against the leaves with all their
 shadows in Cycles. *Normals*: no shadows, as in an engine without shadow maps. *Self-shadowed*: with the occlusion and
 bent-normal occlusion textures. *Traced*: with the billboards' shadows on one another in Cycles. *Exact*: every place
 of the billboards has the exact light of its leaf; the remaining error comes from the leaves' positions, which no

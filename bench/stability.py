@@ -1,4 +1,4 @@
-"""Runs the hard cases of both test suites and shows them: `make stability` writes docs/stability.md.
+"""Runs the hard cases of both test suites and shows them: `make bench-stability` writes docs/stability.md.
 
 The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/support/stability.py):
 the largest error found and the allowed one, or the error message for input without a result.
@@ -23,7 +23,7 @@ RUNS = [
 
 INTRODUCTION = """# Hard cases
 
-Made by `make stability` from the tests themselves; every test run asserts each of these cases. An oracle is the
+Made by `make bench-stability` from the tests themselves; every test run asserts each of these cases. An oracle is the
 reference for a result, and never comes from the code under test. *Worst* is the largest error found, *allowed* the
 oracle's limit. 0 of 0 means equal to the bit, or no miscounts. Input without a result raises a named error, and never
 gives NaN, a hang, a panic or an empty success.

@@ -1,8 +1,8 @@
-"""Measures the coverage of levels in an engine as they become small: `make three`.
+"""Measures the coverage of levels in an engine as they become small: `make bench-three`.
 
-usage: python tools/three.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+usage: python bench/three.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
 
-Bakes each tree into target/three and renders it with three.js, in Chromium without a display (tools/three/look.js):
+Bakes each tree into target/three and renders it with three.js, in Chromium without a display (bench/three/look.js):
 unlit, from 8 views, at sizes from 512² to 16² pixels, each the mean over many subpixel offsets. Level 1 is rendered
 with its PNG, with box-filtered mips from the engine, and with its KTX2, whose mip levels keep coverage. The leaves
 are rendered at 1024² without mip levels; that coverage is the reference for every size. A second table has every
@@ -48,7 +48,7 @@ Picture = NDArray[np.float32]
 
 INTRODUCTION = """# In an engine
 
-Made by `make three` (see `tools/three.py`): level 1 in three.js, unlit, from 8 views, at sizes at which the leaves'
+Made by `make bench-three`: level 1 in three.js, unlit, from 8 views, at sizes at which the leaves'
 bounding sphere fills the picture. *PNG*: the engine makes the mip levels with a box filter. *KTX2*: it uses the
 file's mip levels, which keep coverage (`--engine three`). *Coverage*, *luminance*: level 1's divided by that of the
 leaves, rendered without mip levels at 1024². *Texels*: along a pixel's side. Below 1 texels are magnified, and the
@@ -65,7 +65,7 @@ and 50°; then half and a quarter of that size. Coverage relative to the leaves 
 
 @dataclass(frozen=True)
 class Look:
-    """One request to the page; see tools/three/look.js."""
+    """One request to the page; see bench/three/look.js."""
 
     url: str
     ktx2: bool = False
@@ -97,7 +97,7 @@ class Seen:
 def look(*looks: Look) -> list[Seen]:
     """Render each model with three.js."""
     try:
-        answer = ask("tools/three/look.html", [vars(wanted) for wanted in looks], patience=PATIENCE)
+        answer = ask("bench/three/look.html", [vars(wanted) for wanted in looks], patience=PATIENCE)
     except BrowserError as error:
         raise SystemExit(str(error)) from None
     return [to_seen(each) for each in answer["seen"]]
