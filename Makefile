@@ -122,11 +122,6 @@ bench-blending: setup ## measure the cost and the accuracy of splitting billboar
 	@mkdir -p docs/bench
 	.venv/bin/python bench/blending.py $(ARGS)
 
-.PHONY: bench-grazing
-bench-grazing: setup ## measure pictures without the billboards seen edge-on
-	@mkdir -p docs/bench
-	.venv/bin/python bench/grazing.py $(ARGS)
-
 .PHONY: bench-three
 bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the levels' coverage in three.js, with PNG and with KTX2
 	@tools/prerequisites.sh chromium

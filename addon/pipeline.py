@@ -263,7 +263,6 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
-        grazing_fade=bool(is_on(prepared.effects, "grazing_fade")),
         owners=prepared.owners,
     )
     with removed_on_failure():

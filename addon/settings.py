@@ -42,7 +42,6 @@ EFFECTS = (
     "shadow_proxy",
     "leaf_map",
     "contrast",
-    "grazing_fade",
     "wind",
     "baked_light",
 )

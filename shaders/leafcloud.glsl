@@ -176,13 +176,6 @@ vec3 lc_toward_mean(vec3 color, vec3 mean, float contrast) {
     return contrast == 1.0 ? color : mean + (color - mean) * contrast;
 }
 
-// The visible fraction of a billboard seen at a grazing angle: 0 edge-on, 1 from |cos| = `width` on, smooth between.
-// `cos_view`: the cosine of the angle between the billboard's normal and the direction to the viewer.
-// 0 ≤ width < 1; 0: no fade.
-float lc_grazing(float cos_view, float width) {
-    return width > 0.0 ? smoothstep(0.0, width, abs(cos_view)) : 1.0;
-}
-
 // Minimum half width of a shadow's edge, as a cosine: a few of the bake's depth images lie within it.
 const float LC_EDGE = 0.1;
 

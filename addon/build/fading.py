@@ -30,10 +30,10 @@ def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | Non
 def add_fade(tree: bpy.types.NodeTree) -> None:
     """Make a material fade by `leaf_hidden_share` in each renderer. The material must have an output."""
     x, y = tree.get_output_node("ALL").location
-    fade_by(tree, _hidden(tree, (x, y + 700.0)))
+    _fade_by(tree, _hidden(tree, (x, y + 700.0)))
 
 
-def fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
+def _fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
     """Mix a Transparent BSDF with the factor `hidden` into each renderer's output. The material must have an output."""
     everywhere = tree.get_output_node("ALL")
     x, y = everywhere.location

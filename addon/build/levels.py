@@ -35,7 +35,6 @@ from .cloud_mesh import (
 )
 from .contrast import contrast_material
 from .fading import add_fade, fading_copy
-from .grazing_nodes import WIDTH, add_grazing_fade, add_grazing_modifier
 from .leaf_map import add_leaf_map
 from .leaf_moves import LeafMoves, leaf_moves
 from .lod_nodes import LodSettings, add_lod_modifier
@@ -108,7 +107,6 @@ class Plan:
     """The effect that is charged for the image of occlusion, roughness and metallic."""
     wind: WindSettings | None = None
     """Wind and tree measurements; None without wind. The levels' own `start`, `end` and center come from this plan."""
-    grazing_fade: bool = False
     owners: tuple[int, ...] = ()
     """For each material number in the leaf map, the index of the leaf material; empty if the numbers are equal."""
 
@@ -224,9 +222,6 @@ def _add_level(
                 add_wind_modifier(member, wind)
                 if member is obj:
                     obj[EXTRAS]["wind"] = wind_extras(wind)
-    if plan.grazing_fade and number > 0:
-        with costs.spent_on("grazing_fade", 0):
-            add_grazing_modifier(obj)
     triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
     built = BuiltLevel(number, obj, trunk_object, triangles)
     if trunk is None:
@@ -359,9 +354,6 @@ def _cloud_object(
     if plan.lod_ranges[number].fades:
         with costs.spent_on("transitions", 0):
             add_fade(material.node_tree)
-    if plan.grazing_fade:
-        with costs.spent_on("grazing_fade", 0):
-            add_grazing_fade(material.node_tree)
     shape = _cloud_shape(level, following, plan)
     mesh = create_mesh(name, shape.surface, [material])
     extras = {
@@ -369,8 +361,6 @@ def _cloud_object(
         "switch_distance": plan.switch_distances[number],
         "max_deviation": level.max_deviation_leaves,
     }
-    if plan.grazing_fade:
-        extras["grazing"] = WIDTH
     return _object(mesh, shape, extras, plan.lod_ranges[number], costs)
 
 

@@ -404,7 +404,6 @@ _RULES: dict[str, Callable[[_Scene], Effect]] = {
     "blend_order": _blend_order,
     "leaf_map": _always("leaf_map", "only needed to swap the leaf textures later, for another season"),
     "contrast": _contrast,
-    "grazing_fade": _always("grazing_fade", "crowns look thinner without the billboards that are seen edge-on"),
     "wind": _wind,
     "baked_light": _baked_light,
 }

@@ -11,7 +11,6 @@ import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..build.grazing_nodes import GROUP_NAME as GRAZING
 from ..build.levels import EXTRAS
 from ..build.lod_nodes import GROUP_NAME
 from ..versions import get_modifier_input
@@ -131,14 +130,8 @@ def inputs_of(obj: bpy.types.Object) -> LevelInputs:
         vanish=number("Vanish"),
         whole=number("Whole"),
         fading=number("Fading"),
-        grazing=_grazing(obj),
         growth=(number("Growth"), number("Growth of Few")),
         contrast=(number("Contrast"), number("Contrast of Few")),
         mean_color=tuple(extras["mean_color"]) if extras is not None and "mean_color" in extras else (0.0, 0.0, 0.0),
         area_shares=tuple(table["area_shares"]) if table is not None and "area_shares" in table else (),
     )
-
-
-def _grazing(obj: bpy.types.Object) -> float:
-    modifier = obj.modifiers.get(GRAZING)
-    return 0.0 if modifier is None else float(get_modifier_input(modifier, "Width"))

@@ -15,8 +15,7 @@ _RAMP = 0.05
 
 @dataclass(frozen=True)
 class LevelInputs:
-    """The inputs of a level's node groups (`build.lod_nodes.LodSettings`, the width of `build.grazing_nodes`), and its
-    table of areas (mesh extras).
+    """The inputs of a level's node group (`build.lod_nodes.LodSettings`), and its table of areas (mesh extras).
 
     Distances are in the object's own units. `area_shares`: 65 numbers that rise from 0 to 1; if empty, the scale s of
     kept leaves stays 1.
@@ -30,7 +29,6 @@ class LevelInputs:
     vanish: float
     whole: float
     fading: float
-    grazing: float = 0.0
     growth: tuple[float, float] = (0.0, 0.0)
     contrast: tuple[float, float] = (0.0, 0.0)
     mean_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -42,7 +40,7 @@ class Look:
     """The uniforms of the shader.
 
     transition: d, start, end. keep: d, d₀, h. scale: s·γ. next_share: the fraction of the pixels that show the next
-    level, or this level if `coming` is true. contrast, mean_color, grazing: arguments of the laws.
+    level, or this level if `coming` is true. contrast, mean_color: arguments of the laws.
     """
 
     transition: tuple[float, float, float]
@@ -50,7 +48,6 @@ class Look:
     scale: float
     next_share: float
     coming: bool
-    grazing: float
     contrast: tuple[float, float]
     mean_color: tuple[float, float, float]
 
@@ -73,7 +70,6 @@ def look_at(level: LevelInputs, distance: float) -> Look | None:
         scale=_area_scale(kept, level.area_shares) * _trend(kept, level.growth),
         next_share=going if going > 0.0 else come,
         coming=going == 0.0,
-        grazing=level.grazing,
         contrast=level.contrast,
         mean_color=level.mean_color,
     )

@@ -25,7 +25,7 @@ ATTRIBUTES = {
 UNIFORMS = {
     "to_clip": "MAT4",
     "transition_at": "VEC4",  # d, start, end, s·γ
-    "keep_at": "VEC4",  # d, d₀, h, |cos| below which faces fade
+    "keep_at": "VEC3",  # d, d₀, h
     "fade": "VEC2",  # share of pixels of the next level; 1 if this is the next level
     "contrast": "VEC2",
     "mean": "VEC3",
@@ -65,8 +65,7 @@ void main() {
 
 FRAGMENT = """
 void main() {
-    // Textures and derivatives come first: they are undefined where a neighboring fragment was discarded.
-    vec3 face = normalize(cross(dFdx(seen_point), dFdy(seen_point)));
+    // Textures come first: their derivatives are undefined where a neighboring fragment was discarded.
     vec3 texel = texture(page, seen_uv).rgb;
     float coverage = dot(texture(opacity, seen_uv), opacity_weights);
     bool front = gl_FrontFacing == (handed > 0.0);
@@ -74,7 +73,6 @@ void main() {
     if (!front && double_sided < 0.5) discard;
     if (lc_shown(fade.x, gl_FragCoord.xy) != (fade.y > 0.5)) discard;
     vec3 view = normalize(eye - seen_point);
-    if (!lc_shown(lc_grazing(dot(face, view), keep_at.w), gl_FragCoord.xy)) discard;
     // Blended materials have a cutoff of 0 and are dithered. Opaque materials have a negative cutoff.
     float alpha = coverage * factor.a;
     if (cutoff > 0.0 ? alpha <= cutoff : cutoff == 0.0 && !lc_shown(alpha, gl_FragCoord.xy)) discard;
@@ -91,7 +89,7 @@ def uniforms_of(look: Look) -> dict[str, float | tuple[float, ...]]:
     """Return the uniforms that depend on a level's distance."""
     return {
         "transition_at": (*look.transition, look.scale),
-        "keep_at": (*look.keep, look.grazing),
+        "keep_at": look.keep,
         "fade": (look.next_share, float(look.coming)),
         "contrast": look.contrast,
         "mean": look.mean_color,

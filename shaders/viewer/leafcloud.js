@@ -60,15 +60,11 @@ const FRAGMENT_DECLARATIONS = `
 uniform vec3 lcKeepAt;
 uniform vec3 lcMean;
 uniform vec2 lcContrast;
-uniform float lcGrazing;
 uniform float lcShare; // fraction of the pixels that the next level draws
 uniform bool lcNext; // true if this is the next level
-in vec3 lcView;
 `;
 const FADE = `
     if (lc_shown(lcShare, gl_FragCoord.xy) != lcNext) discard;
-    vec3 lcNormal = normalize(cross(dFdx(lcView), dFdy(lcView)));
-    if (!lc_shown(lc_grazing(dot(lcNormal, normalize(lcView)), lcGrazing), gl_FragCoord.xy)) discard;
 `;
 const CONTRAST = `
     float lcKept = lc_keep(lcKeepAt.x, lcKeepAt.y, lcKeepAt.z);
@@ -87,7 +83,6 @@ const HAND_OVER = 0.998;
  * fadeBehindMorph: the same after a morph, for the remaining changes of lighting and alpha edges.
  * hysteresis: without a fade, the fraction of the distance by which a level stays longer when the camera returns, so
  *   that levels do not flicker.
- * grazing: |cos| between normal and view below which billboards fade out; 0: no fade. null: the file's number.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
  *   wind ignore it.
  * contrast: true to move the colors of kept leaves toward their mean, if the file has the numbers.
@@ -99,7 +94,6 @@ export const SETTINGS = {
   fade: 0.25,
   fadeBehindMorph: 0.1,
   hysteresis: 0.02,
-  grazing: null,
   contrast: true,
   wind: null,
   byHand: null,
@@ -203,7 +197,6 @@ export class Tree extends THREE.Group {
     level.uniforms.lcTransitionAt.value.fromArray(transition);
     level.uniforms.lcKeepAt.value.fromArray(keep);
     level.uniforms.lcContrast.value.fromArray(this.settings.contrast ? level.pruning.contrast : [0, 0]);
-    level.uniforms.lcGrazing.value = level.number > 0 ? (this.settings.grazing ?? level.grazing) : 0;
     for (const { geometry, prefixes } of level.pruned) {
       const step = Math.min(Math.ceil(keepAt(...keep) * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
       geometry.setDrawRange(0, 3 * prefixes[step]);
@@ -254,7 +247,7 @@ function levelsOf({ scene, parser }, visibility) {
 }
 
 function newLevel(object, parser, visibility) {
-  const { level, transition_start: start, transition_end: end, grazing = 0 } = object.userData.leafcloud;
+  const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
   const { wind = null } = object.userData.leafcloud;
@@ -281,7 +274,7 @@ function newLevel(object, parser, visibility) {
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, pruning, wind, grazing, uniforms, pruned, blended };
+  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned, blended };
 }
 
 /** Returns a level's pruning numbers from its extras; without them the level is not pruned. */
@@ -304,7 +297,6 @@ function newUniforms({ growth, mean }, wind) {
     lcGrowth: { value: new THREE.Vector2(...growth) },
     lcContrast: { value: new THREE.Vector2() },
     lcMean: { value: new THREE.Vector3(...mean) },
-    lcGrazing: { value: 0 },
     lcShare: { value: 0 },
     lcNext: { value: false },
   };
@@ -430,8 +422,7 @@ function vertexShader(source, leaves, wind) {
   const [declarations, place] = placing(leaves, wind);
   const placed =
     place === "position" ? source : replaced(source, "#include <begin_vertex>", `vec3 transformed = ${place};`);
-  const seen = after("#include <project_vertex>", "lcView = -mvPosition.xyz;", placed);
-  return before("void main()", `out vec3 lcView;\n${declarations}`, seen);
+  return before("void main()", declarations, placed);
 }
 
 function fragmentShader(source, leaves) {

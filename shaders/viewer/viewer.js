@@ -93,9 +93,6 @@ function fillPanel(farthest) {
   addByHand();
   if (tree.levels[0].wind) addWind();
   const fades = controlPanel.addFolder("Fades");
-  const state = { grazing: tree.settings.grazing ?? tree.levels.at(-1).grazing };
-  const grazing = fades.add(state, "grazing", 0, 0.5).name("grazing |cos|");
-  grazing.onChange((width) => (tree.settings.grazing = width));
   fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
   fades.add(tree.settings, "fade", 0, 0.5).name("into the cross impostor");
   fades.add(tree.settings, "hysteresis", 0, 0.2);

@@ -113,14 +113,6 @@ EFFECTS_APART = {
         ("addon.build.contrast", "addon.export.plain_materials:plain_colors"),
         ("nodes Leafcloud Contrast is there", "mean_color"),
     ),
-    "grazing_fade": Own(
-        (
-            "addon.build.grazing_nodes:add_grazing_modifier",
-            "addon.build.grazing_nodes:add_grazing_fade",
-            "addon.build.grazing_nodes:grazing_group",
-        ),
-        ("node_groups Leafcloud Grazing is there", "leaf_grazing_share", '"grazing"'),
-    ),
     "wind": Own(
         (
             "addon.build.wind_attributes",

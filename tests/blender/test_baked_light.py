@@ -244,7 +244,7 @@ def test_what_is_for_moving_light_is_left_out_beside_it() -> None:
     effects = plan_effects(settings, Facts("generic", 2))
     on = [effect.name for effect in effects if effect.on]
     kept = ["transitions", "pruning", "back_sides", "trunk_levels", "far_levels"]
-    assert on == [*kept, "blend_order", "grazing_fade", "wind", "baked_light"]
+    assert on == [*kept, "blend_order", "wind", "baked_light"]
     assert all("the light is baked in" in effect.reason for effect in effects if not effect.on)
     assert plan_channels(settings, Facts("generic", 2)) == ()
     assert is_on(plan_effects(BakeSettings(effects="baked_light"), Facts("generic", 2)), "back_sides")

@@ -15,7 +15,6 @@ from preview_pictures import PAGE, PATIENCE, attributes_of, numbers, shader
 from scenes import add_mesh
 
 from addon.build.fading import add_fade
-from addon.build.grazing_nodes import add_grazing_fade
 from addon.build.levels import EXTRAS
 from addon.build.lod_nodes import LodSettings, add_lod_modifier
 from addon.build.materials import Page, atlas_image, atlas_material
@@ -85,12 +84,11 @@ def test_a_mesh_that_neither_moves_nor_thins_out_stays() -> None:
 def test_the_page_of_a_level_is_found_by_what_the_bake_wrote(
     cutoff: float, double_sided: bool, translucent: bool
 ) -> None:
-    """Cut out or blended, one-sided or not, with light that shines through or not; with both fades."""
+    """Cut out or blended, one-sided or not, with light that shines through or not; with a fade."""
     page, light = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("page", "light"))
     images = Page(page, translucency=light if translucent else None, share=0.3)
     material = atlas_material("level", images, alpha_cutoff=cutoff, double_sided=double_sided)
     add_fade(material.node_tree)
-    add_grazing_fade(material.node_tree)
     paint = paint_of(material)
     assert (paint.color, paint.opacity, paint.opacity_weights) == (page, page, (0.0, 0.0, 0.0, 1.0))
     assert (paint.cutoff, paint.double_sided) == (pytest.approx(cutoff), double_sided)

@@ -165,7 +165,6 @@ def test_levels_that_cross_fade_share_the_pixels(shrub: Path, tmp_path: Path) ->
 EFFECTS = {
     "back sides": "auto,+back_sides",
     "translucency and leaf map": "auto,+translucency,+leaf_map",
-    "fades of billboards on edge": "auto,+grazing_fade",
 }
 
 

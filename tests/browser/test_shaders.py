@@ -134,15 +134,6 @@ def mean_table() -> Table:
     return Table("vec4(lc_toward_mean(x0.xyz, vec3(x0.w, x1.xy), x1.z), 0.0)", arguments, expected, 2.0 * ULP)
 
 
-def grazing_table() -> Table:
-    arguments = grid(np.linspace(-1.0, 1.0, 41), [0.0, 0.1, 0.5])
-    cosine, width = arguments.T
-    t = np.clip(np.abs(cosine) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
-    expected = np.where(width > 0.0, t * t * (3.0 - 2.0 * t), 1.0)
-    # 3 − 2t is at most 3, and t² (3 − 2t) changes by at most 1.5 times what t does.
-    return Table("vec4(lc_grazing(x0.x, x0.y))", arguments, expected, 12.0 * ULP)
-
-
 def shown_table() -> Table:
     """Of 64 × 64 pixels, at each share; what is expected of it stands in its test."""
     arguments = grid(np.arange(64) + 0.5, np.arange(64) + 0.5, [0.0, 0.1, 0.25, 0.5, 0.9, 1.0])
@@ -190,7 +181,6 @@ def tables() -> dict[str, tuple[Table, Floats]]:
         "trend": trend_table("vec4(lc_trend(x0.x, x0.yz))", np.inf),
         "contrast": trend_table("vec4(lc_contrast(x0.x, x0.yz))", 1.0),
         "mean": mean_table(),
-        "grazing": grazing_table(),
         "shown": shown_table(),
         "sun": sun_table(),
     }
@@ -201,7 +191,7 @@ def tables() -> dict[str, tuple[Table, Floats]]:
 
 @pytest.mark.parametrize(
     "name",
-    ["transition", "keep", "ramp", "growth", "share", "scale", "place", "trend", "contrast", "mean", "grazing"],
+    ["transition", "keep", "ramp", "growth", "share", "scale", "place", "trend", "contrast", "mean"],
 )
 def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], name: str) -> None:
     table, found = tables[name]
@@ -219,7 +209,7 @@ def test_nothing_changes_at_rest(tables: dict[str, tuple[Table, Floats]]) -> Non
     a, growth = table.arguments[:, 12], table.arguments[:, 13]
     assert np.array_equal(found[(a == 0.0) & (growth == 1.0), :3], table.arguments[(a == 0.0) & (growth == 1.0), :3])
     assert np.array_equal(found[(a == 0.0) & (growth == 0.0), :3], table.arguments[(a == 0.0) & (growth == 0.0), 6:9])
-    for name in ("keep", "scale", "grazing"):
+    for name in ("keep", "scale"):
         table, found = tables[name]
         assert (found[table.expected == 1.0] == 1.0).all()
     for name in ("trend", "contrast"):

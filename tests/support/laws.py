@@ -41,12 +41,6 @@ def trend(keep: Floats, first: Floats, second: Floats) -> Floats:
     return np.exp(logarithm * (first + second * logarithm))
 
 
-def grazing(cosine: Floats, width: float) -> Floats:
-    """The share of a face that is shown; `width` above 0."""
-    t = np.clip(np.abs(cosine) / width, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
 def bisected(rises: Callable[[float], float], low: float, high: float) -> float:
     """Where the function, which rises, passes 0."""
     for _ in range(60):

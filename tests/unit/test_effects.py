@@ -35,7 +35,6 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "self_shadowing": False,
         "shadow_proxy": False,
         "leaf_map": False,
-        "grazing_fade": False,
         "contrast": False,
         "wind": False,
         "baked_light": False,
