@@ -36,10 +36,10 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     import bpy
 
+    from addon.mesh.extract import Tree
+    from addon.mesh.trees import Groups
     from addon.plan.effects import Effect
-    from addon.scene.extract import Tree
-    from addon.scene.trees import Groups
-    from addon.settings import BakeSettings
+    from addon.settings.bake import BakeSettings
 
 ROOT = Path(__file__).resolve().parent
 PROGRAM = "bake.py"
@@ -58,8 +58,8 @@ class Refusal(Exception):
 def main(arguments: Sequence[str]) -> int:
     """Run one bake and return the exit status."""
     from addon.ending import own_temporary_folder
-    from addon.flags import UsageError, parse, settings_of
-    from addon.settings import WISHES, asked_effects, flag
+    from addon.settings.bake import WISHES, asked_effects, flag
+    from addon.settings.flags import UsageError, parse, settings_of
 
     try:
         options = parse(arguments)
@@ -98,8 +98,8 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     """Run the action and return its last line of output. Raise `Refusal`."""
     _find_modules()
     import leafcloud
-    from addon.flags import with_flags
-    from addon.scene import SceneError
+    from addon.errors import SceneError
+    from addon.settings.flags import with_flags
 
     try:
         if options.plan_only:
@@ -129,9 +129,9 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
     """Return the trees to bake by name, and the base name of all files."""
     import bpy
 
-    from addon.pipeline import file_name, layer_of
-    from addon.scene.extract import extract
-    from addon.scene.trees import extract_trees, grouped, rendered
+    from addon.bake.pipeline import file_name, layer_of
+    from addon.mesh.extract import extract
+    from addon.mesh.trees import extract_trees, grouped, rendered
 
     files: dict[str, set[bpy.types.Object]] = {}
     if options.input is not None:
@@ -156,8 +156,8 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
     """Open the files in one scene. Return the objects of each file by the file's name."""
     import bpy
 
+    from addon.mesh.trees import numbered
     from addon.scene.load import load, load_beside
-    from addon.scene.trees import numbered
 
     first, *others = files
     load(first)
@@ -170,10 +170,10 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
 def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
     import bpy
 
-    from addon.flags import with_flags
-    from addon.pipeline import layer_of
+    from addon.bake.pipeline import layer_of
+    from addon.bake.tree_set import plan_tree_set
     from addon.plan.effects import joint_effects
-    from addon.tree_set import plan_tree_set
+    from addon.settings.flags import with_flags
 
     trees, _ = _trees(options)
     planned = plan_tree_set(trees, settings, layer_of(bpy.context.scene), with_flags)
@@ -201,12 +201,12 @@ def plan_table(effects: Sequence[Effect]) -> str:
 def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
     import bpy
 
+    from addon.bake.pipeline import layer_of
+    from addon.bake.tree_set import bake_tree_set, camera_notes, prepare_tree_set
     from addon.export.blend import clear_scene, make_self_contained
     from addon.export.files import write
     from addon.export.staging import Staging
-    from addon.flags import with_flags
-    from addon.pipeline import layer_of
-    from addon.tree_set import bake_tree_set, camera_notes, prepare_tree_set
+    from addon.settings.flags import with_flags
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
@@ -230,10 +230,10 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
 
 
 def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
+    from addon.bake.job import wait
+    from addon.bake.pipeline import prepare, start_curve
     from addon.export.curve import write_curve
     from addon.export.staging import Staging
-    from addon.job import wait
-    from addon.pipeline import prepare, start_curve
 
     stages = _Stages(console)
     with _refusing(options.out), Staging(options.out):
@@ -255,7 +255,7 @@ def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console:
 @contextmanager
 def _refusing(directory: Path) -> Iterator[None]:
     """Turn errors of the system or Blender on writing to `directory` into a `Refusal`."""
-    from addon.export.errors import ExportError
+    from addon.errors import ExportError
 
     try:
         yield

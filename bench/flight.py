@@ -31,14 +31,14 @@ from commits import measured_commit
 from mathutils import Vector
 from numpy.typing import NDArray
 
-from addon.baked import Baked
-from addon.build.lod_nodes import GROUP_NAME
+from addon.bake.pipeline import prepare
+from addon.bake.tree_set import bake_tree_set
+from addon.bake.values import Baked
 from addon.export.blend import clear_scene
-from addon.pipeline import prepare
-from addon.scene.extract import extract
+from addon.mesh.extract import extract
+from addon.nodes.lod import GROUP_NAME
 from addon.scene.load import load
-from addon.settings import BakeSettings
-from addon.tree_set import bake_tree_set
+from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input, set_modifier_input
 
 matplotlib.use("Agg")  # Without a display.

@@ -29,10 +29,10 @@ from mathutils import Vector
 from numpy.typing import NDArray
 from stage import FOLIAGE, ROOT, bake_alone, light_up, look_at, render
 
-from addon.baked import Baked
-from addon.build.forest import Forest, build_forest
-from addon.build.node_laws import NEVER
-from addon.settings import BakeSettings
+from addon.bake.values import Baked
+from addon.levels.forest import Forest, build_forest
+from addon.nodes.laws import NEVER
+from addon.settings.bake import BakeSettings
 
 TREE = FOLIAGE / "pine_cards_20k.glb"
 SIDE, SPACING = 100, 3.0

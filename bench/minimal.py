@@ -33,12 +33,12 @@ sys.path.insert(0, str(ROOT))
 import bpy  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
-from addon.build.shadow_proxy import is_shadow_proxy  # noqa: E402
-from addon.build.wind_nodes import GROUP_NAME  # noqa: E402
-from addon.pipeline import describe  # noqa: E402
-from addon.scene.extract import extract, world_positions  # noqa: E402
+from addon.bake.pipeline import describe  # noqa: E402
+from addon.levels.shadow_proxy import is_shadow_proxy  # noqa: E402
+from addon.mesh.extract import extract, world_positions  # noqa: E402
+from addon.nodes.wind import GROUP_NAME  # noqa: E402
 from addon.scene.load import load  # noqa: E402
-from addon.settings import BakeSettings  # noqa: E402
+from addon.settings.bake import BakeSettings  # noqa: E402
 
 PINE = ROOT.parent / "shared" / "foliage" / "pine_cards_20k.glb"
 RADII = 2.8

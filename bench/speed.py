@@ -27,10 +27,10 @@ from mathutils import Vector
 from matplotlib.ticker import FuncFormatter
 from stage import FOLIAGE, ROOT, bake_alone, light_up, look_at, render
 
-from addon.baked import Baked, TreeSet
-from addon.build.lod_nodes import set_manual
+from addon.bake.values import Baked, TreeSet
 from addon.export.files import write
-from addon.settings import BakeSettings
+from addon.nodes.lod import set_manual
+from addon.settings.bake import BakeSettings
 
 matplotlib.use("Agg")  # Without a display.
 

@@ -19,13 +19,13 @@ sys.path.insert(0, str(ROOT))
 import bpy  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
-from addon.baked import Baked  # noqa: E402
+from addon.bake.pipeline import prepare  # noqa: E402
+from addon.bake.tree_set import bake_tree_set  # noqa: E402
+from addon.bake.values import Baked  # noqa: E402
 from addon.export.blend import clear_scene  # noqa: E402
-from addon.pipeline import prepare  # noqa: E402
-from addon.scene.extract import extract  # noqa: E402
+from addon.mesh.extract import extract  # noqa: E402
 from addon.scene.load import load  # noqa: E402
-from addon.settings import BakeSettings  # noqa: E402
-from addon.tree_set import bake_tree_set  # noqa: E402
+from addon.settings.bake import BakeSettings  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 

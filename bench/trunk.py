@@ -27,11 +27,11 @@ sys.path.insert(0, str(ROOT))
 import bpy  # noqa: E402
 
 import leafcloud  # noqa: E402
-from addon.baked import Baked  # noqa: E402
-from addon.pipeline import finish, prepare, start, view_of  # noqa: E402
-from addon.scene.extract import extract  # noqa: E402
+from addon.bake.pipeline import finish, prepare, start, view_of  # noqa: E402
+from addon.bake.values import Baked  # noqa: E402
+from addon.mesh.extract import extract  # noqa: E402
 from addon.scene.load import load  # noqa: E402
-from addon.settings import BakeSettings  # noqa: E402
+from addon.settings.bake import BakeSettings  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEWS = [(math.cos(a), math.sin(a), 0.2) for a in np.arange(8) * math.pi / 4.0]

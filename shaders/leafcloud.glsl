@@ -1,7 +1,7 @@
 // The laws of Leafcloud's levels: transition, pruning, wind, contrast, fades and self-shadowing, for any engine.
 //
 // Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
-// 3.30 and later, including Blender's. Blender's node groups (addon/build/lod_nodes.py, wind_nodes.py) and
+// 3.30 and later, including Blender's. Blender's node groups (addon/nodes/lod.py, wind.py) and
 // rust/core/src/prune implement the same laws, so all of them draw the same leaves. docs/guide.md lists the place of
 // each number in a GLB file.
 //

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from .errors import ExportError, reason
+from ..errors import ExportError
+from .errors import reason
 
 _KEPT_TYPES = {"CAMERA", "LIGHT", "EMPTY"}
 

@@ -13,7 +13,7 @@ import bpy
 
 import leafcloud
 
-from ..build.materials import CUTOFF_NODE, PAGE_NODE, atlas_image
+from ..levels.material import CUTOFF_NODE, PAGE_NODE, atlas_image
 
 
 @contextmanager

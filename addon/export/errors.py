@@ -5,10 +5,6 @@ from __future__ import annotations
 import re
 
 
-class ExportError(OSError):
-    """Blender could not write a file. The message is one line: the file and the reason."""
-
-
 def reason(error: RuntimeError) -> str:
     """Return the line with the reason from an operator's error, which may be a whole traceback."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]

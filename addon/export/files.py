@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..baked import Baked, TreeSet
-from ..build.levels import BuiltLevel
-from ..build.shadow_proxy import left_out, shadow_proxy_of
-from ..job import Progress
+from ..bake.job import Progress
+from ..bake.values import Baked, TreeSet
+from ..levels.build import BuiltLevel
+from ..levels.shadow_proxy import left_out, shadow_proxy_of
+from ..material.cut_out import masked
 from ..plan.effects import blended_leaves, is_on
+from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
@@ -104,7 +106,7 @@ def _additions(trees: Sequence[Baked]) -> list[_Addition]:
     engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
     taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
-    textures = ktx2.Ktx2Textures(taken if engine in ktx2.ENGINES else {})
+    textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
     if not is_on(first.effects, "blend_order"):
         return [VertexData(engine), textures]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
@@ -123,7 +125,7 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
     with ExitStack() as changes:
         changes.enter_context(engine_attributes(tree.levels))
         changes.enter_context(untangled(tree.levels))
-        changes.enter_context(gltf.masked_leaves(tree.levels, blended_leaves(settings, facts)))
+        changes.enter_context(masked(tree.levels[0].object.data.materials, blended_leaves(settings, facts)))
         changes.enter_context(materials_of_meshes(tree.levels))
         for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):
             if is_on(tree.effects, effect):

@@ -13,32 +13,14 @@ from typing import Any
 
 import leafcloud
 
-from ..settings import SMALLEST_TEXTURE, BakeSettings
+from ..plan.pages import KTX2_EXTENSION
 from .glb_file import append_view, read_glb, write_glb
 from .translucency import DIFFUSE_TRANSMISSION
-
-ENGINES = ("three", "babylon")
-"""The engines that are known to support the extension."""
-
-EXTENSION = "KHR_texture_basisu"
 
 
 def is_taken(level: leafcloud.Level) -> bool:
     """Return whether KTX2 is possible: glTF requires sides that are multiples of 4."""
     return level.base_color.shape[0] % 4 == 0 and level.base_color.shape[1] % 4 == 0
-
-
-def warning(settings: BakeSettings, pages: int) -> str | None:
-    """Return a warning if KTX2 is not possible for one of `pages` atlas pages, each half as large as the one before."""
-    sides = (settings.texture_size, settings.texture_height or settings.texture_size)
-    sizes = [tuple(max(side >> i, SMALLEST_TEXTURE) for side in sides) for i in range(pages)]
-    odd = [f"{width} × {height}" for width, height in sizes if width % 4 or height % 4]
-    if settings.engine not in ENGINES or not odd:
-        return None
-    return (
-        f"atlas pages of {', '.join(odd)} stay PNG only: {EXTENSION} needs multiples of 4; "
-        "choose a power of two as texture size"
-    )
 
 
 @dataclass
@@ -72,10 +54,10 @@ class Ktx2Textures:
                     view, binary = append_view(document, binary, self.get(material["name"], channel))
                     document["images"].append({"bufferView": view, "mimeType": "image/ktx2"})
                     done[texture["source"]] = len(document["images"]) - 1
-                texture.setdefault("extensions", {})[EXTENSION] = {"source": done[texture["source"]]}
+                texture.setdefault("extensions", {})[KTX2_EXTENSION] = {"source": done[texture["source"]]}
         if done:
             used = document.setdefault("extensionsUsed", [])
-            document["extensionsUsed"] = sorted({*used, EXTENSION})
+            document["extensionsUsed"] = sorted({*used, KTX2_EXTENSION})
             write_glb(path, document, binary)
 
 

@@ -18,8 +18,8 @@ from typing import Any
 
 import bpy
 
-from ..build.leaf_map import ID_NODE, UV_NODE
-from ..build.materials import VISIBILITY_NODE
+from ..levels.leaf_map import ID_NODE, UV_NODE
+from ..levels.material import VISIBILITY_NODE
 from .glb_file import append_texture, read_glb, write_glb
 
 OPTIONAL_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..build.contrast import CONTRAST_NODE
-from ..build.levels import BuiltLevel
-from ..scene.node_links import Links, tangled_inputs, trees_of
+from ..levels.build import BuiltLevel
+from ..levels.contrast import CONTRAST_NODE
+from ..material.node_links import Links, tangled_inputs, trees_of
 
 
 @contextmanager

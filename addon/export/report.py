@@ -12,11 +12,11 @@ import bpy
 
 import leafcloud
 
-from ..baked import Baked
-from ..build.levels import BuiltLevel
+from ..bake.values import Baked
+from ..levels.build import BuiltLevel
 from ..plan.costs import BYTES_PER_TEXEL
 from ..plan.effects import Effect, is_on
-from ..settings import BakeSettings
+from ..settings.bake import BakeSettings
 
 
 def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -> dict[str, Any]:

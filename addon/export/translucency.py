@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..build.materials import SHARE_NODE, TRANSLUCENCY_NODE
+from ..levels.material import SHARE_NODE, TRANSLUCENCY_NODE
 from .glb_file import append_texture, read_glb, write_glb
 
 DIFFUSE_TRANSMISSION = "KHR_materials_diffuse_transmission"

@@ -21,8 +21,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..build.levels import EXTRAS, BuiltLevel
-from ..build.morphs import add_point_attribute
+from ..levels.build import BuiltLevel
+from ..levels.morphs import add_point_attribute
+from ..mesh.baked_levels import EXTRAS
 from .glb_file import accessor_values, append_accessor, read_glb, without_unused, write_glb
 from .gltf import y_up
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import leafcloud
 
-from ..settings import BakeSettings
+from ..settings.bake import BakeSettings
 from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
-from .thinning import cut_off_distance
+from .pruning import cut_off_distance
 
 EPSILON_STEP = 2.5
 """Ratio of the error bounds of consecutive clouds, the same as in the Rust core."""

@@ -14,9 +14,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ..settings import SMALLEST_TEXTURE, BakeSettings
+from ..settings.bake import BakeSettings
 from .effects import Effect, plan_levels
 from .facts import Facts
+from .pages import page_size
 
 BYTES_PER_TEXEL = 4
 BILLBOARD_VERTICES = 1000
@@ -105,8 +106,8 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) 
 
 
 def _page_texels(settings: BakeSettings, number: int) -> int:
-    width, height = settings.texture_size, settings.texture_height or settings.texture_size
-    return max(width >> number, SMALLEST_TEXTURE) * max(height >> number, SMALLEST_TEXTURE)
+    width, height = page_size(settings, number)
+    return width * height
 
 
 def _cross_texels(settings: BakeSettings) -> int:

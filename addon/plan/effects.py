@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ..settings import CHANNELS, EFFECTS, BakeSettings, asked_effects
+from ..settings.bake import CHANNELS, EFFECTS, BakeSettings, asked_effects
 from .camera_visibility import CameraVisibility, camera_visibility, pixels_of, prune_start
 from .facts import Facts
 

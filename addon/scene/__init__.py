@@ -1,7 +1,1 @@
-"""Readers from Blender data to plain values: `load` opens files, `extract` reads geometry, `describe` materials."""
-
-from __future__ import annotations
-
-
-class SceneError(Exception):
-    """Scene or file content that cannot be baked. The message is one line: the thing, its value, the remedy."""
+"""Readers of the scene around a tree: files, cameras, lights and wind."""

@@ -25,11 +25,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..placement import Placement
+from ..errors import SceneError
+from ..material.node_links import output_of
+from ..mesh.extract import Geometry, world_positions
+from ..mesh.placement import Placement
 from ..versions import clear_terminator, set_corner_normals
-from . import SceneError
-from .extract import Geometry, world_positions
-from .node_links import output_of
 
 SAMPLES = 16
 """Paths per sample. A corner has three samples or more, so at least 48 paths: within a few percent for an even sky."""

@@ -19,8 +19,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import SceneError
-from .realise import first_not_finite
+from ..errors import SceneError
+from ..mesh.realise import first_not_finite
 
 _Opener: TypeAlias = Callable[[Path], None]
 

@@ -16,10 +16,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..mesh.extract import Tree
 from ..plan.camera_visibility import STILL
 from ..plan.facts import Camera, Lights, Span
 from ..plan.lod_range import View
-from .extract import Tree
 
 FRAMES = 64
 """Greatest number of evenly spaced frames to sample, including the first and the last."""

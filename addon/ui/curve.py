@@ -9,9 +9,9 @@ from bpy.props import IntProperty
 
 import leafcloud
 
-from ..pipeline import layer_of, prepare, start_curve
-from ..scene import SceneError
-from ..settings import SMALLEST_TEXTURE, BakeSettings, SettingsError
+from ..bake.pipeline import layer_of, prepare, start_curve
+from ..errors import SceneError
+from ..settings.bake import SMALLEST_TEXTURE, BakeSettings, SettingsError
 from . import measured
 from .job_operator import JobOperator
 from .properties import bake_settings, with_labels

@@ -5,12 +5,13 @@ from __future__ import annotations
 import bpy
 from bpy.props import FloatProperty, PointerProperty
 
-from ..build.baked_trees import LeafPruning, baked_tree, leaf_pruning, level_number, tree_collections
-from ..build.forest import Forest, build_forest
-from ..build.forest_nodes import GROUP_NAME, ForestSettings
-from ..build.node_laws import NEVER
-from ..build.rollback import removed_on_failure
-from ..pipeline import view_of
+from ..bake.pipeline import view_of
+from ..levels.baked_trees import LeafPruning, baked_tree, leaf_pruning, tree_collections
+from ..levels.forest import Forest, build_forest
+from ..levels.rollback import removed_on_failure
+from ..mesh.baked_levels import level_number
+from ..nodes.forest import GROUP_NAME, ForestSettings
+from ..nodes.laws import NEVER
 from .properties import with_labels
 
 _DEFAULTS = ForestSettings(())

@@ -9,9 +9,9 @@ import bpy
 
 import leafcloud
 
-from ..job import POLL_SECONDS, Job, wait
-from ..scene import SceneError
-from ..settings import SettingsError
+from ..bake.job import POLL_SECONDS, Job, wait
+from ..errors import SceneError
+from ..settings.bake import SettingsError
 from .properties import with_labels
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)

@@ -10,12 +10,12 @@ import numpy as np
 
 import leafcloud
 
-from ..baked import Prepared
-from ..pipeline import chain_options
+from ..bake.pipeline import chain_options
+from ..bake.values import Prepared
 from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
-from ..settings import WISHES, BakeSettings
+from ..settings.bake import WISHES, BakeSettings
 
 CHART_SIZE = (640, 480)
 """Width and height in pixels: about twice those of a sidebar, for high-resolution screens."""

@@ -10,15 +10,8 @@ from bpy.props import StringProperty
 
 import leafcloud
 
-from ..build.earlier import levels_of, name_before, replaced
-from ..build.rollback import removed_on_failure
-from ..export.files import write
-from ..export.staging import Staging
-from ..pipeline import file_name, layer_of
-from ..plan.effects import joint_effects
-from ..scene import SceneError
-from ..scene.baked_levels import remember
-from ..tree_set import (
+from ..bake.pipeline import file_name, layer_of
+from ..bake.tree_set import (
     ChainsJob,
     camera_notes,
     finish_tree_set,
@@ -27,6 +20,13 @@ from ..tree_set import (
     prepare_tree_set,
     start_tree_set,
 )
+from ..errors import SceneError
+from ..export.files import write
+from ..export.staging import Staging
+from ..levels.earlier import levels_of, name_before, replaced
+from ..levels.rollback import removed_on_failure
+from ..mesh.baked_levels import remember
+from ..plan.effects import joint_effects
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
 from .measured import predicted, tell
 from .properties import bake_settings, show_plan, with_labels

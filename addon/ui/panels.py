@@ -6,7 +6,7 @@ import textwrap
 
 import bpy
 
-from ..settings import EFFECTS
+from ..settings.bake import EFFECTS
 from .properties import AUTO, OFF, ON, effect_property
 from .viewport import is_previewed
 

@@ -14,10 +14,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..naming import with_names
 from ..plan.effects import CameraNote, Effect
-from ..setting import Described
-from ..settings import EFFECTS, BakeSettings, asked_effects, described
+from ..settings.bake import EFFECTS, BakeSettings, asked_effects, described
+from ..settings.naming import with_names
+from ..settings.setting import Described
 from ..versions import blend_relative_path
 
 AUTO, ON, OFF = "AUTO", "ON", "OFF"

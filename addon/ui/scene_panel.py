@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty
 
-from ..build.baked_trees import leaf_pruning, level_number, lod_input
-from ..build.rollback import removed_on_failure
-from ..build.scene_nodes import SceneSettings, add_scene_modifier
-from ..build.shared_scene import SharedTrees, levels_shown, shared_trees
-from ..pipeline import view_of
+from ..bake.pipeline import view_of
+from ..levels.baked_trees import leaf_pruning, lod_input
+from ..levels.rollback import removed_on_failure
+from ..levels.shared_scene import SharedTrees, levels_shown, shared_trees
+from ..mesh.baked_levels import level_number
+from ..nodes.scene import SceneSettings, add_scene_modifier
 from .properties import with_labels
 
 NAME = "Leafcloud Scene"

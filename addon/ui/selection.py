@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..build.earlier import levels_of
-from ..scene import SceneError
-from ..scene.baked_levels import record_of
-from ..scene.extract import Tree, extract
-from ..scene.trees import extract_trees, grouped
+from ..errors import SceneError
+from ..levels.earlier import levels_of
+from ..mesh.baked_levels import record_of
+from ..mesh.extract import Tree, extract
+from ..mesh.trees import extract_trees, grouped
 from .properties import leaf_names
 
 

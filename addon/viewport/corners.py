@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.meshes import Copies, own_mesh
-from ..scene.textures import transform_matrix
+from ..material.textures import transform_matrix
+from ..mesh.meshes import Copies, own_mesh
 from .paint import Paint, paint_of
 
 Floats = NDArray[np.float32]

@@ -11,8 +11,8 @@ import gpu
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..build.levels import EXTRAS
-from ..build.lod_nodes import GROUP_NAME
+from ..mesh.baked_levels import EXTRAS
+from ..nodes.lod import GROUP_NAME
 from ..versions import get_modifier_input
 from .corners import Part, parts_of
 from .look import LevelInputs, look_at

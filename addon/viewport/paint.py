@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..build.baked_light import BACK, FRONT, strength_of
-from ..build.materials import page_of
-from ..scene.surface import read_surface
-from ..scene.textures import Texture
+from ..levels.baked_light import BACK, FRONT, strength_of
+from ..levels.material import page_of
+from ..material.surface import read_surface
+from ..material.textures import Texture
 
 _FROM_EYE = 0.5
 """The share of the preview's light that comes from the eye; the rest comes from everywhere."""

@@ -21,7 +21,7 @@ from scenes import add_mesh
 from viewing import PAGE, PATIENCE
 
 import leafcloud
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 from bench.browser import FILES, ask
 
 COLORS = ((0.8, 0.1, 0.1), (0.1, 0.7, 0.1), (0.1, 0.1, 0.9))

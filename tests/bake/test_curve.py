@@ -19,7 +19,7 @@ from lod_scenes import add_camera
 
 import addon
 import leafcloud
-from addon.settings import BakeSettings, SettingsError
+from addon.settings.bake import BakeSettings, SettingsError
 from addon.ui import curve as panel
 from addon.ui import measured
 from addon.ui.properties import bake_settings

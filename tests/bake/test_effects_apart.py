@@ -21,10 +21,10 @@ from dumps import dump
 from plan_scenes import add_crown, add_light, principled
 from scenes import add_mesh, bake, read
 
-from addon.baked import TreeSet
+from addon.bake.values import TreeSet
 from addon.export.files import write
 from addon.export.glb_file import read_glb
-from addon.settings import EFFECTS, BakeSettings
+from addon.settings.bake import EFFECTS, BakeSettings
 
 
 @dataclass(frozen=True)
@@ -46,20 +46,20 @@ class Own:
 EFFECTS_APART = {
     "transitions": Own(
         (
-            "addon.build.leaf_moves",
-            "addon.build.morphs:add_transition",
-            "addon.build.morphs:Transition",
-            "addon.build.fading:add_fade",
-            "addon.build.fading:fading_copy",
+            "addon.levels.leaf_moves",
+            "addon.levels.morphs:add_transition",
+            "addon.levels.morphs:Transition",
+            "addon.levels.fading:add_fade",
+            "addon.levels.fading:fading_copy",
         ),
         ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
     ),
     "pruning": Own(
         (
-            "addon.build.morphs:add_pruning",
-            "addon.build.morphs:Pruning",
-            "addon.build.prune_tables:prefix_table",
-            "addon.build.prune_tables:area_shares",
+            "addon.levels.morphs:add_pruning",
+            "addon.levels.morphs:Pruning",
+            "addon.levels.prune_tables:prefix_table",
+            "addon.levels.prune_tables:area_shares",
             "addon.export.vertex_data:_engine_values",
         ),
         ("attributes leaf_rank", "attributes leaf_pivot is", "_LEAF_RANK", "prefixes"),
@@ -68,26 +68,26 @@ EFFECTS_APART = {
     ),
     # The core alone decides whether sides differ; what is left here settles what it found.
     "back_sides": Own(
-        ("addon.plan.effects:_settled", "addon.build.side_nodes"), ("materials tree_LOD1 use_backface_culling = True",)
+        ("addon.plan.effects:_settled", "addon.nodes.sides"), ("materials tree_LOD1 use_backface_culling = True",)
     ),
     "trunk_levels": Own(
-        ("addon.build.trunk:simplified", "addon.build.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
+        ("addon.levels.trunk:simplified", "addon.levels.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
         ("meshes tree_trunk_1 is there",),
     ),
     # The functions that make the first level make the others, too.
     "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),
-    "normals": Own(("addon.build.materials:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
+    "normals": Own(("addon.levels.material:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
     "gloss": Own(
-        ("addon.build.materials:_add_gloss",),
+        ("addon.levels.material:_add_gloss",),
         ("images tree_LOD1_gloss is there", "metallicRoughnessTexture"),
         without=("occlusion", "self_shadowing"),
     ),
     "translucency": Own(
         (
             "addon.export.translucency",
-            "addon.build.materials:_shine_through",
-            "addon.build.levels:with_opaque_parts",
-            "addon.scene.describe:_part_light",
+            "addon.levels.material:_shine_through",
+            "addon.levels.build:with_opaque_parts",
+            "addon.material.describe:_part_light",
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
     ),
@@ -96,33 +96,33 @@ EFFECTS_APART = {
         ("addon.export.blend_order",), ('"blend_order"', '"alphaMode": "BLEND"'), chain="billboards", alpha=0.7
     ),
     "occlusion": Own(
-        ("addon.build.materials:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
+        ("addon.levels.material:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
     ),
     "self_shadowing": Own(
-        ("addon.build.materials:_add_visibility",), ("images tree_LOD1_visibility is there", "visibilityTexture")
+        ("addon.levels.material:_add_visibility",), ("images tree_LOD1_visibility is there", "visibilityTexture")
     ),
     "shadow_proxy": Own(
-        ("addon.build.shadow_proxy:add_shadow_proxy", "addon.build.shadow_proxy:left_out"),
+        ("addon.levels.shadow_proxy:add_shadow_proxy", "addon.levels.shadow_proxy:left_out"),
         ("objects tree_shadow is there", "images tree_shadow is there", "visible_shadow = False"),
     ),
     "leaf_map": Own(
-        ("addon.build.leaf_map", "addon.build.levels:_add_leaf_map"),
+        ("addon.levels.leaf_map", "addon.levels.build:_add_leaf_map"),
         ("images tree_LOD1_leaf_uv is there", "node_groups Leafcloud Leaf Map is there", "leafUvTexture"),
     ),
     "contrast": Own(
-        ("addon.build.contrast", "addon.export.plain_materials:plain_colors"),
+        ("addon.levels.contrast", "addon.export.plain_materials:plain_colors"),
         ("nodes Leafcloud Contrast is there", "mean_color"),
     ),
     "wind": Own(
         (
-            "addon.build.wind_attributes",
-            "addon.build.wind_nodes:add_wind_modifier",
-            "addon.build.wind_nodes:wind_group",
+            "addon.levels.wind_attributes",
+            "addon.nodes.wind:add_wind_modifier",
+            "addon.nodes.wind:wind_group",
         ),
         ("attributes leaf_phase", "node_groups Leafcloud Wind is there", "_LEAF_BILLBOARD_PIVOT"),
     ),
     "baked_light": Own(
-        ("addon.lighting", "addon.scene.light", "addon.build.baked_light", "addon.export.unlit"),
+        ("addon.bake.lighting", "addon.scene.light", "addon.levels.baked_light", "addon.export.unlit"),
         ("attributes leafcloud_light is there", "KHR_materials_unlit"),
         chain="billboards",
     ),
@@ -247,7 +247,7 @@ def test_an_effect_that_is_on_leaves_its_traces(effects: str, chain: str, shown:
 
 def test_an_effect_that_is_on_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """That what is forbidden is felt, at the hands of one that is on."""
-    forbid(monkeypatch, "addon.build.leaf_map")
+    forbid(monkeypatch, "addon.levels.leaf_map")
     with pytest.raises(AssertionError, match="leaf_map was touched"):
         baked(tmp_path, "all", "billboards")
 

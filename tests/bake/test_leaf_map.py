@@ -18,13 +18,13 @@ from renders import render
 from scenes import add_mesh, bake, read
 
 import leafcloud
-from addon.baked import Baked
-from addon.build.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
-from addon.build.materials import Page, atlas_image, atlas_material
+from addon.bake.values import Baked
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
-from addon.scene.flatten import flat_material
-from addon.settings import BakeSettings
+from addon.levels.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
+from addon.levels.material import Page, atlas_image, atlas_material
+from addon.material.flatten import flat_material
+from addon.settings.bake import BakeSettings
 
 GREEN, OLIVE, RED, YELLOW = (0.2, 0.5, 0.1), (0.4, 0.4, 0.1), (0.7, 0.1, 0.05), (0.8, 0.6, 0.1)
 BARK = (0.1, 0.2, 0.9)

@@ -11,9 +11,9 @@ from command_line import run, saved
 from plan_scenes import add_camera, add_crown, copies
 from scenes import bake, read
 
-from addon.baked import Baked
+from addon.bake.values import Baked
 from addon.export.report import report
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 QUICK = BakeSettings(texture_size=64, candidates=50, viewer="camera")
 

@@ -11,7 +11,7 @@ from command_line import refusal, run, saved
 from lod_scenes import add_camera
 from scenes import add_mesh, read
 
-from addon.scene import SceneError
+from addon.errors import SceneError
 
 pytestmark = pytest.mark.usefixtures("registered")
 

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from scenes import add_mesh
 
 import leafcloud
-from addon.baked import TreeSet
+from addon.bake.pipeline import layer_of
+from addon.bake.tree_set import bake_tree_set, plan_tree_set, prepare_tree_set, start_tree_set
+from addon.bake.values import TreeSet
+from addon.errors import SceneError
 from addon.export.files import write
-from addon.pipeline import layer_of
+from addon.mesh.extract import Tree
+from addon.mesh.trees import extract_trees, grouped, rendered
 from addon.plan.effects import is_on, joint_effects
-from addon.scene import SceneError
-from addon.scene.extract import Tree
-from addon.scene.trees import extract_trees, grouped, rendered
-from addon.settings import BakeSettings
-from addon.tree_set import bake_tree_set, plan_tree_set, prepare_tree_set, start_tree_set
+from addon.settings.bake import BakeSettings
 
 RED, GREEN, BLUE = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8)
 SMALL = {"texture_size": 128, "levels": 1, "samples": 2}

@@ -15,7 +15,7 @@ from glb import Node, read_chunks, read_glb, read_scene
 from mathutils import Euler, Matrix, Vector
 
 import leafcloud
-from addon.scene.extract import extract
+from addon.mesh.extract import extract
 from addon.scene.load import load, load_beside
 
 PLACE = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5)))

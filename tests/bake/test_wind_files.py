@@ -20,16 +20,16 @@ from mathutils import Euler, Matrix, Vector
 from scenes import add_field, read
 from scenes import bake as bake_scene
 
-from addon import pipeline
-from addon.baked import TreeSet
-from addon.build import levels as built_levels
-from addon.build import wind_nodes
-from addon.build.forest import build_forest
+from addon.bake import pipeline
+from addon.bake.pipeline import wind_settings
+from addon.bake.values import TreeSet
 from addon.export.files import write
 from addon.export.gltf import y_up
-from addon.pipeline import wind_settings
+from addon.levels import build as built_levels
+from addon.levels.forest import build_forest
+from addon.nodes import wind as wind_nodes
 from addon.scene.load import load
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input
 from bench.browser import ask
 

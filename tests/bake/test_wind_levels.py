@@ -12,8 +12,8 @@ from laws import Air, Floats, sway_at, tree_turns
 from lod_scenes import evaluate, points_of
 from mathutils import Euler, Matrix, Vector
 
-from addon.build.lod_nodes import set_manual
-from addon.build.wind_nodes import GROUP_NAME
+from addon.nodes.lod import set_manual
+from addon.nodes.wind import GROUP_NAME
 from addon.versions import get_modifier_input, set_modifier_input
 
 EFFECTS = "transitions,pruning,wind"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from addon.build.materials import VISIBILITY_NODE, Page, atlas_image, atlas_material
+from addon.levels.material import VISIBILITY_NODE, Page, atlas_image, atlas_material
 
 
 def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:

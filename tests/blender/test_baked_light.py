@@ -15,18 +15,19 @@ from node_trees import math_node, new_image, new_material, texture_node
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
-from addon.baked import Baked
+from addon.bake.lighting import BakedLight, light_of
+from addon.bake.pipeline import prepare
+from addon.bake.values import Baked
+from addon.errors import SceneError
 from addon.export.glb_file import read_glb
 from addon.export.gltf import export_level
 from addon.export.report import report
 from addon.export.unlit import mean_light
-from addon.lighting import BakedLight, light_of
-from addon.pipeline import prepare
+from addon.mesh.extract import Tree
 from addon.plan.effects import is_on, plan_channels, plan_effects
 from addon.plan.facts import Facts
-from addon.scene import SceneError, light
-from addon.scene.extract import Tree
-from addon.settings import EFFECTS, BakeSettings
+from addon.scene import light
+from addon.settings.bake import EFFECTS, BakeSettings
 
 SKY = (0.2, 0.3, 0.4)
 GREEN = (0.1, 0.3, 0.05)

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.build import levels as built_levels
-from addon.build.cloud_mesh import Surface, create_mesh, fans, split_vertices
-from addon.build.levels import Costs, Plan, build_levels
-from addon.build.prune_tables import area_shares, prefix_table
-from addon.placement import Placement
+from addon.levels import build as built_levels
+from addon.levels.build import Costs, Plan, build_levels
+from addon.levels.mesh import Surface, create_mesh, fans, split_vertices
+from addon.levels.prune_tables import area_shares, prefix_table
+from addon.mesh.extract import Geometry, Tree
+from addon.mesh.placement import Placement
 from addon.plan.lod_range import lod_ranges
-from addon.scene.extract import Geometry, Tree
 from addon.versions import get_modifier_input
 
 IDENTITY = Placement(np.eye(4))

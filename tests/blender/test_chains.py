@@ -20,16 +20,16 @@ from renders import render
 from scenes import add_mesh, bake, read
 
 import leafcloud
-from addon.baked import Baked
-from addon.build.contrast import CONTRAST_NODE, contrast_material, mean_color
-from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
+from addon.bake.pipeline import prepare
+from addon.bake.values import Baked
 from addon.export.gltf import export_level
 from addon.export.plain_materials import plain_colors
-from addon.pipeline import prepare
-from addon.plan.thinning import CUT_OFF, cut_off_distance, share_left, start_for
-from addon.scene.meshes import PROTECT
-from addon.scene.node_links import MEAN_SHARE
-from addon.settings import BakeSettings
+from addon.levels.contrast import CONTRAST_NODE, contrast_material, mean_color
+from addon.material.node_links import MEAN_SHARE
+from addon.mesh.meshes import PROTECT
+from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
+from addon.plan.pruning import CUT_OFF, cut_off_distance, share_left, start_for
+from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input, set_modifier_input
 
 

@@ -10,8 +10,8 @@ import pytest
 from node_trees import math_node, new_image, new_material, texture_node
 from small_glb import png
 
-from addon.scene.describe import describe_material
-from addon.scene.surface import read_surface
+from addon.material.describe import describe_material
+from addon.material.surface import read_surface
 
 TOP = [(255, 0, 0, 255), (0, 255, 0, 128)]
 BOTTOM = [(0, 0, 255, 0), (188, 100, 50, 64)]

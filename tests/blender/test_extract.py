@@ -11,7 +11,8 @@ import pytest
 from mathutils import Matrix
 from scenes import SQUARE, TRIANGLE, add_mesh, corners, material, read, winding_normals
 
-from addon.scene.extract import SceneError, extract, world_positions
+from addon.errors import SceneError
+from addon.mesh.extract import extract, world_positions
 from addon.scene.load import load
 
 

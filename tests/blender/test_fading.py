@@ -12,9 +12,9 @@ from node_trees import new_material
 from renders import render
 from scenes import add_mesh
 
-from addon.build.fading import add_fade, fading_copy
-from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
-from addon.build.node_laws import HIDDEN_SHARE
+from addon.levels.fading import add_fade, fading_copy
+from addon.nodes.laws import HIDDEN_SHARE
+from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
 

@@ -12,12 +12,12 @@ from node_trees import math_node, new_image, new_material, texture_node
 from scenes import SQUARE, add_mesh
 from small_glb import png
 
-from addon.scene import SceneError
-from addon.scene.describe import describe_material
-from addon.scene.extract import extract
-from addon.scene.flatten import flatten
-from addon.scene.surface import read_surface
-from addon.scene.textures import Texture
+from addon.errors import SceneError
+from addon.material.describe import describe_material
+from addon.material.flatten import flatten
+from addon.material.surface import read_surface
+from addon.material.textures import Texture
+from addon.mesh.extract import extract
 
 QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
 """The upper row first: red, green; blue, nothing."""
@@ -202,7 +202,7 @@ def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.M
     def no_folder(*_: Any, **__: Any) -> None:
         raise RuntimeError("no space")
 
-    monkeypatch.setattr("addon.scene.flatten.tempfile.TemporaryDirectory", no_folder)
+    monkeypatch.setattr("addon.material.flatten.tempfile.TemporaryDirectory", no_folder)
     with pytest.raises(SceneError, match=r"material 'm' has to be rendered, but Cycles failed \(no space\)"):
         flatten(material)
     assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before

@@ -20,10 +20,10 @@ from lod_scenes import Floats, Leaves, add_camera, build, many_leaves, place, po
 from mathutils import Euler, Matrix, Quaternion, Vector
 from scenes import TRIANGLE, add_mesh, bake, read
 
-from addon.build.forest import Forest, build_forest, pruned_mesh
-from addon.build.forest_nodes import GROUP_NAME, ForestSettings, add_forest_modifier, forest_group
-from addon.build.levels import BuiltLevel
-from addon.settings import BakeSettings
+from addon.levels.build import BuiltLevel
+from addon.levels.forest import Forest, build_forest, pruned_mesh
+from addon.nodes.forest import GROUP_NAME, ForestSettings, add_forest_modifier, forest_group
+from addon.settings.bake import BakeSettings
 from addon.versions import set_corner_normals
 
 

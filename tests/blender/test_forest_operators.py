@@ -11,10 +11,10 @@ from lod_scenes import add_camera, evaluate, place
 from scenes import add_mesh, bake, read
 
 import leafcloud
-from addon.baked import Baked
-from addon.build.baked_trees import baked_tree
-from addon.build.scene_nodes import SceneSettings
-from addon.settings import BakeSettings
+from addon.bake.values import Baked
+from addon.levels.baked_trees import baked_tree
+from addon.nodes.scene import SceneSettings
+from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input
 
 pytestmark = pytest.mark.usefixtures("registered")

@@ -13,9 +13,9 @@ from scenes import SQUARE, add_mesh, read
 from stability import holds, refuses
 
 import leafcloud
-from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
-from addon.scene import SceneError
-from addon.scene.extract import world_positions
+from addon.errors import SceneError
+from addon.mesh.extract import world_positions
+from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 
 GROUP = "In Blender"
 CORNERS = [*SQUARE, (0.3, 0.2, 0.7)]

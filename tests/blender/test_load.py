@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from small_glb import QUAD, write_quad_glb
 
-from addon.scene.extract import SceneError, extract
+from addon.errors import SceneError
+from addon.mesh.extract import extract
 from addon.scene.load import load
 
 TRIANGLE_OBJ = "o leaves\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -30,8 +30,8 @@ from lod_scenes import (
 )
 from mathutils import Euler, Matrix, Vector
 
-from addon.build.lod_nodes import GROUP_NAME, LodSettings, add_lod_modifier, lod_group, set_manual
-from addon.build.node_laws import NEVER
+from addon.nodes.laws import NEVER
+from addon.nodes.lod import GROUP_NAME, LodSettings, add_lod_modifier, lod_group, set_manual
 from addon.versions import set_corner_normals, set_modifier_input
 
 

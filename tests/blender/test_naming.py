@@ -16,12 +16,12 @@ from scenes import add_mesh
 
 import addon
 import leafcloud
-from addon.flags import with_flags
 from addon.plan.camera_visibility import seen_as_set
 from addon.plan.effects import camera_note, plan_effects
 from addon.plan.facts import Camera, Facts, Lights
 from addon.plan.lod_range import View
-from addon.settings import ENGINES, BakeSettings, SettingsError, described
+from addon.settings.bake import ENGINES, BakeSettings, SettingsError, described
+from addon.settings.flags import with_flags
 from addon.ui.properties import LeafcloudSettings, bake_settings, with_labels
 
 ADDON = Path(addon.__file__).parent

@@ -9,7 +9,7 @@ import bpy
 import pytest
 
 import leafcloud
-from addon.settings import CHAINS, EFFECTS, BakeSettings
+from addon.settings.bake import CHAINS, EFFECTS, BakeSettings
 from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 

@@ -24,7 +24,7 @@ from plan_scenes import (
 )
 
 from addon.plan.effects import sees_pages
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 ANYWHERE = {"transitions", "far_levels", "normals"}
 """What is on of a plain crown where the viewer may be anywhere; back sides are left to each level."""

@@ -15,8 +15,8 @@ from renders import render
 from scenes import add_mesh
 
 import addon
-from addon.build.lod_nodes import LodSettings, add_lod_modifier
-from addon.build.node_laws import NEVER
+from addon.nodes.laws import NEVER
+from addon.nodes.lod import LodSettings, add_lod_modifier
 from addon.ui.viewport import is_previewed, start_preview, stop_preview
 from addon.viewport.hiding import KEY, hide
 

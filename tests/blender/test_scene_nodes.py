@@ -27,7 +27,7 @@ from lod_scenes import (
 )
 from mathutils import Euler, Matrix, Vector
 
-from addon.build.scene_nodes import GROUP_NAME, SceneSettings, add_scene_modifier, scene_group
+from addon.nodes.scene import GROUP_NAME, SceneSettings, add_scene_modifier, scene_group
 from addon.versions import set_corner_normals, set_modifier_input
 
 

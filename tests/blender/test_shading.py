@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from node_trees import new_image, new_material, texture_node
 
-from addon.scene.describe import describe_material
-from addon.scene.shading import Gloss, gloss_of, read_shading
-from addon.scene.surface import read_surface
-from addon.scene.textures import Texture
+from addon.material.describe import describe_material
+from addon.material.shading import Gloss, gloss_of, read_shading
+from addon.material.surface import read_surface
+from addon.material.textures import Texture
 
 CHANNELS = ("normals", "gloss")
 

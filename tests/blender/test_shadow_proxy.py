@@ -15,12 +15,12 @@ from plan_scenes import add_crown
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
-from addon.baked import Baked, TreeSet
-from addon.build.shadow_proxy import shadow_proxy_of
+from addon.bake.values import Baked, TreeSet
 from addon.export.files import write
+from addon.levels.shadow_proxy import shadow_proxy_of
 from addon.plan.effects import Effect, plan_effects
 from addon.plan.facts import Facts
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 MANY_LEAVES = Facts("three", leaves=5000, triangles=20_000)
 

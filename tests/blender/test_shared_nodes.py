@@ -18,12 +18,12 @@ from command_line import QUICK, bake, refusal, saved
 from glb import read_glb
 from node_trees import math_node, new_image, new_material, texture_node
 
-from addon.scene import SceneError
-from addon.scene.describe import describe_material
-from addon.scene.node_links import folded, nodes_behind, tangled_inputs
-from addon.scene.shading import read_shading
-from addon.scene.surface import principled_of, read_surface
-from addon.scene.translucency import read_translucency
+from addon.errors import SceneError
+from addon.material.describe import describe_material
+from addon.material.node_links import folded, nodes_behind, tangled_inputs
+from addon.material.shading import read_shading
+from addon.material.surface import principled_of, read_surface
+from addon.material.translucency import read_translucency
 
 LEVELS = 40
 MOST_CALLS = 100_000

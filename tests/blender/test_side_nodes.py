@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from renders import render
 from scenes import add_mesh
 
-from addon.build.materials import Page, atlas_image, atlas_material
-from addon.build.side_nodes import add_side_modifier, apart
+from addon.levels.material import Page, atlas_image, atlas_material
+from addon.nodes.sides import add_side_modifier, apart
 
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
 RED, BLUE = (0.8, 0.0, 0.0), (0.0, 0.0, 0.8)

@@ -13,15 +13,15 @@ from renders import render
 from scenes import SQUARE, add_mesh
 
 import leafcloud
-from addon.build.cloud_mesh import read_own_randoms
-from addon.build.trunk import geometry_mesh
-from addon.part import described_part
-from addon.placement import Placement
-from addon.scene.describe import Described, describe_materials
-from addon.scene.extract import Geometry, extract
-from addon.scene.flatten import RANDOM, flatten
+from addon.bake.part import described_part
+from addon.levels.mesh import read_own_randoms
+from addon.levels.trunk import geometry_mesh
+from addon.material.describe import Described, describe_materials
+from addon.material.flatten import RANDOM, flatten
+from addon.material.tints import Islands, tints
+from addon.mesh.extract import Geometry, extract
+from addon.mesh.placement import Placement
 from addon.scene.light import Light
-from addon.scene.tints import Islands, tints
 
 TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
 TRIANGLES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.int32)

@@ -16,15 +16,15 @@ from node_trees import math_node, new_image, new_material, texture_node
 from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
-from addon.baked import Baked
+from addon.bake.values import Baked
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
-from addon.scene.describe import describe_material
-from addon.scene.flatten import flatten
-from addon.scene.surface import read_surface
-from addon.scene.textures import Texture
-from addon.scene.translucency import Translucent, read_translucency, translucent_of
-from addon.settings import BakeSettings
+from addon.material.describe import describe_material
+from addon.material.flatten import flatten
+from addon.material.surface import read_surface
+from addon.material.textures import Texture
+from addon.material.translucency import Translucent, read_translucency, translucent_of
+from addon.settings.bake import BakeSettings
 
 GREEN, YELLOW = (0.1, 0.3, 0.05), (0.3, 0.5, 0.1)
 """What the leaves reflect, and what shines through them."""

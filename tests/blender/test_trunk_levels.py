@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 from scenes import add_mesh, bake, material, read
 
 import leafcloud
-from addon.baked import Baked
-from addon.build.trunk import simplified, whole
+from addon.bake.values import Baked
 from addon.export import preview
 from addon.export.files import level_trunks
-from addon.placement import Placement
+from addon.levels.trunk import simplified, whole
+from addon.mesh.extract import Geometry
+from addon.mesh.placement import Placement
+from addon.mesh.seams import seam_share
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
 from addon.plan.lod_range import TRUNK_PIXELS, LodRange, trunk_errors
-from addon.scene.extract import Geometry
-from addon.scene.seams import seam_share
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 QUICK = ("--candidates", 50, "--texture-size", 128)
 

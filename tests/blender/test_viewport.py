@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from preview_pictures import PAGE, PATIENCE, attributes_of, numbers, shader
 from scenes import add_mesh
 
-from addon.build.fading import add_fade
-from addon.build.levels import EXTRAS
-from addon.build.lod_nodes import LodSettings, add_lod_modifier
-from addon.build.materials import Page, atlas_image, atlas_material
-from addon.build.prune_tables import area_shares
+from addon.levels.fading import add_fade
+from addon.levels.material import Page, atlas_image, atlas_material
+from addon.levels.prune_tables import area_shares
+from addon.mesh.baked_levels import EXTRAS
+from addon.nodes.lod import LodSettings, add_lod_modifier
 from addon.viewport.corners import parts_of
 from addon.viewport.draw import inputs_of, levels_in
 from addon.viewport.look import LevelInputs, look_at

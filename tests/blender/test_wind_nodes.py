@@ -17,9 +17,9 @@ from lod_scenes import Leaves, add_camera, build, evaluate, many_leaves, place, 
 from mathutils import Euler, Matrix, Vector
 from scenes import add_field
 
-from addon.build.lod_nodes import LodSettings, add_lod_modifier, set_manual
-from addon.build.scene_nodes import SceneSettings, add_scene_modifier
-from addon.build.wind_nodes import GROUP_NAME, Swing, WindSettings, add_wind_modifier, wind_group
+from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
+from addon.nodes.scene import SceneSettings, add_scene_modifier
+from addon.nodes.wind import GROUP_NAME, Swing, WindSettings, add_wind_modifier, wind_group
 from addon.plan.wind import Stature, Wind
 from addon.versions import get_modifier_input, set_modifier_input
 

@@ -13,7 +13,7 @@ from scenes import SQUARE, add_field, add_mesh
 from addon.plan.effects import Facts, is_on, plan_effects
 from addon.plan.wind import Wind, stature
 from addon.scene.wind import wind_on
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 FACTS = Facts(engine="generic", leaves=672)
 

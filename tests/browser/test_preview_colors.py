@@ -16,12 +16,12 @@ from preview_pictures import preview_pictures
 from renders import render_from
 from scenes import add_mesh, bake, read
 
-from addon.baked import Baked
-from addon.build.fading import fading_copy
-from addon.build.lod_nodes import LodSettings, add_lod_modifier
-from addon.build.materials import hide_back_in_cycles
-from addon.build.node_laws import NEVER
-from addon.settings import BakeSettings
+from addon.bake.values import Baked
+from addon.levels.fading import fading_copy
+from addon.levels.material import hide_back_in_cycles
+from addon.nodes.laws import NEVER
+from addon.nodes.lod import LodSettings, add_lod_modifier
+from addon.settings.bake import BakeSettings
 from addon.viewport.draw import inputs_of
 
 SIDE = 64

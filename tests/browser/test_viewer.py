@@ -20,8 +20,8 @@ from lod_scenes import add_camera
 from mathutils import Euler, Matrix, Vector
 from viewing import PAGE, PATIENCE, Pruning, apart, attribute, by_leaf, drawn_by_nodes, drawn_by_shader, pivots_of
 
-from addon.build.lod_nodes import NEVER
-from addon.scene.meshes import PROTECT
+from addon.mesh.meshes import PROTECT
+from addon.nodes.lod import NEVER
 from addon.versions import set_modifier_input
 from bench.browser import ask
 

@@ -16,7 +16,7 @@ from laws import Floats, drawn_share, ramp
 from lod_scenes import add_camera
 from viewing import PAGE, PATIENCE, Pruning, drawn_by_nodes, drawn_by_shader
 
-from addon.plan.thinning import CUT_OFF
+from addon.plan.pruning import CUT_OFF
 from bench.browser import ask
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)

@@ -9,10 +9,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 from scenes import add_mesh, material, read, use_nodes
 
-from addon.pipeline import describe, layer_of
+from addon.bake.pipeline import describe, layer_of
 from addon.plan.effects import Effect, plan_effects
 from addon.plan.facts import Facts
-from addon.settings import BakeSettings
+from addon.settings.bake import BakeSettings
 
 ONLY_THIS_VIEW = BakeSettings(viewer="camera")
 """Plans by a camera that stands still, too."""

@@ -13,16 +13,7 @@ from numpy.typing import NDArray
 
 from addon.viewport.corners import Part, parts_of
 from addon.viewport.draw import centre_of, inputs_of, levels_in, uniforms_in_view
-from addon.viewport.shader import (
-    ATTRIBUTES,
-    FRAGMENT,
-    SAMPLERS,
-    UNIFORMS,
-    VARYINGS,
-    VERTEX,
-    laws,
-    uniforms_of_paint,
-)
+from addon.viewport.shader import ATTRIBUTES, FRAGMENT, SAMPLERS, UNIFORMS, VARYINGS, VERTEX, laws, uniforms_of_paint
 from bench.browser import FILES, ask
 
 PAGE, PATIENCE = "tests/browser/probe.html", 120.0

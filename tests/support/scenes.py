@@ -8,11 +8,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from addon.baked import Baked
-from addon.pipeline import layer_of, prepare
-from addon.scene.extract import Geometry, Tree, extract, world_positions
-from addon.settings import BakeSettings
-from addon.tree_set import bake_tree_set
+from addon.bake.pipeline import layer_of, prepare
+from addon.bake.tree_set import bake_tree_set
+from addon.bake.values import Baked
+from addon.mesh.extract import Geometry, Tree, extract, world_positions
+from addon.settings.bake import BakeSettings
 
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 TRIANGLE = SQUARE[:3]

@@ -12,7 +12,7 @@ from addon.plan.costs import BYTES_PER_TEXEL, with_costs
 from addon.plan.effects import Effect, is_on, plan_effects, plan_levels
 from addon.plan.facts import Camera, Facts, Lights
 from addon.plan.lod_range import View
-from addon.settings import EFFECTS, BakeSettings
+from addon.settings.bake import EFFECTS, BakeSettings
 
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
 """At the distance d a length of 2 d is seen 1000 pixels large."""

@@ -10,7 +10,7 @@ import pytest
 from addon.plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, settle_back_sides
 from addon.plan.facts import Facts
 from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
-from addon.settings import MOVING_LIGHT, BakeSettings, SettingsError
+from addon.settings.bake import MOVING_LIGHT, BakeSettings, SettingsError
 
 FACTS = Facts(engine="generic", leaves=672)
 

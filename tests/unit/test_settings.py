@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.flags import parse, settings_of
-from addon.setting import Limits
-from addon.settings import BakeSettings, SettingsError, described, fit_options
+from addon.settings.bake import BakeSettings, SettingsError, described, fit_options
+from addon.settings.flags import parse, settings_of
+from addon.settings.setting import Limits
 
 
 def test_the_defaults_are_those_of_the_promised_command_line() -> None:

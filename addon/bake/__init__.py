@@ -1,0 +1,1 @@
+"""One bake from the scene to its levels, the same for the operator and the command line."""

@@ -1,0 +1,414 @@
+"""The steps of one bake, the same for the operator and the command line:
+
+    Tree ──prepare──▶ Prepared ──start──▶ Job ──wait──▶ Chain ──finish──▶ Baked ──write──▶ files
+
+Each step is a function of the previous step's result. Only `finish` and `write` change Blender's data, and they restore
+it when they fail.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..levels.build import Costs, Plan, build_levels
+from ..levels.contrast import mean_color
+from ..levels.rollback import removed_on_failure
+from ..levels.shadow_proxy import add_shadow_proxy
+from ..material.alpha_blended import see_through
+from ..material.cut_out import cut_message, is_blended
+from ..material.shading import gloss_of
+from ..material.surface import read_surface
+from ..material.translucency import translucent_of
+from ..mesh.extract import Geometry, Tree, world_positions
+from ..mesh.placement import Placement
+from ..mesh.seams import seam_share
+from ..nodes.wind import WindSettings
+from ..plan.camera_visibility import camera_visibility, level_at, seen_as_set
+from ..plan.costs import with_costs
+from ..plan.effects import (
+    Effect,
+    blended_leaves,
+    first_on,
+    is_on,
+    plan_channels,
+    plan_effects,
+    plan_levels,
+    sees_pages,
+    settle_back_sides,
+)
+from ..plan.facts import Facts
+from ..plan.lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
+from ..plan.pages import ktx2_warning
+from ..plan.pruning import Thinning, cut_off_distance, share_left, start_for
+from ..plan.wind import BREEZE, stature
+from ..scene.scene_facts import read_scene_facts
+from ..scene.wind import wind_on
+from ..settings.bake import EFFECTS, BakeSettings, fit_options
+from .lighting import light_of
+from .part import described_part
+from .values import Baked, Planned, Prepared
+
+
+def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Facts:
+    """Collect the facts for the plan. Without a layer they include nothing about the scene around the tree.
+
+    Raise `leafcloud.LeafcloudError` for geometry that cannot be baked.
+    """
+    placement, leaves = Placement(tree.matrix), tree.leaves
+    shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
+    blended = [material for material in leaves.materials if material is not None and is_blended(material)]
+    facts = Facts(
+        engine=settings.engine,
+        leaves=shape.leaf_count,
+        vertices=len(leaves.positions),
+        triangles=shape.triangle_count,
+        trunk=0 if tree.trunk is None else len(tree.trunk.triangles),
+        trunk_seams=0.0 if tree.trunk is None else seam_share(tree.trunk),
+        radius=shape.radius,
+        area=shape.area,
+        glossy=gloss_of(leaves.materials).varies,
+        translucent=translucent_of(leaves.materials).material,
+        one_color=_is_one_color(leaves),
+        blended=tuple(material.name for material in blended),
+        see_through=see_through(leaves, blended),
+    )
+    if layer is None or not tree.sources:
+        return facts
+    scene = layer.id_data
+    around = read_scene_facts(layer, tree, shape.centre.tolist(), view_of(scene))
+    surrounded = replace(
+        facts,
+        scene_camera=around.camera,
+        lights=around.lights,
+        wind=wind_on(tree.sources, scene),
+        renderer=scene.render.engine,
+    )
+    return seen_as_set(settings, surrounded)
+
+
+def _is_one_color(leaves: Geometry) -> bool:
+    """Return whether all leaves have one constant base color."""
+    surfaces = [read_surface(material) for material in leaves.materials]
+    varied = any(surface.color_texture or surface.color_attribute or surface.gaps for surface in surfaces)
+    return not varied and len({surface.color for surface in surfaces}) == 1
+
+
+def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
+    """Plan the effects of a bake and estimate their costs. `prepare` plans the same effects and carries them out."""
+    facts = describe(tree, settings, layer)
+    return Planned(settings, facts, with_costs(settings, facts, plan_effects(settings, facts)))
+
+
+def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
+    """Transform the tree to the world, plan the effects, and bake the light of the scene if the plan needs it.
+
+    Without a layer, the viewer may be anywhere, and no light is baked.
+    Raise `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a missing texture or light that
+    cannot be baked.
+    """
+    tree = _without_shear(tree)
+    placement = Placement(tree.matrix)
+    facts = describe(tree, settings, layer)
+    effects = with_costs(settings, facts, plan_effects(settings, facts))
+    clouds, cross = plan_levels(settings, facts, effects)
+    gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
+    channels = plan_channels(settings, facts)
+    share = translucent.share if "translucency" in channels else 0.0
+    lit = is_on(effects, "baked_light") and layer is not None
+    # Only the cross impostor shows the trunk in its textures.
+    light = light_of(tree, layer, with_trunk=cross and tree.trunk is not None) if lit else None
+    sides = (None, None) if light is None else (light.leaves, light.trunk)
+    leaves = described_part(tree.leaves, placement, channels, share, sides[0])
+    trunks = None if tree.trunk is None else described_part(tree.trunk, placement, channels, share, sides[1])
+    foliage, trunk = leaves.foliage(), None if trunks is None else trunks.foliage()
+    kept = blended_leaves(settings, facts)
+    cut_out = set(facts.blended) - set(kept)
+    blended = [cut_message(each) for each in tree.leaves.materials if each is not None and each.name in cut_out]
+    names = tuple(material.name for material in tree.leaves.materials if material is not None)
+    pages = ktx2_warning(settings, clouds + cross)
+    read = [*leaves.messages, *(() if trunks is None else trunks.messages), *gloss.warnings, *translucent.warnings]
+    read += [] if light is None else light.warnings
+    warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
+    blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
+    return Prepared(
+        tree,
+        settings,
+        placement,
+        foliage,
+        trunk,
+        gloss,
+        translucent,
+        facts,
+        effects,
+        warnings,
+        names,
+        light,
+        blowing,
+        trunks,
+        leaves.owners,
+    )
+
+
+def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
+    """Start the core's job for a chain of levels."""
+    settings = prepared.settings
+    return leafcloud.start_chain(
+        prepared.foliage,
+        trunk=prepared.trunk,
+        keep=_keep_at_switch(prepared),
+        leaf_pixels=settings.prune_pixels,
+        prune_half=settings.prune_half,
+        contrast=bool(is_on(prepared.effects, "contrast")),
+        seconds=settings.seconds,
+        image_error=settings.image_error,
+        preset=settings.preset,
+        **chain_options(settings, prepared.facts, prepared.effects),
+    )
+
+
+def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
+    """Start the core's job for a cost curve around the settings, without pruned leaves."""
+    options = chain_options(prepared.settings, prepared.facts, prepared.effects)
+    return leafcloud.start_cost_curve(prepared.foliage, trunk=prepared.trunk, quick=quick, **options)
+
+
+def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> dict[str, Any]:
+    """Return the options of `leafcloud` that chains and cost curves have in common."""
+    clouds, cross = plan_levels(settings, facts, effects)
+    return {
+        "levels": clouds,
+        "cross": cross,
+        "texture_size": settings.texture_size,
+        "texture_height": settings.texture_height,
+        "samples": settings.samples,
+        "pixels": settings.pixels,
+        "close_gaps": settings.close_gaps,
+        "blended": bool(is_on(effects, "blend_order")),
+        "back_sides": is_on(effects, "back_sides"),
+        "normals": settings.bend_normals if is_on(effects, "normals") else None,
+        "gloss": bool(is_on(effects, "gloss")),
+        "translucency": bool(is_on(effects, "translucency")),
+        "occlusion": bool(is_on(effects, "occlusion")),
+        "visibility": bool(is_on(effects, "self_shadowing")),
+        "leaf_map": bool(is_on(effects, "leaf_map")),
+        "tight_pages": sees_pages(settings, facts),
+        "order_by_visibility": bool(is_on(effects, "pruning")),
+        **fit_options(settings),
+    }
+
+
+def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
+    """Build the levels in Blender under `name`. `view` sets their switch distances."""
+    levels = chain.levels
+    radius = prepared.foliage.radius
+    deviations = [level.max_deviation_leaves * radius for level in levels]
+    pixels = prepared.settings.pixels
+
+    def seen(length: float, pixels: float) -> float:
+        return leafcloud.switch_distance(length, pixels, view.resolution, view.field_of_view)
+
+    # A level takes over where its deviation appears smaller than `pixels` pixels and its texels smaller than one.
+    distances = [
+        max(seen(deviation, pixels), seen(level.texel_size, 1.0))
+        for level, deviation in zip(levels, deviations, strict=True)
+    ]
+    start = seen(prepared.facts.leaf_size, prepared.settings.prune_pixels)
+    if prepared.settings.chain == "pruning":
+        distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
+    switch_distances = rising([0.0, *distances])
+    light = prepared.light
+    costs = Costs(_core_seconds(prepared.effects, chain))
+    if light is not None:
+        costs.seconds["baked_light"] = light.seconds
+    following = ("transitions", "pruning", "trunk_levels")
+    transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
+    clouds = [False, *(level.cloud is not None for level in levels)]
+    ranges = lod_ranges(switch_distances, clouds, transitions=transitions)
+    thinning = _thinning(prepared, start, ranges[1].appear)
+    contrast = bool(is_on(prepared.effects, "contrast"))
+    mean = (0.0, 0.0, 0.0)
+    if contrast:
+        with costs.spent_on("contrast", 0):
+            mean = mean_color(prepared.foliage)
+    plan = Plan(
+        name=name,
+        placement=prepared.placement,
+        centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
+        radius=radius / prepared.placement.scale,
+        roughness=prepared.gloss.roughness,
+        metallic=prepared.gloss.metallic,
+        specular=prepared.gloss.specular,
+        share=prepared.translucent.share,
+        occlusion=bool(is_on(prepared.effects, "occlusion")),
+        gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
+        transitions=transitions,
+        pruning=pruning,
+        drawn=_drawn(prepared, ranges),
+        trunk_errors=trunk_errors(deviations, ranges, seen(1.0, TRUNK_PIXELS)) if trunk_levels else (),
+        switch_distances=switch_distances,
+        lod_ranges=ranges,
+        thinning=thinning,
+        growth=chain.growth,
+        contrast=chain.contrast if contrast else None,
+        mean_color=mean,
+        light=None if light is None else light.leaves,
+        light_strength=1.0 if light is None else light.strength,
+        wind=wind_settings(prepared),
+        owners=prepared.owners,
+    )
+    with removed_on_failure():
+        collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
+        if is_on(prepared.effects, "shadow_proxy"):
+            with costs.spent_on("shadow_proxy", round(levels[0].base_color.nbytes * levels[0].page_share)):
+                add_shadow_proxy(collection, levels[0], prepared.placement)
+    two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
+    effects = settle_back_sides(prepared.effects, two_sided)
+    return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
+
+
+def wind_settings(prepared: Prepared) -> WindSettings | None:
+    """Return the wind on the tree and the tree's stature, without switch distances; None without the effect wind."""
+    if prepared.wind is None:
+        return None
+    tree = prepared.tree
+    trunk = None if tree.trunk is None else tree.trunk.positions
+    return WindSettings(stature(tree.leaves.positions, trunk, tree.matrix), prepared.wind)
+
+
+def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
+    """Return the seconds that each effect took in the core; 0 for effects that are off."""
+    seconds = dict.fromkeys(EFFECTS, 0.0)
+    seconds["pruning"] = chain.look_seconds["order"] + chain.look_seconds["growth"]
+    seconds["contrast"] = chain.look_seconds["contrast"]
+    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.look_seconds["sky"]
+    of_channel = {
+        "normal": "normals",
+        "gloss": first_on(effects, ("gloss", "occlusion", "self_shadowing")),
+        "translucency": "translucency",
+        "visibility": "self_shadowing",
+        "leaf_uv": "leaf_map",
+        "leaf_id": "leaf_map",
+    }
+    for number, level in enumerate(chain.levels, start=1):
+        own = level.seconds["fit"] + level.seconds["pack"] + level.seconds["bake"]
+        for channel, effect in of_channel.items():
+            spent = level.channel_seconds.get(channel, 0.0)
+            seconds[effect] += spent
+            own -= spent
+        seconds["far_levels"] += own if number > 1 else 0.0
+    return seconds
+
+
+def _drawn(prepared: Prepared, ranges: Sequence[LodRange]) -> range:
+    """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
+
+    The range never begins or ends at a coarser level than camera visibility estimated before the bake.
+    """
+    seen, camera = camera_visibility(prepared.settings, prepared.facts), prepared.facts.camera
+    if seen is None or camera is None:
+        return range(1)
+    first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
+    return range(min(first, seen.first), min(last, seen.last) + 1)
+
+
+def _keep_at_switch(prepared: Prepared) -> float | None:
+    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before.
+
+    λ is independent of the camera: both distances scale with the same factor.
+    """
+    settings = prepared.settings
+    if settings.chain == "billboards" or not is_on(prepared.effects, "pruning"):
+        return None
+    if settings.chain == "pruning":
+        return 1.0
+    start = prepared.facts.leaf_size / settings.prune_pixels
+    switch = settings.epsilon * prepared.foliage.radius / settings.pixels
+    return share_left(start, switch, settings.prune_half)
+
+
+def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
+    """Return the distances of pruning: infinite without pruned leaves.
+
+    start: distance where a leaf appears `prune_pixels` long. hand_over: distance where level 1 appears. If level 1 was
+    made of kept leaves, exactly these remain at `hand_over`.
+    """
+    half = prepared.settings.prune_half
+    keep = _keep_at_switch(prepared)
+    if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
+        return Thinning(start_for(keep, hand_over, half), half)
+    return Thinning(math.inf if keep is None or prepared.settings.chain != "pruning" else start, half)
+
+
+LONGEST_NAME = 44
+"""Maximum bytes of a name. With suffixes such as _LOD1_translucency it must fit into the 63 of Blender's names."""
+
+
+def file_name(name: str) -> str:
+    """Return `name`, shortened, with underscores for characters that file systems refuse or interpret; never empty."""
+    short = name.encode()[:LONGEST_NAME].decode(errors="ignore")
+    return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", short) or "tree"
+
+
+def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """Return the active view layer of the scene, or its first layer if the scene is not active."""
+    context = bpy.context
+    return context.view_layer if context.scene == scene else scene.view_layers[0]
+
+
+def view_of(scene: bpy.types.Scene) -> View:
+    """Return resolution and field of view of the scene's camera; 1080 pixels and 50° without a perspective camera."""
+    if scene.camera is None or scene.camera.type != "CAMERA" or scene.camera.data.type != "PERSP":
+        return View()
+    frame = np.array(scene.camera.data.view_frame(scene=scene))
+    height, depth = np.ptp(frame[:, 1]), -frame[0, 2]
+    resolution = scene.render.resolution_y * scene.render.resolution_percentage / 100.0
+    return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
+
+
+def _without_shear(tree: Tree) -> Tree:
+    """Return the tree, with coordinates along the world's axes if its matrix has a shear.
+
+    Neither an object nor a glTF node can have a shear.
+    """
+    placement = Placement(tree.matrix)
+    if not placement.sheared:
+        return tree
+    return replace(
+        tree,
+        matrix=_translation(placement),
+        leaves=_along_axes(tree.leaves, placement),
+        trunk=None if tree.trunk is None else _along_axes(tree.trunk, placement),
+        warnings=[
+            *tree.warnings,
+            "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",
+        ],
+    )
+
+
+def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
+    """Return the geometry along the world's axes. Keep its origin, where single precision is finest."""
+    return replace(
+        geometry,
+        positions=world_positions(geometry, placement.matrix - _translation(placement) + np.eye(4)).astype(np.float32),
+        triangles=placement.wind(geometry.triangles),
+        uvs=placement.wind(geometry.uvs),
+        normals=placement.wind(placement.normals_to_world(geometry.normals)),
+        colors=placement.wind(geometry.colors),
+    )
+
+
+def _translation(placement: Placement) -> NDArray[np.float64]:
+    """Return the translation (4, 4) of a placement's matrix."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = placement.matrix[:3, 3]
+    return matrix

@@ -1,0 +1,68 @@
+"""The shadow proxy: an invisible mesh of level 1's billboards that casts the leaves' shadow and never moves or fades.
+
+Rasterizers draw all shadow casters again for every light, cut out by their textures. Billboards are few, and the proxy
+keeps the shadow unchanged when levels take over. Known limit: the billboards stand among the leaves, and shade some
+leaves that no other leaf shades. Coarse shadow maps hide this. Cycles does not need the proxy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+import leafcloud
+
+from ..mesh.baked_levels import EXTRAS, level_number
+from ..mesh.placement import Placement
+from .material import Page, atlas_image, atlas_material
+from .mesh import create_mesh, fan_surface, fans
+
+_KEY = "shadow_only"
+"""Custom property of a shadow proxy, under `EXTRAS`; also in glTF's extras."""
+_SEEN_BY = ("camera", "diffuse", "glossy", "transmission", "volume_scatter")
+
+
+def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, placement: Placement) -> None:
+    """Add a shadow proxy made from `level` to the collection, and stop the levels from casting shadows.
+
+    Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page for engines.
+    """
+    name = f"{collection.name}_shadow"
+    pixels, cutoff = level.for_engines()
+    if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
+        cutoff = float(pixels[..., 3].max()) / 510.0
+    pixels[..., :3] = 255
+    material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
+    faces = fans(np.zeros((len(level.corners), level.corners.shape[1] - 2), np.int32), placement)
+    mesh = create_mesh(name, fan_surface(placement.to_tree(level.corners), level.uvs, faces), [material])
+    for obj in collection.objects:
+        obj.visible_shadow = level_number(obj) is None
+    proxy = bpy.data.objects.new(name, mesh)
+    proxy.matrix_world = Matrix(placement.matrix.tolist())
+    proxy[EXTRAS] = {_KEY: True}
+    for ray in _SEEN_BY:
+        setattr(proxy, f"visible_{ray}", False)
+    collection.objects.link(proxy)
+
+
+def shadow_proxy_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
+    """Return the shadow proxy in a baked tree's collection; None if it has none."""
+    return next(filter(is_shadow_proxy, collection.objects), None)
+
+
+def is_shadow_proxy(obj: bpy.types.Object) -> bool:
+    return _KEY in obj.get(EXTRAS, {})
+
+
+@contextmanager
+def left_out(collection: bpy.types.Collection, obj: bpy.types.Object) -> Iterator[None]:
+    """Unlink the object from the collection during the block, for exports: file viewers would draw the object."""
+    collection.objects.unlink(obj)
+    try:
+        yield
+    finally:
+        collection.objects.link(obj)

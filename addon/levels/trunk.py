@@ -1,0 +1,111 @@
+"""Trunk meshes of the levels. LOD 0 has the original trunk. Later levels have simplified ones if asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..mesh.extract import Geometry, world_positions
+from ..mesh.placement import Placement
+from .material import layer_names
+from .mesh import create_mesh, split_vertices, triangle_surface
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """The trunk of one level.
+
+    name: common to the trunks of all levels. mesh: None if no triangles are kept. error: measured deviation from the
+    input, in world units. nbytes: size of the mesh data.
+    corners: (n, 3) indices of the kept input corners, counted through all triangles; None keeps all.
+    """
+
+    name: str
+    mesh: bpy.types.Mesh | None
+    triangles: int
+    error: float
+    nbytes: int
+    corners: NDArray[np.integer[Any]] | None = None
+
+
+def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
+    """Create a mesh from the geometry, with its materials and the UV maps and color attributes that they read."""
+    order = np.arange(len(geometry.triangles))
+    split = split_vertices(geometry.triangles, np.zeros(len(order), np.int32))
+    surface = triangle_surface(geometry, order, split)
+    return create_mesh(name, surface, geometry.materials, layer_names(geometry.materials))
+
+
+def whole(name: str, geometry: Geometry) -> Trunk:
+    """Return the unsimplified trunk."""
+    return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
+
+
+def simplified(first: Trunk, geometry: Geometry, placement: Placement, errors: Sequence[float]) -> list[Trunk]:
+    """Return one simplified trunk per level, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
+
+    errors: maximum deviations from `geometry` in world units, ascending. Each trunk is made from `geometry`, so errors
+    do not add up. If one has no fewer triangles than the one before, that one is used again. A new mesh is named after
+    `first` and its level.
+    """
+    result = [first]
+    positions = world_positions(geometry, placement.matrix)
+    for level, error in enumerate(errors, start=1):
+        before = result[-1]
+        found = _simplify(geometry, positions, error) if error > 0.0 and before.triangles > 0 else None
+        if found is None or len(found.corners) >= before.triangles:
+            result.append(before)
+            continue
+        left = gathered(geometry, found.corners)
+        mesh = geometry_mesh(f"{first.name}_{level}", left) if len(found.corners) else None
+        result.append(Trunk(first.name, mesh, len(found.corners), found.error, _nbytes(left), found.corners))
+    return result[1:]
+
+
+def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
+    """Return the geometry of triangles (n, 3) given by corners of `geometry`, counted through all of its triangles.
+
+    All data per corner and per triangle is kept.
+    """
+    of_triangle = corners[:, 0] // 3
+    return replace(
+        geometry,
+        triangles=geometry.triangles.ravel()[corners],
+        uvs=None if geometry.uvs is None else per_corner(geometry.uvs, corners),
+        normals=per_corner(geometry.normals, corners),
+        colors=None if geometry.colors is None else per_corner(geometry.colors, corners),
+        material_ids=geometry.material_ids[of_triangle],
+        randoms=None if geometry.randoms is None else geometry.randoms[of_triangle],
+        protected=None if geometry.protected is None else geometry.protected[of_triangle],
+    )
+
+
+def per_corner(values: NDArray[np.float32], corners: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Return `values` (t, 3, …) at corners (n, 3), counted through all triangles, as (n, 3, …)."""
+    return values.reshape(-1, values.shape[-1])[corners]
+
+
+def _nbytes(geometry: Geometry) -> int:
+    """Return the bytes of the used vertices and of the data per corner and triangle."""
+    used = len(np.unique(geometry.triangles)) * geometry.positions.itemsize * 3
+    arrays = (geometry.triangles, geometry.uvs, geometry.normals, geometry.colors, geometry.material_ids)
+    return used + sum(array.nbytes for array in arrays if array is not None)
+
+
+def _simplify(geometry: Geometry, positions: NDArray[np.float64], error: float) -> leafcloud.Simplified:
+    return leafcloud.simplify(
+        positions,
+        geometry.triangles,
+        error=error,
+        uvs=geometry.uvs,
+        normals=geometry.normals,
+        colors=geometry.colors,
+        material_ids=geometry.material_ids,
+    )

@@ -1,0 +1,106 @@
+"""Wind attributes of vertices, and the wind's custom properties for engines. Both exist only with the effect wind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..mesh.placement import y_up
+from ..nodes.wind import WindSettings
+from ..plan.wind import GOLDEN
+from .morphs import add_point_attribute
+
+
+@dataclass(frozen=True)
+class WindAttributes:
+    """Wind data per vertex, in the tree's coordinates. None: the level does not have it, or already stores it.
+
+    pivot (v, 3): of its leaf or billboard. billboard_pivot (v, 3): of its billboard on the next level.
+    phase (v,) in [0, 1) and flutter (v,): leaves only. flutter rises from 0 at the crown's center to 1 at its hull.
+    """
+
+    pivot: NDArray[np.float32] | None = None
+    billboard_pivot: NDArray[np.float32] | None = None
+    phase: NDArray[np.float32] | None = None
+    flutter: NDArray[np.float32] | None = None
+
+    @property
+    def attributes(self) -> dict[str, NDArray[np.float32]]:
+        """The arrays that are not None, by attribute name."""
+        named = {
+            "leaf_pivot": self.pivot,
+            "leaf_billboard_pivot": self.billboard_pivot,
+            "leaf_phase": self.phase,
+            "leaf_flutter": self.flutter,
+        }
+        return {name: values for name, values in named.items() if values is not None}
+
+    @property
+    def nbytes(self) -> int:
+        return sum(values.nbytes for values in self.attributes.values())
+
+
+def add_wind_attributes(mesh: bpy.types.Mesh, wind_attributes: WindAttributes) -> None:
+    """Store the data as point attributes of the mesh."""
+    for name, values in wind_attributes.attributes.items():
+        add_point_attribute(mesh, name, "FLOAT" if values.ndim == 1 else "FLOAT_VECTOR", values)
+
+
+def plane_pivots(level: leafcloud.Level) -> NDArray[np.float64]:
+    """Return (k, 3) the area centroid of the billboard on each plane of the cloud `level`, in the world.
+
+    The core uses the same point as the pivot when it treats the billboard as a leaf to build the next level.
+    """
+    corners = level.corners.astype(np.float64)
+    sides = corners[:, 1:] - corners[:, :1]
+    areas = np.linalg.norm(np.cross(sides[:, :-1], sides[:, 1:]), axis=2) / 2.0
+    middles = (corners[:, :1] + corners[:, 1:-1] + corners[:, 2:]) / 3.0
+    whole = areas.sum(axis=1)
+    weights = np.where(whole[:, None] > 0.0, areas / np.where(whole > 0.0, whole, 1.0)[:, None], 1.0 / areas.shape[1])
+    assert level.cloud is not None
+    pivots = np.zeros((len(level.cloud.planes), 3))
+    pivots[level.plane_ids] = (weights[..., None] * middles).sum(axis=1)
+    return pivots
+
+
+def phases(leaf_ids: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Return (n,) phases in [0, 1) that differ strongly between leaves with successive numbers."""
+    return np.minimum(leaf_ids.astype(np.float64) * GOLDEN % 1.0, 1.0 - 2.0**-24).astype(np.float32)
+
+
+def freedom(pivots: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (n,) the flutter of leaves with `pivots` (n, 3), in [0, 1].
+
+    It is the distance from the crown's center, relative to the ellipsoid inscribed in the bounding box of all pivots,
+    at most 1.
+    """
+    low, high = pivots.min(axis=0), pivots.max(axis=0)
+    half = np.where(high > low, (high - low) / 2.0, 1.0)
+    return np.minimum(np.linalg.norm((pivots - (low + high) / 2.0) / half, axis=1), 1.0).astype(np.float32)
+
+
+def wind_extras(settings: WindSettings) -> dict[str, Any]:
+    """Return the wind's custom properties for engines, as `shaders/leafcloud.glsl` expects them.
+
+    Vectors are Y-up, lengths in the node's own units. Only `direction` is in the world.
+    """
+    stature, wind, swing = settings.stature, settings.wind, settings.swing
+    return {
+        "direction": y_up(wind.direction),
+        "strength": wind.strength,
+        "gusts": wind.gusts,
+        "period": stature.period,
+        "foot": y_up(stature.foot),
+        "up": y_up(stature.up),
+        "height": stature.height,
+        "spread": stature.spread,
+        "sway": swing.sway,
+        "branches": swing.branches,
+        "flutter": swing.flutter,
+    }

@@ -1,0 +1,362 @@
+"""Renderer of base color and alpha to an image over the UV map, for materials that are not simple products.
+
+On a copy of the material, nodes that compute color and alpha replace the shaders: a Mix Shader mixes both, a
+Transparent BSDF has alpha 0, all other shaders give their color, or its reflected or transmitted part. Cycles then
+renders a flat square that covers the whole UV map, from above. So image textures, ramps, mixes, curves and node groups
+look as they do in Cycles.
+
+Inputs that vary per leaf have one value on the square; `tints` measures how the leaves differ from it.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from .node_links import output_of, shown_nodes
+from .shader_sums import Builder, Light, shining
+from .textures import ACTIVE, Texture, uv_maps
+
+LEAST, USUAL, LARGEST = 64, 512, 4096
+"""Side of the rendering in texels: that of the material's largest image, within these limits; else `USUAL`."""
+
+SAMPLES = 4
+"""Samples per texel. Procedural textures need several, because they have detail finer than texels."""
+
+RANDOM = "leafcloud_random"
+"""The attribute that replaces the output Random of Object Info nodes."""
+
+SIDE = "leafcloud_side"
+"""The attribute that replaces the output Backfacing of Geometry nodes: 0 on the front, 1 on the back."""
+
+WHITE = "leafcloud_white"
+"""The white color attribute that replaces the render-active one."""
+
+
+_RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
+
+_PLACE: dict[str, set[str] | None] = {
+    "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
+    "TEX_COORD": {"Generated", "Normal", "Object"},
+}
+"""Outputs that vary per object (`_RANDOM`), or by position or island (`_PLACE`). `tints` measures their effect."""
+
+_SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
+
+_LOST = {
+    "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
+    "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
+    "TEX_COORD": {"Camera", "Window", "Reflection"},
+    "PARTICLE_INFO": None,
+    "HAIR_INFO": None,
+    "VERTEX_COLOR": None,
+    "ATTRIBUTE": {"Color", "Fac", "Alpha"},
+}
+"""Outputs by node type that vary per leaf but get one value for all leaves; `None` for all outputs of the node."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """Parameters of a rendering.
+
+    random: the object's random number, in [0, 1]. side: 0 for the front, 1 for the back, ½ for halfway between.
+    largest: the greatest side of the image in texels.
+    """
+
+    random: float = 0.5
+    side: float = 0.0
+    largest: int = LARGEST
+
+
+USUAL_LOOK = Look()
+
+
+@dataclass(frozen=True)
+class Flattened:
+    """A rendering of a material. pixels: (h, w, 4) linear base color, premultiplied by alpha, row 0 on top."""
+
+    pixels: NDArray[np.float32]
+    by_random: bool
+    """Whether leaves vary with the random number of their object."""
+    by_place: bool
+    """Whether leaves vary with their position, or with the random number of their island."""
+    by_side: bool
+    """Whether the backs of leaves differ from the fronts."""
+    lost: tuple[str, ...]
+    """Labels of nodes whose per-leaf variation is dropped."""
+    light: Light
+    look: Look
+
+    @property
+    def varies(self) -> bool:
+        """Whether leaves vary by anything that `tints` can measure."""
+        return self.by_random or self.by_place
+
+
+def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
+    """Render a material, for which `can_render` must hold. Scenes and materials of the file stay unchanged.
+
+    Raises `SceneError` if Cycles fails.
+    """
+    nodes = shown_nodes(material.node_tree)
+    with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
+        mesh = square(nodes, look=look)
+        mesh.materials.append(flat)
+        try:
+            pixels = rendered(scene, mesh, min(side_of(nodes), look.largest))
+        finally:
+            bpy.data.meshes.remove(mesh)
+    lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
+    by_random = any(_gives(node, _RANDOM) for node in nodes)
+    by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
+    by_side = any(_gives(node, _SIDES) for node in nodes)
+    return Flattened(pixels, by_random, by_place, by_side, tuple(lost), light, look)
+
+
+def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
+    """Return the labels of nodes with per-leaf variation, sorted and without repeats."""
+    known = (_LOST, _RANDOM, _PLACE)
+    apart = (node for node in nodes if any(_gives(node, each) for each in known) or _is_generated(node))
+    return sorted({node.bl_label for node in apart})
+
+
+def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
+    """Return whether any of these outputs of a node is linked."""
+    if node.type not in outputs:
+        return False
+    names = outputs[node.type]
+    return any(output.is_linked for output in node.outputs if names is None or output.name in names)
+
+
+def _is_generated(node: bpy.types.Node) -> bool:
+    """Return whether a procedural texture uses Generated coordinates, its default without a linked vector."""
+    vector = node.inputs.get("Vector") if node.type.startswith("TEX_") else None
+    return vector is not None and not vector.is_linked and node.type not in {"TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_IES"}
+
+
+@contextmanager
+def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
+    """Convert errors that Blender raises in rendering to `SceneError`."""
+    try:
+        yield
+    except (RuntimeError, TypeError) as error:
+        raise SceneError(
+            f"material {material.name!r} has to be rendered, but Cycles failed ({error}); enable the add-on Cycles "
+            f"Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
+        ) from error
+
+
+@contextmanager
+def flat_material(
+    material: bpy.types.Material, light: Light = "all", *, opaque: bool = False
+) -> Iterator[bpy.types.Material]:
+    """Yield a copy that emits its premultiplied color and transmits 1 − alpha.
+
+    `opaque`: emit the color without premultiplication, and transmit nothing.
+    """
+    with own_copy(material) as copy:
+        _replace_shaders(copy.node_tree, light, opaque=opaque)
+        yield copy
+
+
+@contextmanager
+def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
+    """Yield a copy with its own groups, free to change. Attributes `RANDOM` and `SIDE` replace node outputs."""
+    copy = material.copy()
+    groups: list[bpy.types.NodeTree] = []
+    try:
+        _own_groups(copy.node_tree, groups)
+        for tree in (copy.node_tree, *groups):
+            _read_randoms(tree)
+            _read(tree, "NEW_GEOMETRY", "Backfacing", SIDE)
+        yield copy
+    finally:
+        bpy.data.materials.remove(copy)
+        for group in groups:
+            bpy.data.node_groups.remove(group)
+
+
+def asks_for_random(tree: bpy.types.NodeTree) -> bool:
+    """Return whether a tree, or a group in it, uses the random number of objects."""
+    return any(
+        _gives(node, _RANDOM)
+        or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
+        for node in tree.nodes
+    )
+
+
+def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
+    """Return a copy for leaves joined to one object. It reads each leaf's random number from the attribute `RANDOM`."""
+    copy = material.copy()
+    copy.name = f"{material.name}_joined"
+    groups: list[bpy.types.NodeTree] = []
+    _own_groups(copy.node_tree, groups)
+    for tree in (copy.node_tree, *groups):
+        _read_randoms(tree)
+    return copy
+
+
+def shining_copy(
+    material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], strength: float
+) -> bpy.types.Material:
+    """Return a copy that emits its color times a factor times `strength`. `factor` adds the factor's nodes to a tree.
+
+    Cycles and EEVEE each get an output of their own. The output for all renderers stays unchanged, for exporters and
+    other readers.
+    """
+    copy = material.copy()
+    tree = copy.node_tree
+    _own_groups(tree, [])
+    output = output_of(tree)
+    assert output is not None  # materials that show anything have one
+    for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
+        tree.nodes.remove(other)
+    builder = Builder(tree, "all")
+    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
+    shader = shining(builder, builder.vector("MULTIPLY", color, factor(tree)), alpha, strength)
+    for target in ("CYCLES", "EEVEE"):
+        shown = tree.nodes.new("ShaderNodeOutputMaterial")
+        shown.target = target
+        tree.links.new(shader.outputs[0], shown.inputs["Surface"])
+    output.target, output.is_active_output = "ALL", True
+    return copy
+
+
+@contextmanager
+def scratch_scene() -> Iterator[bpy.types.Scene]:
+    """Yield a scene for Cycles. Remove it at the end, with its objects and render results."""
+    seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
+    scene = bpy.data.scenes.new("leafcloud flatten")
+    try:
+        scene.render.engine = "CYCLES"
+        scene.cycles.device = "CPU"
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+        yield scene
+    finally:
+        for image in [i for i in bpy.data.images if i.type == "RENDER_RESULT" and i.name not in seen]:
+            bpy.data.images.remove(image)
+        for obj in list(scene.collection.objects):
+            data = obj.data
+            bpy.data.objects.remove(obj)
+            if isinstance(data, bpy.types.Camera):
+                bpy.data.cameras.remove(data)
+        bpy.data.scenes.remove(scene)
+
+
+def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
+    """Give each group node of a tree its own copy of the group, and append the copies to `groups`."""
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree is not None:
+            node.node_tree = node.node_tree.copy()
+            groups.append(node.node_tree)
+            _own_groups(node.node_tree, groups)
+
+
+def _read_randoms(tree: bpy.types.NodeTree) -> None:
+    """Read the random numbers of objects from the attribute `RANDOM`, because all leaves are one object here."""
+    _read(tree, "OBJECT_INFO", "Random", RANDOM)
+
+
+def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
+    """Replace the links of an output of all nodes of type `kind` by an Attribute node for `name`."""
+    for node in [node for node in tree.nodes if node.type == kind]:
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_name = name
+        for link in list(node.outputs[output].links):
+            tree.links.new(attribute.outputs["Fac"], link.to_socket)
+
+
+def side_of(nodes: list[bpy.types.Node]) -> int:
+    """Return the side in texels of a rendering of these nodes."""
+    sides = [max(node.image.size) for node in nodes if node.type == "TEX_IMAGE"]
+    return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
+
+
+def square(
+    nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform, look: Look = USUAL_LOOK
+) -> bpy.types.Mesh:
+    """Return a square that covers [0, 1]² of the image, with UV maps under all names that the nodes use.
+
+    With `transform` (see `Texture.transform`) its UVs are those that the transform maps to [0, 1]².
+    """
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    mesh = bpy.data.meshes.new("leafcloud flatten")
+    mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
+    linear, moved = np.split(np.reshape(transform, (2, 3)), [2], axis=1)
+    places = np.linalg.solve(linear, np.transpose(corners) - moved).T
+    add_layers(mesh, nodes, np.ascontiguousarray(places, np.float32))
+    for name, value in ((RANDOM, look.random), (SIDE, look.side)):
+        mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.full(4, value, np.float32))
+    return mesh
+
+
+def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
+    """Add UV maps with `places` (corners, 2), and white color attributes, under all names that the nodes use."""
+    nodes = list(nodes)
+    names = uv_maps(nodes) | {node.uv_map for node in nodes if node.type in {"NORMAL_MAP", "TANGENT"}}
+    names -= {ACTIVE}
+    for name in sorted(names) or ["UVMap"]:
+        mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
+    colors = {node.layer_name for node in nodes if node.type == "VERTEX_COLOR"}
+    colors |= {node.attribute_name for node in nodes if node.type == "ATTRIBUTE"}
+    for name in sorted({color or WHITE for color in colors} - {*names}) or [WHITE]:
+        layer = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        layer.data.foreach_set("color", np.ones(4 * len(mesh.vertices), np.float32))
+    mesh.color_attributes.render_color_index = 0
+
+
+def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: float = 1.0) -> NDArray[np.float32]:
+    """Return (side, side, 4) the square rendered from above, row 0 on top. `size`: the square's side in the world."""
+    camera = bpy.data.objects.new("leafcloud camera", bpy.data.cameras.new("leafcloud camera"))
+    shown = bpy.data.objects.new("leafcloud square", mesh)
+    for obj in (camera, shown):
+        scene.collection.objects.link(obj)
+    shown.scale = (size, size, size)
+    camera.location, camera.data.type, camera.data.ortho_scale = (0.5 * size, 0.5 * size, 1.0), "ORTHO", size
+    scene.camera = camera
+    scene.cycles.samples = SAMPLES
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
+    scene.render.film_transparent = True
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.image_settings.exr_codec = "ZIP"  # The default codec has errors of a percent.
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flat.exr"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        image = bpy.data.images.load(str(path))
+        image.alpha_mode = "PREMUL"
+        values = np.empty(side * side * 4, np.float32)
+        image.pixels.foreach_get(values)
+        bpy.data.images.remove(image)
+    return values.reshape(side, side, 4)[::-1]
+
+
+def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) -> None:
+    builder = Builder(tree, light)
+    output = output_of(tree)
+    assert output is not None  # `can_render` holds
+    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
+    if opaque:
+        color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
+    show(tree, shining(builder, color, alpha))
+
+
+def show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
+    """Connect the shader to the material's output, and remove its volume and displacement."""
+    output = output_of(tree)
+    assert output is not None  # `can_render` holds
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    for other in ("Volume", "Displacement"):
+        for link in list(output.inputs[other].links):
+            tree.links.remove(link)

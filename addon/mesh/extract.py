@@ -1,0 +1,314 @@
+"""Extraction of a tree from the scene: leaves and trunk as arrays, in the coordinates of the first leaf object.
+
+All meshes come from the evaluated scene, so modifiers are applied and instances are realized. Array operations keep
+this fast: a million triangles take a second or two.
+
+Winding and normals: in the tree's coordinates every triangle winds counter-clockwise as seen from its front. The front
+is the side that Blender shows as front, where the normals point. This also holds for parts that are mirrored relative
+to the frame object (the first leaf object). `Tree.matrix` is the frame object's own world matrix, so its vertices keep
+every bit. If that matrix mirrors, code that transforms triangles to the world must swap two corners of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from ..material.surface import Surface, read_surface
+from ..material.textures import ACTIVE, Texture, transform_matrix
+from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
+from .baked_levels import record_of
+from .meshes import Copies, gather
+from .realise import Triangles, joined, realise, relative, used_only
+
+__all__ = ["Geometry", "SceneError", "Tree", "extract", "part_names", "texture_uvs", "world_positions"]
+
+_Material: TypeAlias = bpy.types.Material | None
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Triangles of one or several objects in the tree's own coordinates. `Tree.matrix` transforms them to the world."""
+
+    positions: NDArray[np.float32]
+    """(v, 3) vertices, each used by a triangle. Vertices of the frame object are bit-identical to the source."""
+    triangles: NDArray[np.int32]
+    """(t, 3)"""
+    uvs: NDArray[np.float32] | None
+    """(t, 3, 2) the UV map that the material's image uses; the render-active map by default.
+
+    `None` if no object has a UV map; zeros for single objects without one.
+    """
+    normals: NDArray[np.float32]
+    """(t, 3, 3) evaluated corner normals, including custom normals."""
+    colors: NDArray[np.float32] | None
+    """(t, 3, 4) linear factors of base color and alpha from color attributes; `None` if no material uses any."""
+    material_ids: NDArray[np.int32]
+    """(t,) indices into `materials`."""
+    materials: list[bpy.types.Material | None]
+    randoms: NDArray[np.float32] | None = None
+    """(t,) the Random output of Blender's Object Info node; `None` counts as ½ everywhere."""
+    protected: NDArray[np.bool_] | None = None
+    """(t,) whether the triangle is painted as a leaf that is never pruned; `None` for no such leaves."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A tree to bake."""
+
+    name: str
+    """As given to `extract`, else the name of the .blend file, the active object or the frame object. Any text."""
+    matrix: NDArray[np.float64]
+    """(4, 4) world matrix of the frame object: the first leaf object by name, or the instancer of its copies.
+
+    Never singular; may mirror.
+    """
+    leaves: Geometry
+    trunk: Geometry | None
+    choice: str
+    """One sentence that names the leaf parts and the reason."""
+    dropped: list[str]
+    """One sentence for each thing left out."""
+    warnings: list[str]
+    sources: tuple[bpy.types.Object, ...] = ()
+    """The objects that show the tree, directly or as instancers."""
+
+
+def extract(
+    depsgraph: bpy.types.Depsgraph,
+    objects: Iterable[bpy.types.Object] | None,
+    *,
+    leaf_names: Sequence[str] | None = None,
+    name: str | None = None,
+) -> Tree:
+    """Read the tree from the evaluated scene.
+
+    `objects`: the objects of the tree; their instances belong to it. `None` takes everything visible in renders.
+    `leaf_names`: exact object or material names of the leaves. `None` detects the leaves (see `plan.leaves`).
+    Raises `SceneError` if there are no faces, if an object is a level of a baked tree, if the leaves cannot be
+    detected, if coordinates are not finite, or if an object's matrix is singular.
+    """
+    selected = None if objects is None else list(objects)
+    if selected == []:
+        raise SceneError("nothing is selected; select the objects of the tree")
+    gathered, dropped = gather(depsgraph, selected)
+    if not gathered:
+        raise SceneError(_nothing(dropped))
+    baked = next((copies.level for copies in gathered if copies.level is not None), None)
+    if baked is not None:
+        raise SceneError(_is_baked(baked))
+    slots = _slots(gathered)
+    try:
+        choice = choose_leaves([_part(slot) for slot in slots], leaf_names, lambda i: _component_sizes(slots[i]))
+    except LeavesError as error:
+        raise SceneError(str(error)) from error
+    leaves = [slots[i] for i in choice.indices]
+    trunk = [slot for i, slot in enumerate(slots) if i not in set(choice.indices)]
+    frame = leaves[0].copies
+    surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
+    reader = _Reader(frame.owner_matrix, surfaces, warnings=[])
+    loose = dict.fromkeys(sentence for copies in gathered if (sentence := copies.loose()))
+    return Tree(
+        name=name or _name(depsgraph, selected, frame),
+        matrix=frame.owner_matrix,
+        leaves=reader.geometry(leaves),
+        trunk=reader.geometry(trunk) if trunk else None,
+        choice=choice.reason,
+        dropped=[*dropped, *loose],
+        warnings=list(dict.fromkeys(reader.warnings)),
+        sources=tuple(dict.fromkeys(copies.owner for copies in gathered)),
+    )
+
+
+def part_names(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> set[str]:
+    """Return the names that can select parts of the objects as leaves; empty if no object has faces."""
+    gathered, _ = gather(depsgraph, objects)
+    return set().union(*(names_of(_part(slot)) for slot in _slots(gathered)))
+
+
+def world_positions(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (v, 3) the vertices in world space. `matrix` is that of the tree."""
+    return geometry.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
+    """Return (t, 3, 2) the coordinates of image lookups: `uvs` transformed by the materials' Mapping nodes."""
+    if geometry.uvs is None:
+        return None
+    transforms = np.array([transform_matrix(read_surface(material).texture) for material in geometry.materials])
+    if (transforms == np.eye(2, 3)).all():
+        return geometry.uvs
+    of_triangle = transforms[geometry.material_ids]
+    moved = np.einsum("tij,tcj->tci", of_triangle[:, :, :2], geometry.uvs) + of_triangle[:, None, :, 2]
+    return moved.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """One material slot of some copies of a mesh."""
+
+    copies: Copies
+    index: int
+    count: int
+    """Number of triangles, summed over all copies."""
+
+    @property
+    def material(self) -> _Material:
+        return self.copies.materials[self.index]
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Builder of geometry from parts, in the coordinates of the matrix `frame`."""
+
+    frame: NDArray[np.float64]
+    surfaces: dict[_Material, Surface]
+    warnings: list[str]
+    """Filled while reading."""
+
+    def geometry(self, slots: Sequence[_Slot]) -> Geometry:
+        materials = list(dict.fromkeys(slot.material for slot in slots))
+        numbers = {material: i for i, material in enumerate(materials)}
+        chosen: dict[int, tuple[Copies, list[int]]] = {}
+        for slot in slots:
+            chosen.setdefault(id(slot.copies), (slot.copies, []))[1].append(slot.index)
+        mesh = joined([self._realised(copies, indices, numbers) for copies, indices in chosen.values()])
+        return Geometry(
+            mesh.positions,
+            mesh.triangles,
+            mesh.uvs,
+            mesh.normals,
+            mesh.colors,
+            mesh.material_ids,
+            materials,
+            mesh.randoms,
+            mesh.protected,
+        )
+
+    def _realised(self, copies: Copies, indices: list[int], numbers: dict[_Material, int]) -> Triangles:
+        """Return the triangles of the slots `indices`, once for each copy."""
+        wanted = np.isin(np.arange(len(copies.materials)), indices)
+        numbers_of_slots = np.array([numbers.get(material, -1) for material in copies.materials], np.int32)
+        source = Triangles(
+            copies.positions,
+            copies.triangles,
+            copies.normals,
+            self._uvs(copies, indices),
+            self._colors(copies, indices),
+            numbers_of_slots[copies.slots],
+            np.zeros(len(copies.triangles), np.float32),
+            copies.protected(),
+        )
+        chosen = used_only(source, wanted[copies.slots])
+        placed = realise(chosen, relative(self.frame, copies.matrices), copies.randoms)
+        if not np.isfinite(placed.positions).all():
+            raise SceneError(
+                f"object {copies.object_name!r} is too far from the leaves for single precision; move it closer"
+            )
+        return placed
+
+    def _uvs(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
+        uvs = copies.uvs(ACTIVE)
+        for i in indices:
+            texture = self.surfaces[copies.materials[i]].texture
+            if texture is None:
+                continue
+            named = copies.uvs(texture.uv_map) if texture.uv_map else uvs
+            if uvs is None or named is None:
+                self._warn(copies, f"has no UV map for {texture.words}")
+                continue
+            of_slot = copies.slots == i
+            if named is not uvs:
+                uvs = np.where(of_slot[:, None, None], named, uvs)
+            self._check_wrapping(copies, texture, uvs[of_slot])
+        if uvs is not None and not (finite := np.isfinite(uvs)).all():
+            self._warn(copies, "has texture coordinates that are not finite: they are set to 0")
+            uvs = np.where(finite, uvs, np.float32(0.0))
+        return uvs
+
+    def _check_wrapping(self, copies: Copies, texture: Texture, uvs: NDArray[np.float32]) -> None:
+        # UVs of leaf cards often exceed [0, 1] by a rounding error.
+        outside = bool((uvs < -1e-3).any() or (uvs > 1.001).any())
+        if outside and texture.extension != "REPEAT":
+            mode = texture.extension.lower()
+            self._warn(copies, f"uses {texture.words} ({mode}) outside [0, 1], where the bake repeats it")
+
+    def _colors(self, copies: Copies, indices: list[int]) -> NDArray[np.float32] | None:
+        """Return (t, 3, 4) the color attributes' RGB where they multiply color, their alpha where they multiply alpha.
+
+        A missing attribute counts as 0, as in Blender.
+        """
+        result: NDArray[np.float32] | None = None
+        for i in indices:
+            surface = self.surfaces[copies.materials[i]]
+            for attribute, channels in ((surface.color_attribute, slice(0, 3)), (surface.alpha_attribute, slice(3, 4))):
+                if attribute is None:
+                    continue
+                values = copies.colors(attribute)
+                if values is None:
+                    self._warn(
+                        copies,
+                        f"has no color attribute {attribute!r} for material {surface.name!r}: it counts as black with "
+                        f"alpha 0, as in Blender; add that attribute",
+                    )
+                if result is None:
+                    result = np.ones((len(copies.triangles), 3, 4), np.float32)
+                of_slot = copies.slots == i
+                result[of_slot, :, channels] = 0.0 if values is None else values[of_slot, :, channels]
+        return result
+
+    def _warn(self, copies: Copies, words: str) -> None:
+        self.warnings.append(f"object {copies.object_name!r} {words}")
+
+
+def _slots(gathered: Sequence[Copies]) -> list[_Slot]:
+    """Return the material slots with triangles."""
+    return [
+        _Slot(copies, i, int(count) * len(copies.matrices))
+        for copies in gathered
+        for i, count in enumerate(np.bincount(copies.slots, minlength=len(copies.materials)))
+        if count > 0
+    ]
+
+
+def _part(slot: _Slot) -> Part:
+    copies, material = slot.copies, slot.material
+    return Part(
+        object_name=copies.object_name,
+        material_name="" if material is None else material.name,
+        triangles=slot.count,
+        instancer_name=copies.owner_name if copies.owner_name != copies.object_name else "",
+    )
+
+
+def _component_sizes(slot: _Slot) -> NDArray[np.int64]:
+    copies = slot.copies
+    sizes = component_sizes(copies.triangles[copies.slots == slot.index], copies.positions)
+    return np.tile(sizes, len(copies.matrices))
+
+
+def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] | None, frame: Copies) -> str:
+    if selected is None and bpy.data.filepath:
+        return bpy.path.display_name_from_filepath(bpy.data.filepath)
+    active = depsgraph.view_layer.objects.active
+    if selected is not None and active is not None and active.original in [obj.original for obj in selected]:
+        return active.name
+    return frame.owner_name
+
+
+def _is_baked(level: bpy.types.Object) -> str:
+    made = record_of(level)
+    sources = "its source objects" if made is None else ", ".join(map(repr, made.sources[:8]))
+    remedy = f"bake {sources} (select them, or show them in renders and hide the levels there)"
+    return f"object {level.name!r} is a level of a baked tree: {remedy}"
+
+
+def _nothing(dropped: Sequence[str]) -> str:
+    found = "; ".join(dropped[:8]) or "no visible objects"
+    return f"nothing to bake, there are no faces: {found}; select or open a tree with leaves"

@@ -1,0 +1,28 @@
+"""Sizes of the atlas pages, known before the bake."""
+
+from __future__ import annotations
+
+from ..settings.bake import SMALLEST_TEXTURE, BakeSettings
+
+KTX2_ENGINES = ("three", "babylon")
+"""The engines that are known to support KTX2 textures."""
+
+KTX2_EXTENSION = "KHR_texture_basisu"
+
+
+def page_size(settings: BakeSettings, number: int) -> tuple[int, int]:
+    """Return width and height in texels of the page of cloud `number`, from 0. Each is half as large as the last."""
+    width, height = settings.texture_size, settings.texture_height or settings.texture_size
+    return max(width >> number, SMALLEST_TEXTURE), max(height >> number, SMALLEST_TEXTURE)
+
+
+def ktx2_warning(settings: BakeSettings, pages: int) -> str | None:
+    """Return a warning if the engine takes KTX2, but one of `pages` pages cannot have it."""
+    sizes = [page_size(settings, number) for number in range(pages)]
+    odd = [f"{width} × {height}" for width, height in sizes if width % 4 or height % 4]
+    if settings.engine not in KTX2_ENGINES or not odd:
+        return None
+    return (
+        f"atlas pages of {', '.join(odd)} stay PNG only: {KTX2_EXTENSION} needs multiples of 4; "
+        "choose a power of two as texture size"
+    )

@@ -1,0 +1,1 @@
+"""The settings of a bake. Flags and properties are made from one definition each."""
