@@ -26,6 +26,7 @@ pub mod lod;
 pub mod outlines;
 pub mod progress;
 pub mod prune;
+mod random;
 pub mod sheet;
 pub mod sums;
 pub mod textures;

@@ -18,11 +18,11 @@ use glam::Vec3;
 
 use super::assign;
 use super::pieces::{Pieces, Slab};
-use super::random::Stream;
 use super::seeds::seeded_normal;
 use super::sweep::{LANES, Search, best_near, cone};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::random::Stream;
 
 /// Length and quality limit of a descent.
 #[derive(Clone, Copy, Debug)]

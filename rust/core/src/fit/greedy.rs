@@ -12,11 +12,11 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::pieces::{Pieces, Slab};
-use super::random::Stream;
 use super::seeds::{perturbed_plane, seeded_normal};
 use super::sweep::{Bins, Histogram, LANES, Octet, Search, best_near, cone, hemisphere};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::random::Stream;
 
 /// Effort of the greedy search.
 #[derive(Clone, Copy, Debug)]

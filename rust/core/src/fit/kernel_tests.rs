@@ -3,18 +3,18 @@
 use glam::{DVec3, Vec3};
 use num_traits::{Signed, ToPrimitive};
 
-use super::assign::Choice;
+use super::assign::{self, Choice};
 use super::bounds::Bounds;
 use super::lanes::{Kernel, LANES, Plain, dispatch};
 use super::pieces::{COST_ERROR, FACING_ERROR, HEIGHT_ERROR, Held, Pieces, Slab, Whole};
 use super::seeds::perturbed_plane;
 use super::sweep::{Add, Bins, Guard, Highest, Octet, hemisphere};
-use super::{Stream, assign};
 use crate::common::exact::{dot, exact};
 use crate::common::random::Random;
 use crate::common::stability::{case, worse};
 use crate::foliage::{Attributes, Foliage, Opacity};
 use crate::geometry::Plane;
+use crate::random::Stream;
 
 const GROUP: &str = "Kernels";
 

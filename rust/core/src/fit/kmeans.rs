@@ -10,11 +10,11 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::pieces::{Pieces, Slab};
-use super::random::Stream;
 use super::sweep::Search;
 use crate::error::Result;
 use crate::geometry::{Plane, least_direction};
 use crate::progress::Progress;
+use crate::random::Stream;
 
 /// Number of Lloyd's rounds.
 const ROUNDS: usize = 24;

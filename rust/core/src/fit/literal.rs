@@ -7,11 +7,11 @@
 use rayon::prelude::*;
 
 use super::pieces::{Pieces, Slab};
-use super::random::Stream;
 use super::seeds::perturbed_plane;
 use super::sweep::Search;
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::random::Stream;
 
 /// Returns slabs that hold each piece at least once.
 pub fn cover(pieces: &Pieces, candidates: usize, search: &Search, progress: Progress) -> Result<Vec<Slab>> {

@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::pieces::Pieces;
-use super::random::Stream;
 use crate::geometry::Plane;
+use crate::random::Stream;
 
 /// Returns the plane through three of the piece's vertices, each moved along the piece's normal by up to its bound. `None` for a piece
 /// without area, or if the moved points are collinear.

@@ -6,12 +6,12 @@
 use super::descent::{DescentPlan, descend};
 use super::greedy::{self, GreedyPlan};
 use super::pieces::{Pieces, Slab};
-use super::random::Stream;
 use super::settings::Effort;
 use super::sweep::Search;
 use super::{Fitter, assign, literal};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::random::Stream;
 
 /// The stochastic method.
 pub struct Stochastic {

@@ -148,17 +148,6 @@ fn one_leaf_of_many_directions_is_no_trouble() {
 }
 
 #[test]
-fn seeds_are_independent() {
-    // The first numbers of neighboring seeds and candidates must differ.
-    let first = |seed: u64, candidate: usize| Stream::new(seed, 0, candidate).signed();
-    for candidate in 1..1000 {
-        for other in 1..4 {
-            assert!((first(other, candidate - 1) - first(0, candidate)).abs() > 1e-7);
-        }
-    }
-}
-
-#[test]
 fn settings_are_checked() {
     let foliage = soup(&[triangle_at(DVec3::ZERO, DVec3::Z)]);
     let wrong = [

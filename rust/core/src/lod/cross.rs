@@ -7,8 +7,11 @@ use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
-use super::level::{Level, Seconds, billboard_ranks, billboards};
-use super::{ChainSettings, Judges, tune};
+use super::billboards::{billboard_ranks, billboards};
+use super::level::{Level, Seconds};
+use super::references::Judges;
+use super::settings::ChainSettings;
+use super::tune;
 use crate::error::Result;
 use crate::foliage::{Foliage, area_vector};
 use crate::geometry::{Frame, Outline, Plane};

@@ -4,18 +4,18 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use glam::{DVec3, Vec2};
-
-use super::{ChainSettings, Judges, drawn, sides, size, tune};
+use super::billboards::{billboard_ranks, billboards};
+use super::references::Judges;
+use super::settings::ChainSettings;
+use super::{drawn, sides, size, tune};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{Attributes, Foliage, Image, Material, Opacity};
+use crate::foliage::{Foliage, Image, Opacity};
 use crate::geometry::Frame;
 use crate::judge::{Judge, Judgement};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
-use crate::prune;
 use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
 use crate::textures::mips::Part;
 use crate::textures::{
@@ -226,14 +226,6 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     })
 }
 
-/// Returns the pruning ranks of billboards, by the same rule as for leaves.
-pub(super) fn billboard_ranks(sheet: &Sheet, frame: &Frame, seed: u64) -> Result<Vec<f32>> {
-    let shell = billboards(sheet, frame, Material::default())?;
-    let by_leaf = prune::order(&shell, &[], seed);
-    let triangles = sheet.outline_corners() - 2;
-    Ok(shell.leaf_ids().iter().step_by(triangles).map(|&leaf| by_leaf[leaf as usize]).collect())
-}
-
 impl Level {
     /// Returns whether this level is the cross impostor.
     #[must_use]
@@ -301,26 +293,4 @@ impl Level {
     pub fn foliage(&self) -> Result<Foliage> {
         billboards(&self.sheet, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
     }
-}
-
-/// Returns a fan of triangles for each billboard. A pair is one leaf.
-///
-/// # Errors
-/// No billboard has an area.
-pub fn billboards(sheet: &Sheet, frame: &Frame, material: Material) -> Result<Foliage> {
-    let positions: Vec<DVec3> =
-        sheet.billboards.iter().flat_map(|b| b.outline_corners().map(|corner| frame.to_caller(corner))).collect();
-    let corners = sheet.outline_corners();
-    let mut triangles = Vec::with_capacity((corners - 2) * sheet.billboards.len());
-    let mut attributes = Attributes::default();
-    for (index, billboard) in (0u32..).zip(&sheet.billboards) {
-        let uvs: Vec<Vec2> = sheet.uvs(billboard).map(Vec2::from_array).collect();
-        for second in 1..corners - 1 {
-            let fan = [0, second, second + 1];
-            triangles.push(fan.map(|i| corners as u32 * index + i as u32));
-            attributes.uvs.push(fan.map(|i| uvs[i]));
-            attributes.leaf_ids.push(i64::from(billboard.plane));
-        }
-    }
-    Foliage::new(&positions, triangles, attributes, vec![material])
 }

@@ -7,8 +7,7 @@
 
 use glam::DVec3;
 
-use super::Looks;
-use super::PruneSettings;
+use super::settings::{Looks, PruneSettings};
 use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;

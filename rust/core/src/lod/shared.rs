@@ -6,13 +6,12 @@
 
 use std::sync::{Arc, OnceLock};
 
+use super::level::Level;
 use crate::error::{Error, Result};
 use crate::foliage::Image;
 use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
 use crate::textures::fill_gaps;
 use crate::textures::mips::Part;
-
-use super::Level;
 
 /// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
 ///

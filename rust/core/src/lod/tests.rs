@@ -1,7 +1,11 @@
 use glam::{DVec3, Vec2, Vec4};
 
+use super::references::report_views;
 use super::*;
 use crate::foliage::{AlphaMode, Attributes, Image, Material};
+use crate::judge::Judge;
+use crate::sheet::PageSize;
+use crate::textures::{Channels, Samples};
 use crate::transition::DEPTH_ORDER;
 
 /// Green square leaves on a ball of radius 3, facing outward.

@@ -8,7 +8,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::level::billboards;
+use super::billboards::billboards;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image, Material};

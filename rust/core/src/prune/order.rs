@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::fit::Stream;
 use crate::foliage::Foliage;
+use crate::random::Stream;
 
 /// The rank of leaves that are never pruned.
 pub const PROTECTED: f32 = -1.0;

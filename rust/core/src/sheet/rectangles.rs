@@ -7,7 +7,7 @@
 //! pages. (The crate `crunch` does this in one order; it fills less in more time.)
 
 use super::{PageSize, Region};
-use crate::fit::Stream;
+use crate::random::Stream;
 
 /// Width and height.
 pub type Size = (usize, usize);

@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::labels;
-use super::raster::{Canvas, ScreenTriangle};
+use super::raster::{Canvas, ScreenTriangle, Seen, Shader};
 use super::sky::Sky;
 use crate::color::{decode_table, encode, quantise};
-use crate::foliage::{Image, Spot, Surface};
+use crate::foliage::Image;
 
 /// A channel of an atlas page.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,20 +31,6 @@ pub enum Channel<'a> {
     LeafId,
     /// Alpha alone, without texture lookups for color; as an image, on black.
     Alpha,
-    /// Depth toward the viewer, in the units of the screen triangle; not stored in images.
-    Depth,
-}
-
-/// A visible point of a triangle.
-pub struct Seen<'a> {
-    /// Surface of the triangle.
-    pub surface: &'a Surface<'a>,
-    /// The triangle on screen.
-    pub triangle: &'a ScreenTriangle<'a>,
-    /// Position on the triangle, and number of samples.
-    pub spot: Spot,
-    /// Whether the visible side is the one that winds counter-clockwise.
-    pub front: bool,
 }
 
 /// Least component of a normal toward the viewer: a billboard cannot show normals that point away.
@@ -62,25 +48,6 @@ impl Channel<'_> {
             Self::LeafUv => "leaf_uv",
             Self::LeafId => "leaf_id",
             Self::Alpha => "alpha",
-            Self::Depth => "depth",
-        }
-    }
-
-    /// Returns the channel's value at a point.
-    pub(super) fn look(self, seen: &Seen) -> Vec3 {
-        match self {
-            Self::BaseColor => seen.surface.base_color(seen.spot, seen.front),
-            Self::Normal(bend) => normal(seen, bend),
-            Self::Gloss(sky) => {
-                let gloss = seen.surface.gloss(seen.spot);
-                sky.map_or(gloss, |sky| gloss.with_x(gloss.x * sky.from(seen.place()).share))
-            }
-            Self::Translucency => seen.surface.translucency(seen.spot),
-            Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
-            Self::LeafUv => labels::leaf_uv(seen),
-            Self::LeafId => labels::leaf_id(seen),
-            Self::Alpha => Vec3::ZERO,
-            Self::Depth => Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z)))),
         }
     }
 
@@ -102,12 +69,34 @@ impl Channel<'_> {
                 Self::Alpha => [0, 0, 0, quantise(p.w)],
                 Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
                 Self::Visibility(_) => shares(value * 0.5 + 0.5),
-                Self::Gloss(_) | Self::LeafUv | Self::LeafId | Self::Depth => shares(value),
+                Self::Gloss(_) | Self::LeafUv | Self::LeafId => shares(value),
                 Self::Translucency => [encode(value.x), encode(value.y), encode(value.z), 255],
             }
         };
         let pixels: Vec<[u8; 4]> = canvas.pixels.par_iter().map(code).collect();
         Image::new(canvas.width, canvas.height, pixels).expect("a canvas has width × height pixels")
+    }
+}
+
+impl Shader for Channel<'_> {
+    fn shade(&self, seen: &Seen) -> Vec3 {
+        match *self {
+            Self::BaseColor => seen.surface.base_color(seen.spot, seen.front),
+            Self::Normal(bend) => normal(seen, bend),
+            Self::Gloss(sky) => {
+                let gloss = seen.surface.gloss(seen.spot);
+                sky.map_or(gloss, |sky| gloss.with_x(gloss.x * sky.from(seen.place()).share))
+            }
+            Self::Translucency => seen.surface.translucency(seen.spot),
+            Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
+            Self::LeafUv => labels::leaf_uv(seen),
+            Self::LeafId => labels::leaf_id(seen),
+            Self::Alpha => Vec3::ZERO,
+        }
+    }
+
+    fn averages(&self) -> bool {
+        !self.is_label()
     }
 }
 

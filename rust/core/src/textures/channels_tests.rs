@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3, Vec4};
 
-use super::Samples;
 use super::channels::Channel;
 use super::raster::{ScreenTriangle, Window, rasterise};
+use super::samples::Samples;
 use crate::foliage::{AlphaMode, Attributes, Foliage, Image, Material};
 
 /// The square [−1, 1]² turned by `turn`, texture coordinates over all of it.

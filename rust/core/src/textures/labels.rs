@@ -7,8 +7,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::channels::Seen;
-use super::raster::Canvas;
+use super::raster::{Canvas, Seen};
 
 /// Material code of the trunk.
 const NO_LEAF: u8 = 255;

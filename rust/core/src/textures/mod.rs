@@ -25,64 +25,15 @@ pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
 use raster::rasterise_timed;
-pub use raster::{Canvas, ScreenTriangle, Window, count_seen, rasterise};
+pub use raster::{Canvas, ScreenTriangle, Seen, Shader, Window, count_seen, rasterise};
+pub use samples::Samples;
 pub use sky::{Outlook, Sky};
 
-use crate::error::{Error, Result};
 use crate::foliage::Foliage;
 use crate::sheet::{Billboard, Sheet};
 
 /// Seconds spent on each image of an atlas page, by name.
 pub type ChannelSeconds = Vec<(&'static str, f64)>;
-
-/// Sub-samples along each side of a texel, in [1, 16].
-#[derive(Clone, Copy, Debug)]
-pub struct Samples {
-    side: usize,
-    /// Parts along each side of a texel that are shaded separately.
-    looks: usize,
-    /// Width of the texture filter, as a multiple of the distance between samples.
-    filter: f32,
-}
-
-impl Samples {
-    /// Returns `samples` × `samples` samples.
-    ///
-    /// # Errors
-    /// A number outside [1, 16].
-    pub fn new(samples: usize) -> Result<Self> {
-        if (1..=16).contains(&samples) {
-            return Ok(Self { side: samples, ..Self::default() });
-        }
-        Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
-    }
-
-    /// Returns the number of samples along each side.
-    #[must_use]
-    pub const fn side(self) -> usize {
-        self.side
-    }
-
-    /// Shades each sample separately, as a renderer does. Otherwise a texel shades each triangle once, in the middle of its samples there.
-    #[must_use]
-    pub fn each(self) -> Self {
-        Self { looks: self.side, ..self }
-    }
-
-    /// Reads textures at points, as a renderer with many samples does. Means over whole pictures need no filter, and a filter would bias
-    /// them: it does not know which colors of a texel belong to its drawn part, and makes pines a few percent too dark.
-    #[must_use]
-    pub fn unfiltered(self) -> Self {
-        Self { filter: 0.0, ..self }
-    }
-}
-
-impl Default for Samples {
-    /// 4 × 4.
-    fn default() -> Self {
-        Self { side: 4, looks: 1, filter: 1.0 }
-    }
-}
 
 /// A triangle to draw on a billboard, in the frame of the atlas layout.
 pub struct Drawn<'a> {

@@ -114,7 +114,7 @@ impl Page {
                 Channel::Visibility(_) => &mut page.visibility,
                 Channel::LeafUv => &mut page.leaf_uv,
                 Channel::LeafId => &mut page.leaf_id,
-                Channel::BaseColor | Channel::Alpha | Channel::Depth => continue,
+                Channel::BaseColor | Channel::Alpha => continue,
             };
             *place = Some(image);
         }

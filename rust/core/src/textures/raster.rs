@@ -2,7 +2,7 @@
 //!
 //! The canvas is cut into tiles that fit a core's cache. One thread draws each tile from the ordered list of triangles that touch it, so
 //! the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest to the viewer that
-//! passes the alpha test; among equally near ones, the first triangle's. Then each channel is shaded, once for each triangle visible in a
+//! passes the alpha test; among equally near ones, the first triangle's. Then each shader runs, once for each triangle visible in a
 //! pixel (or, on request, in each part of a pixel), in the middle of its samples there. O(fragments · samples²), with one alpha test for
 //! each sample that passes the depth test.
 //!
@@ -15,9 +15,7 @@ use std::time::Instant;
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::Samples;
-use super::channels::{Channel, Seen};
-use super::samples::{Edges, TILE, Thresholds};
+use super::samples::{Edges, Samples, TILE, Thresholds};
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
 
 /// A triangle in pixels: x to the right, y down from the upper left corner, z toward the viewer.
@@ -61,7 +59,30 @@ impl Window {
     pub const WHOLE: Self = Self { columns: 0..usize::MAX, rows: 0..usize::MAX, view: Mat3::IDENTITY };
 }
 
-/// A picture of one channel, premultiplied by coverage; row 0 on top.
+/// A visible point of a triangle.
+pub struct Seen<'a> {
+    /// Surface of the triangle.
+    pub surface: &'a Surface<'a>,
+    /// The triangle on screen.
+    pub triangle: &'a ScreenTriangle<'a>,
+    /// Position on the triangle, and number of samples.
+    pub spot: Spot,
+    /// Whether the visible side is the one that winds counter-clockwise.
+    pub front: bool,
+}
+
+/// A rule for the values of a picture.
+pub trait Shader: Sync {
+    /// Returns the value at a visible point.
+    fn shade(&self, seen: &Seen) -> Vec3;
+
+    /// Returns whether a pixel takes the mean of its samples. Otherwise it takes the value of the triangle with the most samples in it.
+    fn averages(&self) -> bool {
+        true
+    }
+}
+
+/// A picture of one shader, premultiplied by coverage; row 0 on top.
 #[derive(Clone)]
 pub struct Canvas {
     /// Pixels in a row.
@@ -72,16 +93,16 @@ pub struct Canvas {
     pub pixels: Vec<Vec4>,
 }
 
-/// Draws the triangles on one canvas for each channel, each `width` × `height` pixels, both at least 1.
+/// Draws the triangles on one canvas for each shader, each `width` × `height` pixels, both at least 1.
 #[must_use]
 pub fn rasterise(
     triangles: &[ScreenTriangle<'_>],
     width: usize,
     height: usize,
     samples: Samples,
-    channels: &[Channel<'_>],
+    shaders: &[impl Shader],
 ) -> Vec<Canvas> {
-    rasterise_timed(triangles, width, height, samples, channels).0
+    rasterise_timed(triangles, width, height, samples, shaders).0
 }
 
 /// Draws as [`rasterise`] does; also returns the seconds for shading each canvas, as its share of all threads' time. Visibility is not
@@ -91,15 +112,15 @@ pub(super) fn rasterise_timed<'a>(
     width: usize,
     height: usize,
     samples: Samples,
-    channels: &[Channel<'_>],
+    shaders: &[impl Shader],
 ) -> (Vec<Canvas>, Vec<f64>) {
     let started = Instant::now();
-    // Nanoseconds for visibility, then for each channel.
-    let spent: Vec<AtomicU64> = (0..=channels.len()).map(|_| AtomicU64::new(0)).collect();
+    // Nanoseconds for visibility, then for each shader.
+    let spent: Vec<AtomicU64> = (0..=shaders.len()).map(|_| AtomicU64::new(0)).collect();
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
     let lists = tiles.lists(triangles);
-    let empty = |_: &Channel| Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
-    let mut canvases: Vec<Canvas> = channels.iter().map(empty).collect();
+    let empty = || Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
+    let mut canvases: Vec<Canvas> = shaders.iter().map(|_| empty()).collect();
     // Each row of tiles is a separate band of every canvas.
     let mut bands: Vec<Vec<&mut [Vec4]>> = (0..tiles.rows).map(|_| Vec::new()).collect();
     for canvas in &mut canvases {
@@ -118,10 +139,10 @@ pub(super) fn rasterise_timed<'a>(
             };
             tile.draw(triangles, &lists[index], tiles.origin(index));
             spend(0);
-            for (number, (channel, pixels)) in channels.iter().zip(&mut band).enumerate() {
+            for (number, (shader, pixels)) in shaders.iter().zip(&mut band).enumerate() {
                 for (y, line) in pixels.chunks_mut(width).enumerate() {
                     let end = width.min((column + 1) * TILE);
-                    tile.resolve(triangles, *channel, y, &mut line[column * TILE..end]);
+                    tile.resolve(triangles, shader, y, &mut line[column * TILE..end]);
                 }
                 spend(1 + number);
             }
@@ -382,8 +403,8 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Shades a channel into an empty row of pixels.
-    fn resolve(&self, triangles: &[ScreenTriangle], channel: Channel, row: usize, pixels: &mut [Vec4]) {
+    /// Shades an empty row of pixels.
+    fn resolve(&self, triangles: &[ScreenTriangle], shader: &impl Shader, row: usize, pixels: &mut [Vec4]) {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
         let pieces = &self.pieces[first..last];
@@ -392,13 +413,13 @@ impl<'a> Tile<'a> {
             let triangle = &triangles[fragment.index as usize];
             let weights = fragment.edges.weights(place);
             let spot = Spot { weights, samples: piece.count as f32 };
-            channel.look(&Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front }).extend(1.0)
+            shader.shade(&Seen { surface: &fragment.surface, triangle, spot, front: fragment.edges.front }).extend(1.0)
         };
-        if channel.is_label() {
-            choose(pieces, |piece| look(piece, self.place_nearest_middle(piece)), pixels);
-        } else {
+        if shader.averages() {
             // The mean of sample positions in a triangle lies in the triangle.
             self.average(pieces, |piece| look(piece, piece.middle()), pixels);
+        } else {
+            choose(pieces, |piece| look(piece, self.place_nearest_middle(piece)), pixels);
         }
     }
 

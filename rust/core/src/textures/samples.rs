@@ -1,4 +1,4 @@
-//! Coverage and alpha test at the samples of a pixel.
+//! The samples of a pixel: their number, and coverage and alpha test at each.
 //!
 //! Coverage follows from barycentric weights, which are affine in the position (Pineda, "A Parallel Algorithm for Polygon Rasterization",
 //! 1988). Alpha is compared with thresholds that are spread over a pixel's samples, so that alpha becomes a share of the samples.
@@ -6,6 +6,57 @@
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
+
+use crate::error::{Error, Result};
+
+/// Sub-samples along each side of a texel, in [1, 16].
+#[derive(Clone, Copy, Debug)]
+pub struct Samples {
+    pub(super) side: usize,
+    /// Parts along each side of a texel that are shaded separately.
+    pub(super) looks: usize,
+    /// Width of the texture filter, as a multiple of the distance between samples.
+    pub(super) filter: f32,
+}
+
+impl Samples {
+    /// Returns `samples` × `samples` samples.
+    ///
+    /// # Errors
+    /// A number outside [1, 16].
+    pub fn new(samples: usize) -> Result<Self> {
+        if (1..=16).contains(&samples) {
+            return Ok(Self { side: samples, ..Self::default() });
+        }
+        Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
+    }
+
+    /// Returns the number of samples along each side.
+    #[must_use]
+    pub const fn side(self) -> usize {
+        self.side
+    }
+
+    /// Shades each sample separately, as a renderer does. Otherwise a texel shades each triangle once, in the middle of its samples there.
+    #[must_use]
+    pub fn each(self) -> Self {
+        Self { looks: self.side, ..self }
+    }
+
+    /// Reads textures at points, as a renderer with many samples does. Means over whole pictures need no filter, and a filter would bias
+    /// them: it does not know which colors of a texel belong to its drawn part, and makes pines a few percent too dark.
+    #[must_use]
+    pub fn unfiltered(self) -> Self {
+        Self { filter: 0.0, ..self }
+    }
+}
+
+impl Default for Samples {
+    /// 4 × 4.
+    fn default() -> Self {
+        Self { side: 4, looks: 1, filter: 1.0 }
+    }
+}
 
 /// Pixels along each side of a tile: a tile fits a core's cache.
 pub(super) const TILE: usize = 32;

@@ -11,9 +11,8 @@
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::Samples;
-use super::channels::Channel;
-use super::raster::{ScreenTriangle, Window, rasterise};
+use super::raster::{ScreenTriangle, Seen, Shader, Window, rasterise};
+use super::samples::Samples;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
 
@@ -76,6 +75,15 @@ fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     })
 }
 
+/// Depth toward the viewer, in the units of the screen triangle.
+struct Depth;
+
+impl Shader for Depth {
+    fn shade(&self, seen: &Seen) -> Vec3 {
+        Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z))))
+    }
+}
+
 /// A shadow map: the depth nearest to a sun at each pixel.
 #[derive(Clone, Debug, PartialEq)]
 struct Shadow {
@@ -110,7 +118,7 @@ impl Shadow {
             triangles.par_extend(shown);
         }
         let one = Samples::new(1).expect("one sample is allowed");
-        let [canvas] = &rasterise(&triangles, PIXELS, PIXELS, one, &[Channel::Depth])[..] else { unreachable!() };
+        let [canvas] = &rasterise(&triangles, PIXELS, PIXELS, one, &[Depth])[..] else { unreachable!() };
         let depth = |pixel: &Vec4| if pixel.w > 0.0 { pixel.x } else { f32::NEG_INFINITY };
         let depths = canvas.pixels.iter().map(depth).collect();
         Self { right: right.as_vec3(), up: up.as_vec3(), sun: sun.as_vec3(), depths }

@@ -37,3 +37,19 @@ impl Stream {
         ((u64::from(self.0.next_u32()) * count as u64) >> 32) as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_independent() {
+        // The first numbers of neighboring seeds and candidates must differ.
+        let first = |seed: u64, candidate: usize| Stream::new(seed, 0, candidate).signed();
+        for candidate in 1..1000 {
+            for other in 1..4 {
+                assert!((first(other, candidate - 1) - first(0, candidate)).abs() > 1e-7);
+            }
+        }
+    }
+}

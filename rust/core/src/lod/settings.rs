@@ -1,0 +1,197 @@
+//! The settings of a chain, and the settings of each level that follow from them.
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::fit::{FitSettings, ImageBound, Method};
+use crate::foliage::Foliage;
+use crate::sheet::PageSize;
+use crate::textures::{Channels, Samples};
+
+/// Factor by which ε grows from level to level (the paper: at least 2).
+pub const EPSILON_STEP: f64 = 2.5;
+
+/// Divisor of the billboard count from level to level, if `max_billboards` is the input of the method.
+const BILLBOARDS_STEP: usize = 4;
+
+/// Number of view directions for each measurement of a chain: 0 to 64 for `order`, 1 to 64 for the others. Time is proportional to them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Looks {
+    /// Visible share of each leaf, for the pruning order. With 0, position and chance alone decide the order.
+    pub order: usize,
+    /// Overlap with the leaves, for the alpha cutoff.
+    pub places: usize,
+    /// Coverage and mean color, for the stretch limit, the alpha cutoff and the tone.
+    pub amounts: usize,
+    /// Reported metrics.
+    pub report: usize,
+}
+
+impl Looks {
+    /// The fewest views that still tell settings apart. The figures are off by a few percent.
+    pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2 };
+
+    fn check(self) -> Result<()> {
+        let Self { order, places, amounts, report } = self;
+        let judges = [order.max(1), places, amounts, report];
+        match judges.into_iter().find(|count| !(1..=64).contains(count)) {
+            Some(count) => Err(Error::invalid(format!("the number of view directions is {count}; it must be 1 to 64"))),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Default for Looks {
+    fn default() -> Self {
+        Self { order: 16, places: 6, amounts: 16, report: 8 }
+    }
+}
+
+/// Settings of a chain of levels.
+#[derive(Clone, Debug)]
+#[allow(clippy::struct_excessive_bools)] // The flags are independent.
+pub struct ChainSettings {
+    /// The fit of level 1; ε grows by [`EPSILON_STEP`] from level to level.
+    pub fit: FitSettings,
+    /// Number of billboard clouds, in [0, 16].
+    pub levels: usize,
+    /// Adds the cross impostor as the last level.
+    pub cross: bool,
+    /// Up direction; the planes of the cross impostor contain it.
+    pub up: DVec3,
+    /// Atlas size of level 1, both sides in [64, 16384]; halved from level to level.
+    pub texture_size: PageSize,
+    /// Sub-samples for baking the textures.
+    pub samples: Samples,
+    /// Channels of the atlas beside base color.
+    pub channels: Channels,
+    /// Separate textures for front and back. With `None`, each level bakes both sides small and compares them.
+    pub back_sides: Option<bool>,
+    /// Pruning of the leaves before level 1 takes over; `None` keeps all leaves.
+    pub pruning: Option<PruneSettings>,
+    /// Closes gaps between billboards: each billboard also shows the parts of other planes' triangles within ε of its own plane.
+    pub close_gaps: bool,
+    /// Draws billboards alpha blended: alpha is coverage and nothing is cut out. They must be drawn from back to front
+    /// ([`crate::blend_order`]).
+    pub blended: bool,
+    /// Spends seconds on packing the atlas tightly, for texels a few percent finer than quick packing gives.
+    pub tight_pages: bool,
+    /// Size in pixels, > 0, at which a level's deviation from the leaves is seen where the level takes over. The texels of the cross
+    /// impostor are at most half a pixel there.
+    pub pixels: f64,
+    /// Numbers of view directions.
+    pub looks: Looks,
+}
+
+/// Settings for pruning the leaves before level 1 takes over.
+#[derive(Clone, Copy, Debug)]
+pub struct PruneSettings {
+    /// λ where level 1 takes over, in (0, 1]. The levels are built from the leaves kept at that λ, at their size there.
+    pub keep: f64,
+    /// Length of a leaf in pixels where pruning begins, > 0.
+    pub leaf_pixels: f64,
+    /// h of the law of λ, in (0, ½]; see [`crate::prune::keep`].
+    pub half: f64,
+    /// Measures the loss of contrast.
+    pub contrast: bool,
+}
+
+impl PruneSettings {
+    fn check(&self) -> Result<()> {
+        let Self { keep, leaf_pixels, half, contrast: _ } = *self;
+        let ranges = [
+            ("keep", keep, keep > 0.0 && keep <= 1.0, "greater than 0 and at most 1"),
+            ("leaf_pixels", leaf_pixels, leaf_pixels > 0.0 && leaf_pixels.is_finite(), "greater than 0 and finite"),
+            ("prune_half", half, half > 0.0 && half <= 0.5, "greater than 0 and at most 0.5"),
+        ];
+        match ranges.into_iter().find(|(.., holds, _)| !holds) {
+            Some((name, value, _, limit)) => Err(Error::invalid(format!("{name} is {value}; it must be {limit}"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the crown's width in pixels at the distance where the share `keep` of its leaves is kept, clamped to [12, 192].
+    #[must_use]
+    pub fn crown_pixels(&self, foliage: &Foliage, keep: f64) -> usize {
+        let area: f64 = (0..foliage.triangle_count()).map(|t| foliage.area_vector(t).length()).sum();
+        let leaf = (area / foliage.leaf_count() as f64).sqrt();
+        let nearer = libm::pow(keep, libm::log(self.half) / libm::log(0.5));
+        (2.05 / leaf * self.leaf_pixels * nearer).clamp(12.0, 192.0) as usize
+    }
+}
+
+impl Default for ChainSettings {
+    fn default() -> Self {
+        Self {
+            fit: FitSettings::default(),
+            levels: 2,
+            cross: true,
+            up: DVec3::Z,
+            texture_size: 2048.into(),
+            samples: Samples::default(),
+            channels: Channels::default(),
+            back_sides: None,
+            pruning: None,
+            close_gaps: false,
+            blended: false,
+            tight_pages: true,
+            pixels: 8.0,
+            looks: Looks::default(),
+        }
+    }
+}
+
+impl ChainSettings {
+    /// Checks all settings.
+    ///
+    /// # Errors
+    /// The first setting outside its range.
+    pub fn check(&self) -> Result<()> {
+        self.fit.check()?;
+        self.channels.check()?;
+        self.looks.check()?;
+        if self.levels > 16 {
+            return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
+        }
+        if self.levels == 0 && !self.cross {
+            return Err(Error::invalid(
+                "levels is 0 without a cross impostor; ask for at least one level or for the cross impostor",
+            ));
+        }
+        self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
+        if !self.up.is_finite() || self.up.try_normalize().is_none() {
+            return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
+        }
+        if !(self.pixels > 0.0 && self.pixels.is_finite()) {
+            return Err(Error::invalid(format!("pixels is {}; it must be greater than 0 and finite", self.pixels)));
+        }
+        let PageSize { width, height } = self.texture_size;
+        if let Some(side) = [width, height].into_iter().find(|side| !(64..=16_384).contains(side)) {
+            return Err(Error::invalid(format!("the texture size is {side}; it must lie between 64 and 16384 texels")));
+        }
+        Ok(())
+    }
+
+    /// Returns the fit settings of the level with this index, from 0; `finer` is the ε of the level before it. A budget applies to the
+    /// first level only. Later levels follow from its ε or, if the billboard count is the input of the method, from that count.
+    pub(super) fn fit_of(&self, index: usize, finer: Option<f64>) -> FitSettings {
+        let Some(finer) = finer else { return self.fit.clone() };
+        let coarser = libm::pow(EPSILON_STEP, index as f64);
+        let fewer = |count: usize| (count / BILLBOARDS_STEP.pow(index as u32)).max(1);
+        FitSettings {
+            epsilon: (finer * EPSILON_STEP).min(1.0),
+            max_billboards: self.fit.max_billboards.filter(|_| self.fit.method == Method::KMeans).map(fewer),
+            max_texels: None,
+            image: self.fit.image.map(|image| ImageBound { angle: image.angle * coarser, ..image }),
+            // A billboard torn in two shows a seam through its whole texture.
+            whole_leaves: true,
+            ..self.fit.clone()
+        }
+    }
+
+    /// Returns the atlas size of the level with this index, from 0.
+    pub(super) fn page(&self, index: usize) -> PageSize {
+        let PageSize { width, height } = self.texture_size;
+        PageSize { width: (width >> index).max(64), height: (height >> index).max(64) }
+    }
+}
