@@ -1,5 +1,5 @@
-//! A digest of everything that a chain of the shrub decides, for every method: planes, parents, places on the page, pages, ranks, judgements. Builds of all kinds and
-//! any number of threads must print the same (`tools/same_bytes.sh`).
+//! A digest of everything that a chain of the shrub decides, for every method: planes, parents, places on the page, pages, ranks, coverage.
+//! Builds of all kinds and any number of threads must print the same (`tools/same_bytes.sh`).
 
 use std::path::PathBuf;
 
@@ -38,8 +38,7 @@ impl Digest {
                 self.add(image.pixels().iter().flatten().copied());
             }
             self.add(level.ranks.iter().flat_map(|r| r.to_le_bytes()));
-            let j = level.judgement;
-            self.add([j.coverage, j.overlap, j.error].into_iter().flat_map(f64::to_le_bytes));
+            self.add(level.coverage.to_le_bytes());
         }
         self.add(chain.ranks.iter().flat_map(|r| r.to_le_bytes()));
     }

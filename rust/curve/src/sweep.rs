@@ -9,6 +9,7 @@ use leafcloud::judge::{View, render, visibility};
 use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain, settled_size};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
+use leafcloud_flip::image_error;
 
 use crate::choice::Choice;
 use crate::front::front;
@@ -189,7 +190,7 @@ impl Point {
             texel: first.sheet.texel() * first.frame.radius / radius,
             max_deviation: first.max_deviation_leaves / radius,
             mean_deviation: first.mean_deviation / radius,
-            image_error: first.judgement.error,
+            image_error: image_error(&first.pictures),
             front: false,
         }
     }

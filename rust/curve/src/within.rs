@@ -15,7 +15,7 @@ use leafcloud::{Foliage, Progress};
 use crate::choice::Choice;
 use crate::front::front;
 use crate::model::{Model, Prediction};
-use crate::sweep::{Curve, Sweep, measure, sweep};
+use crate::sweep::{Curve, Point, Sweep, measure, sweep};
 
 /// A position on the Pareto front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -253,16 +253,15 @@ struct Tries<'a> {
 }
 
 impl Tries<'_> {
-    /// Builds a chain; returns it with its seconds. Stops with [`Error::Cancelled`] once `late` returns true.
-    fn build(&mut self, offer: &Offer, late: &(dyn Fn() -> bool + Sync)) -> Result<(Chain, f64)> {
+    /// Builds a chain and measures it. Stops with [`Error::Cancelled`] once `late` returns true.
+    fn build(&mut self, offer: &Offer, late: &(dyn Fn() -> bool + Sync)) -> Result<(Chain, Point)> {
         // Each try gets half of the remaining progress.
         let left = |count: usize| 1.0 - 0.5f64.powi(count as i32);
         let part = self.progress.part(left(self.count), left(self.count + 1));
         self.count += 1;
         let report = |stage: &str, fraction: f64| part.tell(stage, fraction).is_ok() && !late();
         let settings = offer.choice.applied(self.settings)?;
-        let (chain, point) = measure(self.foliage, self.trunk, &settings, Progress::new(&report))?;
-        Ok((chain, point.seconds.total()))
+        measure(self.foliage, self.trunk, &settings, Progress::new(&report))
     }
 
     /// Builds the offer of a preset. If its page holds too few billboards, tries the slower offers, then the quicker ones.
@@ -297,8 +296,8 @@ impl Tries<'_> {
                 },
             };
             next += passed;
-            let chain = match self.build(&offer, &|| false) {
-                Ok((chain, _)) => chain,
+            let (chain, point) = match self.build(&offer, &|| false) {
+                Ok(built) => built,
                 Err(error @ Error::Invalid(_)) => {
                     refused = Some(error);
                     if passed > 0 {
@@ -308,7 +307,7 @@ impl Tries<'_> {
                 }
                 Err(error) => return Err(error),
             };
-            let error = chain.levels[0].judgement.error;
+            let error = point.image_error;
             if error <= most {
                 return Ok(Built { chain, offer, tries: self.count });
             }
@@ -329,7 +328,7 @@ impl Tries<'_> {
     /// Builds the best chain within the time limit: moves along the front, then on to finer settings even if no gain is predicted, because
     /// a quick sweep measures little of the effect of a small ε and large pages.
     fn hurry(mut self, most: f64, begun: Instant) -> Result<Built> {
-        let mut best: Option<(Chain, Offer)> = None;
+        let mut best: Option<(Chain, Offer, f64)> = None;
         let mut slower = 1.0;
         loop {
             let left = most - begun.elapsed().as_secs_f64();
@@ -337,10 +336,9 @@ impl Tries<'_> {
             let fitting = |share: f64| self.offers.iter().rev().find(|offer| fits(offer, share)).copied();
             let offer = match &best {
                 None => fitting(FIRST).or_else(|| fitting(CAREFUL)).ok_or_else(|| self.too_few(most, begun))?,
-                Some((chain, known)) => {
-                    let off = chain.levels[0].judgement.error / known.predicted.image_error;
-                    let helps =
-                        |offer: &Offer| offer.predicted.image_error * off <= STEP * chain.levels[0].judgement.error;
+                Some((_, known, error)) => {
+                    let off = error / known.predicted.image_error;
+                    let helps = |offer: &Offer| offer.predicted.image_error * off <= STEP * error;
                     let finer = || self.finer(known).filter(|offer| fits(offer, CAREFUL));
                     match fitting(CAREFUL).filter(helps).or_else(finer) {
                         Some(offer) => offer,
@@ -356,12 +354,12 @@ impl Tries<'_> {
                 late
             };
             match self.build(&offer, &late) {
-                Ok((chain, took)) => {
-                    slower = took / offer.predicted.seconds;
-                    let before = best.as_ref().map_or(f64::INFINITY, |(b, _)| b.levels[0].judgement.error);
-                    let error = chain.levels[0].judgement.error;
+                Ok((chain, point)) => {
+                    slower = point.seconds.total() / offer.predicted.seconds;
+                    let before = best.as_ref().map_or(f64::INFINITY, |(_, _, error)| *error);
+                    let error = point.image_error;
                     if error < before {
-                        best = Some((chain, offer));
+                        best = Some((chain, offer, error));
                     }
                     if error > STEP * before {
                         break;
@@ -382,7 +380,7 @@ impl Tries<'_> {
                 Err(error) => return Err(error),
             }
         }
-        let (chain, offer) = best.expect("the loop ends only with a chain");
+        let (chain, offer, _) = best.expect("the loop ends only with a chain");
         Ok(Built { chain, offer, tries: self.count })
     }
 

@@ -12,6 +12,7 @@ use leafcloud_curve::chart::{Chart, Cost, Size};
 use leafcloud_curve::{
     Choice, Curve, Model, Point, Preset, Stages, Sweep, Wish, build_within, front, measure, offers, sweep,
 };
+use leafcloud_flip::image_error;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
@@ -63,7 +64,7 @@ fn a_point_has_the_figures_of_its_chain() {
     let (chain, point) = measure(&crown, None, &small(), Progress::silent()).unwrap();
     let level = &chain.levels[0];
     let cloud = level.cloud.as_ref().unwrap();
-    assert_eq!(point.image_error, level.judgement.error);
+    assert_eq!(point.image_error, image_error(&level.pictures));
     assert_eq!((point.billboards, point.triangles), (cloud.planes.len(), 2 * cloud.planes.len()));
     assert!(point.max_deviation <= 0.04 && point.mean_deviation <= point.max_deviation);
     // Four bytes for each texel, a third more for mip levels, and four corners of 32 bytes for each billboard.
@@ -113,7 +114,7 @@ fn an_error_limit_is_kept() {
     assert!(offers.windows(2).all(|o| o[0].predicted.image_error > o[1].predicted.image_error));
     let most = offers[offers.len() / 2].predicted.image_error;
     let built = build_within(&crown, None, &small(), Wish::ImageError(most), Progress::silent()).unwrap();
-    assert!(built.chain.levels[0].judgement.error <= most);
+    assert!(image_error(&built.chain.levels[0].pictures) <= most);
     let draft = Preset::Draft.of(&offers).unwrap().choice;
     let built = build_within(&crown, None, &small(), Wish::Preset(Preset::Draft), Progress::silent()).unwrap();
     // The chosen offer depends on the machine's speed; the chain must match its offer.
@@ -126,7 +127,7 @@ fn an_error_limit_is_kept() {
 fn with_many_seconds_nothing_is_better() {
     let crown = crown(100);
     let built = build_within(&crown, None, &small(), Wish::Seconds(600.0), Progress::silent()).unwrap();
-    let error = |chain: &Chain| chain.levels[0].judgement.error;
+    let error = |chain: &Chain| image_error(&chain.levels[0].pictures);
     for epsilon in [0.1, 0.04, 0.02] {
         let fit = FitSettings { epsilon, ..small().fit };
         let other = build_chain(&crown, None, &ChainSettings { fit, ..small() }, Progress::silent()).unwrap();

@@ -7,6 +7,7 @@ use leafcloud::lod::{Chain, Level, share_page};
 use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
 use leafcloud_curve::{Offer, Stages};
+use leafcloud_flip::image_error;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -346,12 +347,13 @@ impl PyLevel {
 
     #[getter]
     fn coverage(&self) -> f64 {
-        self.level().judgement.coverage
+        self.level().coverage
     }
 
     #[getter]
-    fn image_error(&self) -> f64 {
-        self.level().judgement.error
+    fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
+        let pictures = self.level().pictures.clone();
+        interruptible(py, move |_| Ok(image_error(&pictures)))
     }
 
     #[getter]

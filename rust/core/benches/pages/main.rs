@@ -117,7 +117,7 @@ fn main() {
         let judge = Judge::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
         let billboards = leafcloud::lod::billboards(&level.sheet, level.foliage.frame(), page.material(CUTOFF, false));
         let billboards = billboards.expect("billboards with an area");
-        let (_, judging) = timed(|| judge.judge(&billboards).expect("a picture with pixels"));
+        let (_, judging) = timed(|| judge.compare(&billboards).expect("a picture with pixels"));
         println!(
             "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {:.1} % | {judging:.3} |",
             level.cloud.planes.len(),

@@ -1,16 +1,17 @@
-//! Renderer for metrics: compares a level with the leaves in flat-lit views.
+//! Renderer for metrics: compares a level with the leaves in flat-lit views. The image error (FLIP) of the pictures is measured in a crate
+//! of its own, `leafcloud-flip`.
 
 mod measure;
 mod render;
 mod visibility;
 
-pub use measure::{Judgement, compare};
 use render::silhouette;
 pub use render::{View, render};
 pub use visibility::visibility;
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3, Vec3};
-use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
@@ -63,7 +64,7 @@ impl Views {
 /// Rendered views of a base, for comparison with levels.
 pub struct Judge {
     views: Vec<View>,
-    pictures: Vec<Image>,
+    pictures: Arc<[Image]>,
 }
 
 impl Judge {
@@ -84,7 +85,7 @@ impl Judge {
     pub fn glance(&self, level: &Foliage) -> Result<Glance> {
         let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
-        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::soft_overlap(pairs()) })
+        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
 
     /// Returns the standard deviation of the base's luminance over the level's; 1 if either hardly varies (10⁻³ or less).
@@ -106,17 +107,12 @@ impl Judge {
         Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
     }
 
-    /// Returns all metrics of `level`, as means over the views.
+    /// Renders `level` in all views, beside the base.
     ///
     /// # Errors
     /// Those of [`render()`].
-    pub fn judge(&self, level: &Foliage) -> Result<Judgement> {
-        let pictures = self.look_at(level)?;
-        let judged: Vec<Judgement> =
-            self.pictures.par_iter().zip(&pictures).map(|(base, other)| compare(base, other)).collect();
-        // Views with next to no foliage do not count.
-        let coverage = measure::coverage(self.pictures.iter().zip(&pictures));
-        Ok(Judgement { coverage, ..Judgement::mean(&judged) })
+    pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
+        Ok(Comparison { base: Arc::clone(&self.pictures), level: self.look_at(level)?.into() })
     }
 
     fn look_at(&self, level: &Foliage) -> Result<Vec<Image>> {
@@ -124,11 +120,29 @@ impl Judge {
     }
 }
 
-/// The two exact metrics of a level against a base.
+/// Coverage and overlap of a level against a base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glance {
     /// Sum of alpha over the base's sum, as the mean over the views; 1 if the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha.
     pub overlap: f64,
+}
+
+/// Pictures of a level and of its base in the same views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Pictures of the base, one for each view.
+    pub base: Arc<[Image]>,
+    /// Pictures of the level.
+    pub level: Arc<[Image]>,
+}
+
+impl Comparison {
+    /// Returns the sum of alpha over the base's sum, as the mean over the views; 1 if the base is empty. Views with next to no foliage do
+    /// not count.
+    #[must_use]
+    pub fn coverage(&self) -> f64 {
+        measure::coverage(self.base.iter().zip(self.level.iter()))
+    }
 }

@@ -66,8 +66,9 @@ pub(super) fn build(
     let alpha_cutoff =
         if settings.blended { 0.0 } else { tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)? };
     let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
-    let judgement = judges.report.judge(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
-    tune::check_shown(&judgement, &page, alpha_cutoff)?;
+    let pictures = judges.report.compare(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
+    let coverage = pictures.coverage();
+    tune::check_shown(coverage, &page, alpha_cutoff)?;
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
     Ok(Level {
         method: "cross",
@@ -81,7 +82,8 @@ pub(super) fn build(
         mean_deviation: sum / count as f64 * frame.radius,
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
-        judgement,
+        coverage,
+        pictures,
         sharers: Arc::default(),
         sheet,
         page,

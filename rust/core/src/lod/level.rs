@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Foliage, Image, Opacity};
 use crate::geometry::Frame;
-use crate::judge::{Judge, Judgement};
+use crate::judge::{Comparison, Judge};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
@@ -74,8 +74,10 @@ pub struct Level {
     /// Bound on the deviation from the leaves: the sum of the deviations of all levels so far; for the cross impostor, the greatest
     /// distance of a corner from the nearest plane.
     pub max_deviation_leaves: f64,
-    /// Metrics against the leaves.
-    pub judgement: Judgement,
+    /// Alpha over the leaves' alpha, as the mean over the report's views.
+    pub coverage: f64,
+    /// Pictures of the leaves and of the level in the report's views.
+    pub pictures: Comparison,
     /// Seconds for each stage.
     pub seconds: Seconds,
     /// Share of `seconds.bake` that each image took.
@@ -197,8 +199,9 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     };
     let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
     let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
-    let judgement = step.judges.report.judge(&shown)?;
-    tune::check_shown(&judgement, &page, alpha_cutoff)?;
+    let pictures = step.judges.report.compare(&shown)?;
+    let coverage = pictures.coverage();
+    tune::check_shown(coverage, &page, alpha_cutoff)?;
     Ok(Level {
         method: settings.fit.method.name(),
         epsilon: Some(cloud.bound / step.radius),
@@ -209,7 +212,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         mean_deviation: cloud.mean_deviation(finer),
         in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
         max_deviation_leaves: step.deviation + cloud.max_deviation(),
-        judgement,
+        coverage,
+        pictures,
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),

@@ -13,7 +13,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image, Material};
 use crate::geometry::Frame;
-use crate::judge::{Glance, Judge, Judgement, Views};
+use crate::judge::{Glance, Judge, Views};
 use crate::sheet::Sheet;
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
@@ -203,9 +203,9 @@ const LEAST_COVERAGE: f64 = 0.01;
 ///
 /// # Errors
 /// Coverage below [`LEAST_COVERAGE`], or no texel that reaches the cutoff.
-pub fn check_shown(judgement: &Judgement, page: &Page, alpha_cutoff: f32) -> Result<()> {
+pub fn check_shown(coverage: f64, page: &Page, alpha_cutoff: f32) -> Result<()> {
     let passes = page.base_color.pixels().iter().any(|p| p[3] > 0 && f32::from(p[3]) / 255.0 >= alpha_cutoff);
-    if judgement.coverage >= LEAST_COVERAGE && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
+    if coverage >= LEAST_COVERAGE && passes { Ok(()) } else { Err(nothing_shows(&page.base_color)) }
 }
 
 fn nothing_shows(page: &Image) -> Error {

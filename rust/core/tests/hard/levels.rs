@@ -80,7 +80,7 @@ fn foliage_that_lies_flat() {
     assert_eq!((cross.method, cross.sheet.billboards.len()), ("cross", 1));
     assert!(fewest_drawn(&flat) > 0);
     // Seen along the plane, neither leaves nor cross impostor cover anything; from everywhere else both cover the same.
-    let off = (cross.judgement.coverage - 1.0).abs();
+    let off = (cross.coverage - 1.0).abs();
     case(
         GROUP,
         "coverage lost by the cross impostor of leaves in one plane",
@@ -109,7 +109,7 @@ fn foliage_of_horizontal_tiers() {
         let (leaves, stem) = tiers(tilt);
         for trunk in [None, Some(&stem)] {
             let cross = chain(&leaves, trunk, &ChainSettings { levels: 0, ..settings() }).unwrap().levels.remove(0);
-            least = least.min(cross.judgement.coverage);
+            least = least.min(cross.coverage);
         }
     }
     // Seen obliquely, the tiers overlap more on one plane than in space: about half of the coverage is kept.
@@ -141,7 +141,7 @@ fn one_sided_leaves_that_face_away() {
         for normal in [axis, -axis] {
             for back_sides in [None, Some(false), Some(true)] {
                 let found = chain(&wall(normal), None, &ChainSettings { back_sides, ..settings() }).unwrap();
-                blank += usize::from(found.levels[0].judgement.coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
+                blank += usize::from(found.levels[0].coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
                 // One plane shows the wall; planes that would show it edge-on are left out.
                 let planes = found.levels.last().unwrap().sheet.billboards.iter().filter(|b| !b.back).count();
                 blank += usize::from(planes != 1);
@@ -188,10 +188,10 @@ fn foliage_that_is_faint_all_over() {
         let faint =
             leaves.with_materials(|m| Material { base_color: color, alpha_mode: AlphaMode::Blend, ..m.clone() });
         let levels = chain(&faint, None, &ChainSettings { texture_size: 512.into(), ..settings() }).unwrap().levels;
-        least = levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
+        least = levels.iter().map(|level| level.coverage).fold(least, f64::min);
     }
     let thin = chain(&needles(0.006), None, &ChainSettings { texture_size: 1024.into(), ..settings() }).unwrap();
-    least = thin.levels.iter().map(|level| level.judgement.coverage).fold(least, f64::min);
+    least = thin.levels.iter().map(|level| level.coverage).fold(least, f64::min);
     // A cutoff draws faint leaves as opaque or not at all: too much is better than nothing.
     case(GROUP, "coverage lost of faint leaves and needles", "bound: four fifths").holds(1.0 - least, 0.8);
 }

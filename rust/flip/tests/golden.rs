@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec2, Vec3};
 use leafcloud::fit::FitSettings;
 use leafcloud::foliage::{AlphaMode, Attributes, Image, Material};
-use leafcloud::judge::compare;
 use leafcloud::lod::{ChainSettings, build_chain};
 use leafcloud::textures::Channels;
 use leafcloud::textures::image::write_png;
 use leafcloud::{Foliage, Progress};
+use leafcloud_flip::flip;
 
 /// Greatest mean FLIP near covered texels.
 const MOST: f64 = 0.01;
@@ -99,7 +99,7 @@ fn every_channel_looks_as_it_did() {
             let name = format!("{number}_{channel}.png");
             write_png(if write { &golden } else { &found }.join(&name).as_path(), image).unwrap();
             let expected = read(&golden.join(&name));
-            let error = compare(&expected, image).error;
+            let error = flip(&expected, image);
             if error > MOST {
                 worst.push(format!("{name}: mean FLIP {error:.3}"));
             }

@@ -1,0 +1,92 @@
+//! The image error of a level: FLIP (Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", 2020) of its pictures against
+//! those of the leaves, through the crate `nv-flip`, a wrapper of NVIDIA's C++ code.
+//!
+//! FLIP's code uses the platform's `pow`, so its last digits differ between machines. It is kept out of the crate `leafcloud`, where the
+//! same input, settings and seed give the same bytes on any machine: no chain of given settings depends on the image error. Two things do.
+//! `report.json` states it, rounded to three digits. `leafcloud-curve` chooses settings by it, and by the clock, for a wish (`seconds`,
+//! `image_error` or a `preset`).
+
+use leafcloud::Image;
+use leafcloud::judge::Comparison;
+use rayon::prelude::*;
+
+/// Returns the image error of a level against its base, in [0, 1]: the mean of [`flip`] over all views, rounded to three digits, because
+/// further digits would differ between machines.
+#[must_use]
+pub fn image_error(pictures: &Comparison) -> f64 {
+    let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
+    let errors: Vec<f64> = pairs.map(|(base, level)| flip(base, level)).collect();
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    (mean * 1000.0).round() / 1000.0
+}
+
+/// FLIP counts within this many pixels of a silhouette: empty background must not dilute the mean.
+const REACH: usize = 4;
+
+/// Composites a color code over mid-gray by its alpha.
+fn over_grey(code: u8, alpha: u8) -> u8 {
+    let (code, alpha) = (u32::from(code), u32::from(alpha));
+    ((code * alpha + 128 * (255 - alpha) + 127) / 255) as u8
+}
+
+/// Returns the mean FLIP of two images of the same size over mid-gray, within 4 pixels of either silhouette; in [0, 1]. 0 if both are
+/// empty.
+#[must_use]
+pub fn flip(base: &Image, other: &Image) -> f64 {
+    let (width, height) = (base.width() as u32, base.height() as u32);
+    let shown = |image: &Image| -> Vec<u8> {
+        image.pixels().iter().flat_map(|p| [0, 1, 2].map(|i| over_grey(p[i], p[3]))).collect()
+    };
+    let picture = |image| nv_flip::FlipImageRgb8::with_data(width, height, &shown(image));
+    let errors = nv_flip::flip(picture(base), picture(other), nv_flip::DEFAULT_PIXELS_PER_DEGREE).to_vec();
+    let pixels = base.pixels().iter().zip(other.pixels());
+    let either: Vec<bool> = pixels.map(|(a, b)| a[3].max(b[3]) > 127).collect();
+    let near = grown(&either, base.width(), base.height());
+    let (sum, count) = errors
+        .iter()
+        .zip(&near)
+        .filter(|(_, near)| **near)
+        .fold((0.0, 0usize), |(sum, count), (error, _)| (sum + f64::from(*error), count + 1));
+    if count == 0 { 0.0 } else { sum / count as f64 }
+}
+
+/// Dilates a mask by [`REACH`] steps along rows and columns.
+fn grown(inside: &[bool], width: usize, height: usize) -> Vec<bool> {
+    let mut grown = inside.to_vec();
+    for _ in 0..REACH {
+        let last = grown.clone();
+        for y in 0..height {
+            for x in 0..width {
+                let i = y * width + x;
+                grown[i] = last[i]
+                    || (x > 0 && last[i - 1])
+                    || (x + 1 < width && last[i + 1])
+                    || (y > 0 && last[i - width])
+                    || (y + 1 < height && last[i + width]);
+            }
+        }
+    }
+    grown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(count: usize) -> Image {
+        let pixel = |i: usize| if i % 32 < count { [20, 200, 40, 255] } else { [0; 4] };
+        Image::new(32, 32, (0..1024).map(pixel).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn a_picture_is_like_itself() {
+        assert_eq!(flip(&columns(16), &columns(16)), 0.0);
+        assert_eq!(flip(&columns(0), &columns(0)), 0.0);
+    }
+
+    #[test]
+    fn half_a_picture_is_off() {
+        let error = flip(&columns(16), &columns(8));
+        assert!(error > 0.05 && error <= 1.0, "{error}");
+    }
+}
