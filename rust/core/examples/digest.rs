@@ -27,11 +27,11 @@ impl Digest {
                 self.add(cloud.parents.iter().flat_map(|p| p.to_le_bytes()));
                 self.add(cloud.deviations.iter().flat_map(|d| d.to_le_bytes()));
             }
-            for b in &level.sheet.billboards {
+            for b in &level.atlas.billboards {
                 let region = [b.region.x, b.region.y, b.region.width, b.region.height];
                 self.add(region.into_iter().flat_map(usize::to_le_bytes));
                 self.add(b.corners.iter().flat_map(DVec3::to_array).flat_map(f64::to_le_bytes));
-                self.add(level.sheet.uvs(b).flatten().flat_map(f32::to_le_bytes));
+                self.add(level.atlas.uvs(b).flatten().flat_map(f32::to_le_bytes));
             }
             self.add(level.alpha_cutoff.to_le_bytes());
             for (_, image) in level.page.images() {

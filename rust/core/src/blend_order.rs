@@ -76,7 +76,8 @@ impl BlendOrder {
             )));
         }
         let thickness = THICKNESS * extent(triangles);
-        let pieces: Vec<Piece> = (0u32..).zip(triangles).filter_map(|(i, t)| Piece::whole(i, t, thickness)).collect();
+        let pieces: Vec<Polygon> =
+            (0u32..).zip(triangles).filter_map(|(i, t)| Polygon::whole(i, t, thickness)).collect();
         Ok(Partition::new(pieces, thickness, most, progress)?.ordered(toward))
     }
 
@@ -115,7 +116,7 @@ fn walk(nodes: &[Node], in_front: impl Fn(&Node) -> bool) -> Vec<u32> {
 
 /// A convex polygon cut from a triangle.
 #[derive(Clone, Debug)]
-struct Piece {
+struct Polygon {
     source: u32,
     normal: DVec3,
     offset: f64,
@@ -131,7 +132,7 @@ enum Side {
     Across,
 }
 
-impl Piece {
+impl Polygon {
     /// Makes a piece of the whole triangle; `None` if it is nowhere thicker than `thickness`.
     fn whole(source: u32, corners: &[DVec3; 3], thickness: f64) -> Option<Self> {
         let [a, b, c] = *corners;
@@ -204,11 +205,11 @@ fn between(a: (DVec3, [f64; 3]), b: (DVec3, [f64; 3]), share: f64) -> (DVec3, [f
 struct Partition {
     nodes: Vec<Node>,
     /// The pieces that lie in the plane of each node.
-    within: Vec<Vec<Piece>>,
+    within: Vec<Vec<Polygon>>,
 }
 
 impl Partition {
-    fn new(pieces: Vec<Piece>, thickness: f64, most: usize, progress: Progress) -> Result<Self> {
+    fn new(pieces: Vec<Polygon>, thickness: f64, most: usize, progress: Progress) -> Result<Self> {
         let mut partition = Self { nodes: Vec::new(), within: Vec::new() };
         let mut count = pieces.len();
         // Pieces still to divide, with their parent node and side. Breadth first: all regions get some of the cuts.
@@ -217,7 +218,7 @@ impl Partition {
             // The number of cuts is unknown in advance.
             progress.tell("order", 0.0)?;
             let Some(best) = best_plane(&pieces, thickness) else { continue };
-            let Piece { normal, offset, .. } = pieces[best];
+            let Polygon { normal, offset, .. } = pieces[best];
             let number = partition.add((normal, offset), parent);
             let mut sides = [Vec::new(), Vec::new()];
             for (index, piece) in pieces.into_iter().enumerate() {
@@ -270,9 +271,9 @@ impl Partition {
 }
 
 /// Returns the piece with the plane of lowest cost (cuts and imbalance); `None` without pieces.
-fn best_plane(pieces: &[Piece], thickness: f64) -> Option<usize> {
+fn best_plane(pieces: &[Polygon], thickness: f64) -> Option<usize> {
     let tried = (0..pieces.len()).step_by(pieces.len().div_ceil(TRIED).max(1));
-    let cost = |plane: &Piece| {
+    let cost = |plane: &Polygon| {
         let mut counts = [0usize; 4];
         for piece in pieces {
             counts[piece.side(plane.normal, plane.offset, thickness) as usize] += 1;

@@ -3,7 +3,7 @@
 //! The crate is a pipeline of values; each stage depends only on the stages before it:
 //!
 //! ```text
-//! Foliage ──fit──▶ Cloud ──project──▶ Projection ──pack──▶ Sheet ──bake──▶ Textures
+//! Foliage ──fit──▶ Cloud ──project──▶ Projection ──pack──▶ Atlas ──bake──▶ Textures
 //!    ▲                                                        │               │
 //!    └──────────────── lod: the billboards as foliage again, coarser ◀────────┘
 //! ```
@@ -12,6 +12,7 @@
 //! threads and on any machine. Random numbers are counter-based (one stream per candidate), reductions have a fixed
 //! order, and transcendental functions come from `libm`, not from the platform.
 
+pub mod atlas;
 pub mod blend_order;
 pub mod cloud;
 mod color;
@@ -21,13 +22,12 @@ pub mod foliage;
 pub mod geometry;
 pub mod gltf;
 pub mod groups;
-pub mod judge;
 pub mod lod;
+pub mod metrics;
 pub mod outlines;
 pub mod progress;
 pub mod prune;
 mod random;
-pub mod sheet;
 pub mod sums;
 pub mod textures;
 pub mod transition;

@@ -88,7 +88,7 @@ pub struct Chart {
 
 /// Size of a chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Size {
+pub struct ChartSize {
     /// Width in pixels, in [240, 8192].
     pub width: u32,
     /// Height in pixels, in [240, 8192].
@@ -134,7 +134,7 @@ impl Chart {
     ///
     /// # Errors
     /// A size out of range; no points.
-    pub fn svg(&self, size: Size) -> Result<String> {
+    pub fn svg(&self, size: ChartSize) -> Result<String> {
         self.check(size)?;
         let mut text = String::new();
         self.draw(&SVGBackend::with_string(&mut text, (size.width, size.height)).into_drawing_area(), size.text)?;
@@ -145,9 +145,9 @@ impl Chart {
     ///
     /// # Errors
     /// A size out of range; no points.
-    pub fn picture(&self, size: Size) -> Result<Image> {
+    pub fn picture(&self, size: ChartSize) -> Result<Image> {
         self.check(size)?;
-        let Size { width, height, text } = size;
+        let ChartSize { width, height, text } = size;
         let mut codes = vec![255u8; (3 * width * height) as usize];
         let scale = (f64::from(width.min(height * 3 / 2)) / 720.0).max(0.5);
         self.draw(&BitMapBackend::with_buffer(&mut codes, (width, height)).into_drawing_area(), scale * text)?;
@@ -155,7 +155,7 @@ impl Chart {
         Image::new(width as usize, height as usize, pixels)
     }
 
-    fn check(&self, size: Size) -> Result<()> {
+    fn check(&self, size: ChartSize) -> Result<()> {
         if let Some(side) = [size.width, size.height].into_iter().find(|side| !SIDES.contains(side)) {
             return Err(Error::invalid(format!("the side of the chart is {side} pixels; it must be from 240 to 8192")));
         }

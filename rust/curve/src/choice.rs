@@ -1,9 +1,9 @@
 //! The settings that a sweep varies.
 
+use leafcloud::atlas::PageSize;
 use leafcloud::error::Result;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{ChainSettings, is_published};
-use leafcloud::sheet::PageSize;
 use leafcloud::textures::Samples;
 
 /// Least side of an atlas page in texels.

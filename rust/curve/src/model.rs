@@ -7,9 +7,9 @@
 //! to every cloud. Texture time is a cost for each texel and for each sample of a texel; metrics cost time for each texel of a page. Pages
 //! halve from level to level.
 
+use leafcloud::atlas::tight_work;
 use leafcloud::fit::{Effort, Method};
-use leafcloud::lod::Looks;
-use leafcloud::sheet::tight_work;
+use leafcloud::lod::ViewCounts;
 
 use crate::choice::Choice;
 use crate::sweep::{Curve, Point, Stages, Sweep};
@@ -28,7 +28,7 @@ type Figure<'f> = &'f dyn Fn(&Point) -> f64;
 
 /// The settings with curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Axis {
+enum Setting {
     Epsilon,
     Page,
     Candidates,
@@ -38,7 +38,7 @@ enum Axis {
     Tight,
 }
 
-impl Axis {
+impl Setting {
     const ALL: [Self; 7] =
         [Self::Epsilon, Self::Page, Self::Candidates, Self::Samples, Self::Effort, Self::Levels, Self::Tight];
 
@@ -63,10 +63,10 @@ impl Axis {
 }
 
 /// The settings that affect packing.
-const PACKING: [Axis; 3] = [Axis::Epsilon, Axis::Levels, Axis::Tight];
+const PACKING: [Setting; 3] = [Setting::Epsilon, Setting::Levels, Setting::Tight];
 
 /// The settings that act on the error independently.
-const ALONE: [Axis; 3] = [Axis::Candidates, Axis::Samples, Axis::Effort];
+const ALONE: [Setting; 3] = [Setting::Candidates, Setting::Samples, Setting::Effort];
 
 /// Mean number of renderings of the leaves from each view to choose the stretch limit; renderings to compare the sides of billboards.
 const STRETCHES: f64 = 4.0;
@@ -119,7 +119,7 @@ pub struct Model<'a> {
     curve: &'a Curve,
     base: &'a Point,
     /// Cost of the views relative to that of the base's views.
-    looks: f64,
+    more_views: f64,
     /// Time to fit all leaves relative to the base's fit.
     fit_whole: f64,
     /// Seconds to bake a texel: fixed, and for each sample.
@@ -127,7 +127,7 @@ pub struct Model<'a> {
     /// Factor on `bake` for pages of full size.
     baked: f64,
     /// Seconds of the metrics for each texel of a page.
-    look: f64,
+    metrics: f64,
     /// Seconds that tight packing adds to each cloud.
     tight: f64,
     /// Error over texel size, from the pages in the sweep.
@@ -142,18 +142,18 @@ impl<'a> Model<'a> {
         let plain = Self {
             curve,
             base,
-            looks: if curve.sweep == Sweep::Quick { more_looks(curve.settings.looks) } else { 1.0 },
+            more_views: if curve.sweep == Sweep::Quick { more_views(curve.settings.views) } else { 1.0 },
             fit_whole: curve.rest.map_or(1.0, |rest| (rest.fit / base.seconds.fit.max(LEAST)).max(1.0)),
             bake: (0.0, 0.0),
             baked: if curve.sweep == Sweep::Quick { LARGE_PAGES } else { 1.0 },
-            look: 0.0,
+            metrics: 0.0,
             tight: 0.0,
             by_texel: Line(Vec::new()),
         };
-        let by_texel = plain.along(Axis::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
+        let by_texel = plain.along(Setting::Page).map(|p| (log(p.texel), log(p.image_error))).collect();
         Self {
             bake: plain.bake(),
-            look: plain.for_a_texel(|p| p.seconds.look),
+            metrics: plain.for_a_texel(|p| p.seconds.metrics),
             tight: plain.tight(),
             by_texel: Line::new(by_texel),
             ..plain
@@ -174,55 +174,56 @@ impl<'a> Model<'a> {
         let pack: Figure = &|p| p.seconds.pack;
         let loosely = Choice { tight_pages: self.base.choice.tight_pages, ..*choice };
         let packed = self.figure(pack, &PACKING, &loosely).exp();
-        let fitted = [Axis::Epsilon, Axis::Candidates, Axis::Effort, Axis::Levels];
-        let viewed = self.figure(&|p| self.views(p), &[Axis::Epsilon, Axis::Effort, Axis::Levels], choice).exp();
+        let fitted = [Setting::Epsilon, Setting::Candidates, Setting::Effort, Setting::Levels];
+        let viewed =
+            self.figure(&|p| self.views(p), &[Setting::Epsilon, Setting::Effort, Setting::Levels], choice).exp();
         let work = |billboards: f64| tight_work(billboards as usize).max(1) as f64;
         let more = work(self.billboards(choice)) / work(self.base.billboards as f64);
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
         // Only the first level and the cross impostor render the leaves.
-        let Looks { places, amounts, report, .. } = self.curve.settings.looks;
+        let ViewCounts { places, amounts, report, .. } = self.curve.settings.views;
         let view = self.curve.rest.map_or(0.0, |rest| rest.view);
         let first = STRETCHES * amounts as f64 + places as f64;
         let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
         Stages {
-            prepare: self.looks * self.typical(&|p| p.seconds.prepare, &[]).exp()
+            prepare: self.more_views * self.typical(&|p| p.seconds.prepare, &[]).exp()
                 + view * (amounts + report) as f64
                 + self.curve.order,
             fit: self.fit_whole * self.figure(&|p| p.seconds.fit, &fitted, choice).exp(),
             pack: (packed + tight).max(0.0) + view * SIDES,
             bake: self.baked * texels(choice) * (texel + sample * (choice.samples * choice.samples) as f64) + view,
-            look: self.looks * viewed + self.look * texels(choice) + view * (first + cross),
+            metrics: self.more_views * viewed + self.metrics * texels(choice) + view * (first + cross),
         }
     }
 
     /// Returns the part of a point's metrics seconds that depends on views, not on texels.
     fn views(&self, point: &Point) -> f64 {
-        let look = point.seconds.look;
-        (look - self.look * texels(&point.choice)).max(0.1 * look)
+        let seconds = point.seconds.metrics;
+        (seconds - self.metrics * texels(&point.choice)).max(0.1 * seconds)
     }
 
-    /// Returns the points that differ from the base at most in the setting of `axis`.
-    fn along(&self, axis: Axis) -> impl Iterator<Item = &'a Point> {
+    /// Returns the points that differ from the base at most in `setting`.
+    fn along(&self, setting: Setting) -> impl Iterator<Item = &'a Point> {
         let base = self.base;
         self.curve.points.iter().filter(move |p| {
-            let differs = |other: &Axis| *other != axis && other.of(&p.choice) != other.of(&base.choice);
+            let differs = |other: &Setting| *other != setting && other.of(&p.choice) != other.of(&base.choice);
             let alike = kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on;
-            alike && !Axis::ALL.iter().any(differs)
+            alike && !Setting::ALL.iter().any(differs)
         })
     }
 
-    /// Returns the change of the figure's logarithm from the base if only the setting of `axis` changes to that of `choice`.
-    fn effect(&self, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
-        self.effect_beside(log(figure(self.base)), figure, axis, choice)
+    /// Returns the change of the figure's logarithm from the base if only `setting` changes to that of `choice`.
+    fn effect(&self, figure: Figure, setting: Setting, choice: &Choice) -> f64 {
+        self.effect_beside(log(figure(self.base)), figure, setting, choice)
     }
 
     /// Returns the same change as [`Self::effect`] with a better estimate `base` of the base's logarithm.
-    fn effect_beside(&self, base: f64, figure: Figure, axis: Axis, choice: &Choice) -> f64 {
-        let at_base = axis.of(&self.base.choice);
-        let value = |p: &Point| if axis.of(&p.choice) == at_base { base } else { log(figure(p)) };
-        let line = Line::new(self.along(axis).map(|p| (axis.of(&p.choice).ln(), value(p))).collect());
-        line.at(axis.of(choice).ln(), Beyond::Straight) - base
+    fn effect_beside(&self, base: f64, figure: Figure, setting: Setting, choice: &Choice) -> f64 {
+        let at_base = setting.of(&self.base.choice);
+        let value = |p: &Point| if setting.of(&p.choice) == at_base { base } else { log(figure(p)) };
+        let line = Line::new(self.along(setting).map(|p| (setting.of(&p.choice).ln(), value(p))).collect());
+        line.at(setting.of(choice).ln(), Beyond::Straight) - base
     }
 
     /// Returns the effect of a method other than the base's: the logarithm at its point nearest in ε, minus the base method's prediction
@@ -234,22 +235,23 @@ impl<'a> Model<'a> {
         let same = self.curve.points.iter().filter(|p| kind(&p.choice) == kind(choice));
         let near = |p: &&Point| (p.choice.epsilon / choice.epsilon).ln().abs();
         let nearest = same.min_by(|a, b| near(a).total_cmp(&near(b)));
-        nearest.map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Axis::Epsilon, &p.choice))
+        nearest
+            .map_or(0.0, |p| log(figure(p)) - log(figure(self.base)) - self.effect(figure, Setting::Epsilon, &p.choice))
     }
 
     /// Returns the predicted logarithm of a figure that depends on these axes only; all points measure it.
-    fn figure(&self, figure: Figure, axes: &[Axis], choice: &Choice) -> f64 {
+    fn figure(&self, figure: Figure, axes: &[Setting], choice: &Choice) -> f64 {
         let base = self.typical(figure, axes);
-        let effects: f64 = axes.iter().map(|axis| self.effect_beside(base, figure, *axis, choice)).sum();
+        let effects: f64 = axes.iter().map(|setting| self.effect_beside(base, figure, *setting, choice)).sum();
         base + effects + self.effect_of_kind(figure, choice)
     }
 
     /// Returns the median of the figure's logarithm over the base and all points that differ from it along other axes only. Single timings
     /// of stages that take a few hundredths of a second are off by tens of percent.
-    fn typical(&self, figure: Figure, axes: &[Axis]) -> f64 {
+    fn typical(&self, figure: Figure, axes: &[Setting]) -> f64 {
         let base = self.base;
         let alike = |p: &&Point| {
-            let same = |axis: &Axis| axis.of(&p.choice) == axis.of(&base.choice);
+            let same = |setting: &Setting| setting.of(&p.choice) == setting.of(&base.choice);
             kind(&p.choice) == kind(&base.choice) && p.measured_on == base.measured_on && axes.iter().all(same)
         };
         let mut values: Vec<f64> = self.curve.points.iter().filter(alike).map(|p| log(figure(p))).collect();
@@ -261,7 +263,7 @@ impl<'a> Model<'a> {
     pub(crate) fn billboards(&self, choice: &Choice) -> f64 {
         let base = self.base.billboards.max(1) as f64;
         let whole = self.curve.rest.map_or(base, |rest| (rest.billboards as f64).max(base));
-        whole * self.effect(&|p| p.billboards as f64, Axis::Epsilon, choice).exp()
+        whole * self.effect(&|p| p.billboards as f64, Setting::Epsilon, choice).exp()
     }
 
     /// Returns the predicted side of a texel of level 1, a share of R.
@@ -271,17 +273,17 @@ impl<'a> Model<'a> {
 
     fn log_texel(&self, choice: &Choice) -> f64 {
         let texel: Figure = &|p| p.texel;
-        let axes = [Axis::Epsilon, Axis::Page];
-        log(texel(self.base)) + axes.iter().map(|axis| self.effect(texel, *axis, choice)).sum::<f64>()
+        let axes = [Setting::Epsilon, Setting::Page];
+        log(texel(self.base)) + axes.iter().map(|setting| self.effect(texel, *setting, choice)).sum::<f64>()
     }
 
     fn error(&self, choice: &Choice) -> f64 {
         let error: Figure = &|p| p.image_error;
         // The effect of ε alone: the error minus the effect of the point's texel size.
         let alone = |p: &Point| log(error(p)) - self.by_texel.at(log(p.texel), Beyond::LevelBelow);
-        let line = Line::new(self.along(Axis::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
+        let line = Line::new(self.along(Setting::Epsilon).map(|p| (p.choice.epsilon.ln(), alone(p))).collect());
         let size = self.log_texel(choice);
-        let others: f64 = ALONE.iter().map(|axis| self.effect(error, *axis, choice)).sum();
+        let others: f64 = ALONE.iter().map(|setting| self.effect(error, *setting, choice)).sum();
         line.at(choice.epsilon.ln(), Beyond::Straight)
             + self.by_texel.at(size, Beyond::LevelBelow)
             + others
@@ -291,7 +293,7 @@ impl<'a> Model<'a> {
     /// Returns the seconds that each texel adds to a stage, from the smallest to the largest page in the sweep.
     fn for_a_texel(&self, stage: fn(&Point) -> f64) -> f64 {
         let size = |p: &&Point| p.choice.texture_size;
-        let (small, large) = (self.along(Axis::Page).min_by_key(size), self.along(Axis::Page).max_by_key(size));
+        let (small, large) = (self.along(Setting::Page).min_by_key(size), self.along(Setting::Page).max_by_key(size));
         let (Some(small), Some(large)) = (small, large) else { return 0.0 };
         let more = texels(&large.choice) - texels(&small.choice);
         if more > 0.0 { ((stage(large) - stage(small)) / more).max(0.0) } else { 0.0 }
@@ -300,7 +302,8 @@ impl<'a> Model<'a> {
     /// Returns the seconds to bake a texel, and the seconds that each of its samples adds.
     fn bake(&self) -> (f64, f64) {
         let count = |p: &&Point| p.choice.samples;
-        let (few, many) = (self.along(Axis::Samples).min_by_key(count), self.along(Axis::Samples).max_by_key(count));
+        let (few, many) =
+            (self.along(Setting::Samples).min_by_key(count), self.along(Setting::Samples).max_by_key(count));
         let squared = |p: &Point| (p.choice.samples * p.choice.samples) as f64;
         let all = texels(&self.base.choice);
         let sample = match (few, many) {
@@ -316,7 +319,7 @@ impl<'a> Model<'a> {
     }
 
     fn tight(&self) -> f64 {
-        let other = self.along(Axis::Tight).find(|p| p.choice.tight_pages != self.base.choice.tight_pages);
+        let other = self.along(Setting::Tight).find(|p| p.choice.tight_pages != self.base.choice.tight_pages);
         let base = self.typical(&|p| p.seconds.pack, &PACKING).exp();
         let more = other.map_or(0.0, |p| (p.seconds.pack - base).abs());
         more / self.base.choice.levels.max(1) as f64
@@ -330,12 +333,12 @@ fn texels(choice: &Choice) -> f64 {
 }
 
 /// Returns the cost of the views relative to that of a quick sweep.
-fn more_looks(looks: Looks) -> f64 {
+fn more_views(views: ViewCounts) -> f64 {
     // Cost of a direction in each measurement: approximate number of renderings, times the samples of a picture.
-    let all = |Looks { places, amounts, report, .. }: Looks| {
+    let all = |ViewCounts { places, amounts, report, .. }: ViewCounts| {
         6.0 * 36_864.0 * places as f64 + 9.0 * 36_864.0 * amounts as f64 + 262_144.0 * report as f64
     };
-    all(looks) / all(Looks::QUICK)
+    all(views) / all(ViewCounts::QUICK)
 }
 
 /// Returns the kind of a choice: the method, and whether it is the published search. Kinds have no order.

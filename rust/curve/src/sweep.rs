@@ -5,8 +5,8 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
-use leafcloud::judge::{View, render, visibility};
-use leafcloud::lod::{Chain, ChainSettings, Level, Looks, build_chain, settled_size};
+use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_size};
+use leafcloud::metrics::{View, render, visibility};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
 use leafcloud_flip::image_error;
@@ -36,7 +36,7 @@ pub struct Stages {
     /// Textures.
     pub bake: f64,
     /// Metrics.
-    pub look: f64,
+    pub metrics: f64,
 }
 
 impl Stages {
@@ -49,15 +49,15 @@ impl Stages {
             fit: sum(|level| level.seconds.fit),
             pack: sum(|level| level.seconds.pack),
             bake: sum(|level| level.seconds.bake),
-            look: sum(|level| level.seconds.look),
+            metrics: sum(|level| level.seconds.metrics),
         }
     }
 
     /// Returns the stages with their names, in order.
     #[must_use]
     pub const fn named(&self) -> [(&'static str, f64); 5] {
-        let Self { prepare, fit, pack, bake, look } = *self;
-        [("prepare", prepare), ("fit", fit), ("pack", pack), ("bake", bake), ("look", look)]
+        let Self { prepare, fit, pack, bake, metrics } = *self;
+        [("prepare", prepare), ("fit", fit), ("pack", pack), ("bake", bake), ("look", metrics)]
     }
 
     /// Returns the sum of all stages.
@@ -148,8 +148,8 @@ impl Rest {
             size: 64,
             samples: Samples::default(),
         };
-        let look = |foliage: &Foliage| timed(|| render(&[foliage], &view)).map(|(_, seconds)| seconds);
-        let view = (look(whole)? - look(sample)?).max(0.0);
+        let seconds_of = |foliage: &Foliage| timed(|| render(&[foliage], &view)).map(|(_, seconds)| seconds);
+        let view = (seconds_of(whole)? - seconds_of(sample)?).max(0.0);
         let (cloud, fit) = timed(|| fit(whole, &settings.fit, progress))?;
         Ok(Self { view, fit, billboards: cloud.planes.len() })
     }
@@ -157,7 +157,7 @@ impl Rest {
 
 /// Returns the predicted seconds for measuring the visible share of each leaf, from the time for a few of the directions.
 fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
-    let all = settings.looks.order;
+    let all = settings.views.order;
     let few = all.div_ceil(8);
     visibility(foliage, settings.up, few.min(1))?; // The first view builds the texture pyramids.
     let (_, seconds) = timed(|| visibility(foliage, settings.up, few))?;
@@ -177,17 +177,17 @@ impl Point {
         let radius = foliage.frame().radius;
         let first = &chain.levels[0];
         let pair = if first.two_sided { 2 } else { 1 };
-        let corners = |level: &Level| level.sheet.billboards.len() * level.sheet.outline_corners();
+        let corners = |level: &Level| level.atlas.billboards.len() * level.atlas.outline_corners();
         Self {
             choice,
             measured_on: foliage.triangle_count(),
             seconds: Stages::of(chain),
             peak_bytes,
-            billboards: first.sheet.billboards.len() / pair,
-            triangles: first.sheet.billboards.len() * (first.sheet.outline_corners() - 2),
-            texels: chain.levels.iter().map(|level| level.sheet.texels()).sum(),
+            billboards: first.atlas.billboards.len() / pair,
+            triangles: first.atlas.billboards.len() * (first.atlas.outline_corners() - 2),
+            texels: chain.levels.iter().map(|level| level.atlas.texels()).sum(),
             bytes: chain.levels.iter().map(|level| page_bytes(level) + 32 * corners(level) as u64).sum(),
-            texel: first.sheet.texel() * first.frame.radius / radius,
+            texel: first.atlas.texel() * first.frame.radius / radius,
             max_deviation: first.max_deviation_leaves / radius,
             mean_deviation: first.mean_deviation / radius,
             image_error: image_error(&first.pictures),
@@ -324,7 +324,7 @@ fn sampled(foliage: &Foliage, most: usize) -> Result<Option<Foliage>> {
     }
     let share = most as f64 / foliage.triangle_count() as f64;
     let ranks = prune::order(foliage, &[], 0);
-    Ok(Some(prune::thin(foliage, &ranks, share, 1.0)?.foliage))
+    Ok(Some(prune::pruned(foliage, &ranks, share, 1.0)?.foliage))
 }
 
 /// ε of a quick sweep's base.
@@ -344,7 +344,7 @@ fn quick_base(settings: &ChainSettings) -> ChainSettings {
         samples: 1,
         tight_pages: false,
     };
-    let settings = ChainSettings { looks: Looks::QUICK, ..settings.clone() };
+    let settings = ChainSettings { views: ViewCounts::QUICK, ..settings.clone() };
     quick.applied(&settings).expect("one sample is a number of samples")
 }
 

@@ -6,10 +6,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use leafcloud::atlas::AtlasSettings;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, Method};
 use leafcloud::lod::{Chain, ChainSettings};
-use leafcloud::sheet::SheetSettings;
 use leafcloud::{Foliage, Progress};
 
 use crate::choice::Choice;
@@ -129,7 +129,7 @@ pub fn offers(curve: &Curve) -> Vec<Offer> {
     let sharp = |offer: &Offer| model.texel(&offer.choice) <= MOST_TEXEL * offer.choice.epsilon;
     let two_sided = curve.settings.back_sides.unwrap_or(true);
     let fits = |offer: &Offer| {
-        let room = SheetSettings::of_size(offer.choice.page(&curve.settings), two_sided).room();
+        let room = AtlasSettings::of_size(offer.choice.page(&curve.settings), two_sided).room();
         model.billboards(&offer.choice) <= MOST_ROOM * room as f64
     };
     for wanted in [&fits as &dyn Fn(&Offer) -> bool, &sharp] {

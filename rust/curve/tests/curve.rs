@@ -3,12 +3,12 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use leafcloud::atlas::PageSize;
 use leafcloud::error::Error;
 use leafcloud::fit::{Effort, FitSettings, Method};
 use leafcloud::lod::{Chain, ChainSettings, PruneSettings, build_chain};
-use leafcloud::sheet::PageSize;
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_curve::chart::{Chart, Cost, Size};
+use leafcloud_curve::chart::{Chart, ChartSize, Cost};
 use leafcloud_curve::{
     Choice, Curve, Model, Point, Preset, Stages, Sweep, Wish, build_within, front, measure, offers, sweep,
 };
@@ -263,7 +263,7 @@ fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     found
 }
 
-fn assert_texts_lie_apart(chart: &Chart, size: Size) -> Vec<String> {
+fn assert_texts_lie_apart(chart: &Chart, size: ChartSize) -> Vec<String> {
     let texts = texts(&chart.svg(size).unwrap());
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     for (i, (name, a)) in texts.iter().enumerate() {
@@ -320,7 +320,7 @@ fn charts_have_units_and_texts_that_do_not_touch() {
     for cost in Cost::ALL {
         let chart = Chart::of_points("a tree: what accuracy costs", &curve.points, cost);
         for (width, height) in [(960, 640), (640, 440)] {
-            let texts = assert_texts_lie_apart(&chart, Size { width, height, text: 1.0 });
+            let texts = assert_texts_lie_apart(&chart, ChartSize { width, height, text: 1.0 });
             let unit = ["(s)", "(count)", "(MiB)"][cost as usize];
             assert!(texts.iter().any(|t| t.contains(unit)), "{texts:?}");
             assert!(texts.iter().any(|t| t.contains("image error (mean FLIP, 0 to 1)")));
@@ -334,7 +334,7 @@ fn charts_have_units_and_texts_that_do_not_touch() {
 fn offers_have_names_that_do_not_touch() {
     let chart = Chart::of_offers("a tree", &offers(&lawful()));
     for text in [1.0, 2.0] {
-        let texts = assert_texts_lie_apart(&chart, Size { width: 640, height: 480, text });
+        let texts = assert_texts_lie_apart(&chart, ChartSize { width: 640, height: 480, text });
         assert!(Preset::ALL.iter().all(|preset| texts.iter().any(|t| t == preset.name())), "{texts:?}");
     }
 }
@@ -343,13 +343,13 @@ fn offers_have_names_that_do_not_touch() {
 fn pictures_have_the_requested_size() {
     let curve = lawful();
     let chart = Chart::of_offers("a tree", &offers(&curve));
-    let size = Size { width: 480, height: 320, text: 1.0 };
+    let size = ChartSize { width: 480, height: 320, text: 1.0 };
     let picture = chart.picture(size).unwrap();
     assert_eq!((picture.width(), picture.height()), (480, 320));
     assert!(picture.pixels().iter().all(|p| p[3] == 255));
     assert!(picture.pixels().iter().any(|p| *p != [255; 4]));
-    assert!(chart.svg(Size { width: 100, ..size }).unwrap_err().to_string().contains("from 240 to 8192"));
-    assert!(chart.svg(Size { text: f64::NAN, ..size }).unwrap_err().to_string().contains("from 0.5 to 4"));
+    assert!(chart.svg(ChartSize { width: 100, ..size }).unwrap_err().to_string().contains("from 240 to 8192"));
+    assert!(chart.svg(ChartSize { text: f64::NAN, ..size }).unwrap_err().to_string().contains("from 0.5 to 4"));
     assert!(Chart::of_points("", &[], Cost::Bytes).svg(size).unwrap_err().to_string().contains("no points"));
     assert!(Cost::from_name("euro").unwrap_err().to_string().contains("seconds, billboards, bytes"));
     let other = Choice { method: Method::Density, effort: Effort::Default, ..curve.points[0].choice };

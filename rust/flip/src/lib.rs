@@ -7,7 +7,7 @@
 //! `image_error` or a `preset`).
 
 use leafcloud::Image;
-use leafcloud::judge::Comparison;
+use leafcloud::metrics::Comparison;
 use rayon::prelude::*;
 
 /// Returns the image error of a level against its base, in [0, 1]: the mean of [`flip`] over all views, rounded to three digits, because

@@ -1,7 +1,7 @@
 //! The KTX 2.0 container (Khronos Group, "KTX File Format Specification", 2.0; data format descriptors: "Khronos Data Format
 //! Specification", 1.3).
 
-use crate::{Codes, Error, Level};
+use crate::{Codes, Error, MipLevel};
 
 const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'\r', b'\n', 0x1A, b'\n'];
 const HEADER: usize = 80;
@@ -17,7 +17,7 @@ const EFFORT: i32 = 9;
 ///
 /// # Errors
 /// Zstandard fails, or the file would not fit its 32-bit offsets.
-pub fn write(levels: &[Level], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u8>, Error> {
+pub fn write(levels: &[MipLevel], blocks: &[Vec<u8>], codes: Codes) -> Result<Vec<u8>, Error> {
     let pack = |blocks: &Vec<u8>| zstd::bulk::compress(blocks, EFFORT).map_err(|e| Error::Encoder(e.to_string()));
     let packed: Vec<Vec<u8>> = blocks.iter().map(pack).collect::<Result<_, _>>()?;
     let descriptor = data_format_descriptor(codes);

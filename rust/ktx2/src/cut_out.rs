@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use crate::uastc::{self, BLOCK, Picture};
-use crate::{Codes, CutOut, Error, GoesOn, Level};
+use crate::{Codes, CutOut, Error, GoesOn, MipLevel};
 
 /// Rows of pixels in a strip.
 const STRIP: usize = 64;
@@ -30,7 +30,7 @@ const COLUMNS: usize = 64;
 ///
 /// # Errors
 /// A failure of the encoder; [`Error::Cancelled`] once `goes_on` returns false.
-pub fn compress(level: &Level, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
+pub fn compress(level: &MipLevel, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     let cutoffs = cutoffs(level);
     let strips = level.pixels.par_chunks(level.width * STRIP).zip(cutoffs.par_chunks(level.width * STRIP));
     let strips = strips.map(|(pixels, cutoffs)| {
@@ -43,7 +43,7 @@ pub fn compress(level: &Level, codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>
 }
 
 /// Returns the cutoff of each pixel; 0 if nothing is cut out there.
-fn cutoffs(level: &Level) -> Vec<u8> {
+fn cutoffs(level: &MipLevel) -> Vec<u8> {
     let mut cutoffs = vec![0; level.pixels.len()];
     for &CutOut { x, y, width, height, code } in level.cut_outs {
         let columns = x.min(level.width)..(x + width).min(level.width);
@@ -159,7 +159,7 @@ mod tests {
         // Alpha in the lower half only; the last strip has a few rows.
         let pixel = |i: usize| [(i * 7) as u8, (i / 3) as u8, 30, if i < 72 * 72 { 255 } else { (i * 5) as u8 }];
         let pixels: Vec<[u8; 4]> = (0..72 * 144).map(pixel).collect();
-        let level = Level { width: 72, height: 144, pixels: &pixels, cut_outs: &[] };
+        let level = MipLevel { width: 72, height: 144, pixels: &pixels, cut_outs: &[] };
         for codes in [Codes::Srgb, Codes::Linear] {
             let whole = uastc::compress(Picture { width: 72, height: 144, pixels: &pixels }, codes).unwrap();
             assert_eq!(compress(&level, codes, &|| true).unwrap(), whole.blocks().unwrap());

@@ -12,7 +12,7 @@ use thiserror::Error;
 
 /// One mip level: rows from the top, straight alpha.
 #[derive(Clone, Copy, Debug)]
-pub struct Level<'a> {
+pub struct MipLevel<'a> {
     /// Pixels in a row.
     pub width: usize,
     /// Rows.
@@ -73,13 +73,13 @@ pub type GoesOn<'a> = dyn Fn() -> bool + Sync + 'a;
 /// No levels; a side of the first level that is above [`LARGEST`] or no multiple of 4 (glTF requires that); a level that is not half the
 /// size of the one before or does not have width × height pixels; too many levels; a failure of the encoder; [`Error::Cancelled`] once
 /// `goes_on` returns false.
-pub fn encode(levels: &[Level], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
+pub fn encode(levels: &[MipLevel], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     check(levels)?;
     let blocks = levels.iter().map(|level| cut_out::compress(level, codes, goes_on)).collect::<Result<Vec<_>, _>>()?;
     container::write(levels, &blocks, codes)
 }
 
-fn check(levels: &[Level]) -> Result<(), Error> {
+fn check(levels: &[MipLevel]) -> Result<(), Error> {
     let refuse = |message: String| Err(Error::Levels(message));
     let Some(first) = levels.first() else { return refuse("there are no levels; give at least one".to_owned()) };
     let side = |length: usize| (4..=LARGEST).contains(&length) && length.is_multiple_of(4);

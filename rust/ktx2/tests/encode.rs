@@ -1,7 +1,7 @@
 //! Encoded files, read back by an independent implementation: the transcoder of the crate `basisu`.
 
 use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
-use leafcloud_ktx2::{Codes, CutOut, Error, Level, encode};
+use leafcloud_ktx2::{Codes, CutOut, Error, MipLevel, encode};
 
 /// A leaf-like picture: green discs of several shades on a transparent background.
 fn picture(side: usize) -> Vec<[u8; 4]> {
@@ -18,8 +18,8 @@ fn chain(side: usize) -> Vec<(usize, Vec<[u8; 4]>)> {
     std::iter::successors(Some(side), |s| (*s > 1).then_some(s / 2)).map(|s| (s, picture(s))).collect()
 }
 
-fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<Level<'_>> {
-    chain.iter().map(|(side, pixels)| Level { width: *side, height: *side, pixels, cut_outs: &[] }).collect()
+fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<MipLevel<'_>> {
+    chain.iter().map(|(side, pixels)| MipLevel { width: *side, height: *side, pixels, cut_outs: &[] }).collect()
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn cut_out_pixels_stay_cut_out() {
     for (pixels, cutoff) in [(picture(128), 128), (noise(128, 26), 26), (noise(128, 128), 128), (noise(128, 230), 230)]
     {
         let cut_outs = [CutOut { x: 0, y: 0, width: 128, height: 128, code: cutoff }];
-        let level = Level { width: 128, height: 128, pixels: &pixels, cut_outs: &cut_outs };
+        let level = MipLevel { width: 128, height: 128, pixels: &pixels, cut_outs: &cut_outs };
         let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
         let changed = shown.iter().zip(&pixels).filter(|(shown, p)| (**shown >= cutoff) != (p[3] >= cutoff)).count();
         assert_eq!(changed, 0, "of {} pixels, cut out at {cutoff}", pixels.len());
@@ -78,7 +78,7 @@ fn parts_of_a_picture_have_cutoffs_of_their_own() {
     let (left, right) = (noise(64, 26), noise(64, 200));
     let pixels: Vec<[u8; 4]> = left.chunks(64).zip(right.chunks(64)).flat_map(|(a, b)| [a, b].concat()).collect();
     let half = |x: usize, code: u8| CutOut { x, y: 0, width: 64, height: 64, code };
-    let level = Level { width: 128, height: 64, pixels: &pixels, cut_outs: &[half(0, 26), half(64, 200)] };
+    let level = MipLevel { width: 128, height: 64, pixels: &pixels, cut_outs: &[half(0, 26), half(64, 200)] };
     let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
     let cutoff = |i: usize| if i % 128 < 64 { 26 } else { 200 };
     let changed = (0..pixels.len()).filter(|&i| (shown[i] >= cutoff(i)) != (pixels[i][3] >= cutoff(i)));
@@ -118,8 +118,8 @@ fn the_same_pictures_give_the_same_bytes() {
 #[test]
 fn anything_but_a_mip_chain_is_refused() {
     let (four, two) = (picture(4), picture(2));
-    let level = |width: usize, height: usize, pixels| Level { width, height, pixels, cut_outs: &[] };
-    let message = |levels: &[Level]| match encode(levels, Codes::Srgb, &|| true) {
+    let level = |width: usize, height: usize, pixels| MipLevel { width, height, pixels, cut_outs: &[] };
+    let message = |levels: &[MipLevel]| match encode(levels, Codes::Srgb, &|| true) {
         Err(Error::Levels(message)) => message,
         other => panic!("{other:?}"),
     };

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use leafcloud::fit::Named;
-use leafcloud_curve::chart::{Chart, Cost, Size};
+use leafcloud_curve::chart::{Chart, ChartSize, Cost};
 use leafcloud_curve::{Choice, Curve, Model, Offer, Point, Prediction, Preset, Sweep, offers};
 use numpy::PyArray3;
 use pyo3::prelude::*;
@@ -67,7 +67,7 @@ impl PyCurve {
 
     #[pyo3(signature = (over = "seconds", *, title = "", width = 960, height = 640, text = 1.0))]
     fn svg(&self, py: Python<'_>, over: &str, title: &str, width: u32, height: u32, text: f64) -> PyResult<String> {
-        let size = Size { width, height, text };
+        let size = ChartSize { width, height, text };
         let (curve, over, title) = (self.clone(), over.to_owned(), title.to_owned());
         interruptible(py, move |_| curve.chart(&over, &title)?.svg(size))
     }
@@ -82,7 +82,7 @@ impl PyCurve {
         height: u32,
         text: f64,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let size = Size { width, height, text };
+        let size = ChartSize { width, height, text };
         let (curve, over, title) = (self.clone(), over.to_owned(), title.to_owned());
         let image = interruptible(py, move |_| curve.chart(&over, &title)?.picture(size))?;
         image_array(py, &image)

@@ -19,7 +19,7 @@ pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u
     let sizes = levels.iter().map(|image| (image.width(), image.height()));
     let cut_outs: Vec<Vec<CutOut>> =
         sizes.enumerate().map(|(number, size)| cut_outs(level, channel, number, size)).collect();
-    let mips = levels.iter().zip(&cut_outs).map(|(image, cut_outs)| leafcloud_ktx2::Level {
+    let mips = levels.iter().zip(&cut_outs).map(|(image, cut_outs)| leafcloud_ktx2::MipLevel {
         width: image.width(),
         height: image.height(),
         pixels: image.pixels(),
@@ -33,7 +33,7 @@ pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u
 
 fn cut_outs(level: &Level, channel: &str, number: usize, (columns, rows): (usize, usize)) -> Vec<CutOut> {
     let regions = level.cut_outs(channel, number, columns, rows).into_iter();
-    let cut_out = |(region, code): (leafcloud::sheet::Region, u8)| CutOut {
+    let cut_out = |(region, code): (leafcloud::atlas::Region, u8)| CutOut {
         x: region.x,
         y: region.y,
         width: region.width,

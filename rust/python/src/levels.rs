@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use leafcloud::atlas::Billboard;
 use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, Level, share_page};
-use leafcloud::sheet::Billboard;
 use leafcloud::{Cloud, Error};
 use leafcloud_curve::{Offer, Stages};
 use leafcloud_flip::image_error;
@@ -122,7 +122,7 @@ impl PyChain {
 
     #[getter]
     fn look_seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let seconds = self.chain.look_seconds;
+        let seconds = self.chain.measuring_seconds;
         let dict = PyDict::new(py);
         dict.set_item("order", seconds.order)?;
         dict.set_item("sky", seconds.sky)?;
@@ -150,7 +150,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { ranks, pivots, growth, contrast, kept, look_seconds, prepare_seconds, .. } = chain.as_ref();
+        let Chain { ranks, pivots, growth, contrast, kept, measuring_seconds, prepare_seconds, .. } = chain.as_ref();
         Chain {
             levels: Vec::new(),
             ranks: ranks.clone(),
@@ -158,7 +158,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             growth: *growth,
             contrast: *contrast,
             kept: kept.clone(),
-            look_seconds: *look_seconds,
+            measuring_seconds: *measuring_seconds,
             prepare_seconds: *prepare_seconds,
         }
     };
@@ -209,22 +209,22 @@ impl PyLevel {
 
     #[getter]
     fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let (frame, sheet) = (self.level().frame, &self.level().sheet);
-        let corners = sheet.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_caller(p));
+        let (frame, atlas) = (self.level().frame, &self.level().atlas);
+        let corners = atlas.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_caller(p));
         let flat: Vec<f64> = corners.flat_map(|p| p.to_array()).collect();
-        flat.into_pyarray(py).reshape([sheet.billboards.len(), sheet.outline_corners(), 3])
+        flat.into_pyarray(py).reshape([atlas.billboards.len(), atlas.outline_corners(), 3])
     }
 
     #[getter]
     fn uvs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let sheet = &self.level().sheet;
-        let flat: Vec<f32> = sheet.billboards.iter().flat_map(|b| sheet.uvs(b)).flatten().collect();
-        flat.into_pyarray(py).reshape([sheet.billboards.len(), sheet.outline_corners(), 2])
+        let atlas = &self.level().atlas;
+        let flat: Vec<f32> = atlas.billboards.iter().flat_map(|b| atlas.uvs(b)).flatten().collect();
+        flat.into_pyarray(py).reshape([atlas.billboards.len(), atlas.outline_corners(), 2])
     }
 
     #[getter]
     fn plane_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let ids: Vec<u32> = self.level().sheet.billboards.iter().map(|b| b.plane).collect();
+        let ids: Vec<u32> = self.level().atlas.billboards.iter().map(|b| b.plane).collect();
         ids.into_pyarray(py)
     }
 
@@ -293,12 +293,12 @@ impl PyLevel {
 
     #[getter]
     fn texels(&self) -> usize {
-        self.level().sheet.texels()
+        self.level().atlas.texels()
     }
 
     #[getter]
     fn texel_size(&self) -> f64 {
-        self.level().sheet.texel() * self.level().frame.radius
+        self.level().atlas.texel() * self.level().frame.radius
     }
 
     #[getter]
@@ -308,7 +308,7 @@ impl PyLevel {
 
     #[getter]
     fn occupancy(&self) -> f64 {
-        self.level().sheet.occupancy()
+        self.level().atlas.occupancy()
     }
 
     #[getter]
@@ -363,7 +363,7 @@ impl PyLevel {
         dict.set_item("fit", seconds.fit)?;
         dict.set_item("pack", seconds.pack)?;
         dict.set_item("bake", seconds.bake)?;
-        dict.set_item("look", seconds.look)?;
+        dict.set_item("look", seconds.metrics)?;
         Ok(dict)
     }
 

@@ -1,9 +1,9 @@
 //! Conversion of keyword options to the core's settings. Each option is removed when read; the remaining ones are unknown and refused.
 
 use glam::DVec3;
+use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
-use leafcloud::lod::{ChainSettings, Looks, PruneSettings};
-use leafcloud::sheet::PageSize;
+use leafcloud::lod::{ChainSettings, PruneSettings, ViewCounts};
 use leafcloud::textures::Channels;
 use leafcloud_curve::{Preset, Sweep, Wish};
 use pyo3::prelude::*;
@@ -152,10 +152,10 @@ impl<'py> Options<'py> {
             blended: self.flag("blended", default.blended)?,
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
             pixels: self.number("pixels", default.pixels)?,
-            looks: if self.flag("order_by_visibility", true)? {
-                default.looks
+            views: if self.flag("order_by_visibility", true)? {
+                default.views
             } else {
-                Looks { order: 0, ..default.looks }
+                ViewCounts { order: 0, ..default.views }
             },
         })
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use leafcloud::judge::{self, View};
+use leafcloud::metrics::{self, View};
 use leafcloud::textures::Samples;
 use leafcloud::textures::image::write_png as core_write_png;
 use leafcloud::{gltf, prune, transition as laws};
@@ -43,7 +43,7 @@ pub fn render<'py>(
     let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
     let image = interruptible(py, move |_| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
-        judge::render(&parts, &view)
+        metrics::render(&parts, &view)
     })?;
     arrays::image_array(py, &image)
 }

@@ -22,7 +22,7 @@ pub struct Vertices {
 }
 
 /// A corner of the trunk: index of the triangle, and 0 to 2 for its corner.
-type Corner = (usize, usize);
+type TriangleCorner = (usize, usize);
 
 impl Vertices {
     /// Returns the vertices of the `triangles` of `trunk`. `places` are the positions of their corners (3 t).
@@ -31,7 +31,7 @@ impl Vertices {
         // Adding zero turns −0 into 0.
         let place = |corner: usize| (places[corner].as_vec3() + Vec3::ZERO).to_array();
         let key = |corner: usize| {
-            (bits(place(corner)), bits(look(trunk, in_trunk(corner))), material(trunk, in_trunk(corner)))
+            (bits(place(corner)), bits(attributes_of(trunk, in_trunk(corner))), material(trunk, in_trunk(corner)))
         };
         let (of_corner, count) = number_by_appearance((0..places.len()).map(key));
         let corners = first_of_each(&of_corner, count);
@@ -39,7 +39,7 @@ impl Vertices {
         let seams: Vec<_> = of_vertex().map(|corner| seam(trunk, in_trunk(corner))).collect();
         Self {
             places: of_vertex().map(place).collect(),
-            attributes: of_vertex().map(|corner| look(trunk, in_trunk(corner))).collect(),
+            attributes: of_vertex().map(|corner| attributes_of(trunk, in_trunk(corner))).collect(),
             on_seam: differing(of_vertex().map(|corner| bits(place(corner))), &seams),
             corners,
             of_corner,
@@ -59,16 +59,16 @@ fn differing<K: std::hash::Hash + Eq, V: PartialEq>(keys: impl Iterator<Item = K
 }
 
 /// Returns the attributes that make a seam if they differ: texture coordinates, color, material.
-fn seam(trunk: &Foliage, corner: Corner) -> ([u32; 6], u32) {
-    let [u, v, _, _, _, r, g, b, a] = look(trunk, corner);
+fn seam(trunk: &Foliage, corner: TriangleCorner) -> ([u32; 6], u32) {
+    let [u, v, _, _, _, r, g, b, a] = attributes_of(trunk, corner);
     (bits([u, v, r, g, b, a]), material(trunk, corner))
 }
 
-fn material(trunk: &Foliage, (triangle, _): Corner) -> u32 {
+fn material(trunk: &Foliage, (triangle, _): TriangleCorner) -> u32 {
     trunk.attributes().material_ids.get(triangle).copied().unwrap_or(0)
 }
 
-fn look(trunk: &Foliage, (triangle, k): Corner) -> [f32; ATTRIBUTES] {
+fn attributes_of(trunk: &Foliage, (triangle, k): TriangleCorner) -> [f32; ATTRIBUTES] {
     let attributes = trunk.attributes();
     let [u, v] = attributes.uvs.get(triangle).map_or([0.0; 2], |t| t[k].to_array());
     let [x, y, z] = attributes.normals.get(triangle).map_or([0.0; 3], |t| t[k].normalize_or_zero().to_array());

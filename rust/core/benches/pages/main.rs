@@ -8,13 +8,13 @@ mod common;
 use std::time::Instant;
 
 use glam::DVec3;
+use leafcloud::atlas::{Atlas, AtlasSettings, Region};
 use leafcloud::fit::{FitSettings, fit};
 use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
-use leafcloud::judge::{Judge, Views};
 use leafcloud::lod::settled_size;
+use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::{OutlineSettings, outlines};
-use leafcloud::sheet::{Region, Sheet, SheetSettings};
 use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, for_plain_means, mips};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
@@ -44,7 +44,7 @@ struct Level {
     foliage: Foliage,
     cloud: Cloud,
     projection: Projection,
-    sheet: Sheet,
+    atlas: Atlas,
     packing: f64,
 }
 
@@ -57,9 +57,9 @@ impl Level {
         let shape = OutlineSettings { corners: 4 };
         let seen = Opacity::of(&foliage);
         let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &seen, shape);
-        let settings = SheetSettings::of_size(SIDE, true);
-        let (sheet, packing) = timed(|| Sheet::pack(&cloud.planes, &found, settings).expect("they fit"));
-        Self { foliage, cloud, projection, sheet, packing }
+        let settings = AtlasSettings::of_size(SIDE, true);
+        let (atlas, packing) = timed(|| Atlas::pack(&cloud.planes, &found, settings).expect("they fit"));
+        Self { foliage, cloud, projection, atlas, packing }
     }
 
     fn page(&self, channels: &Channels) -> Page {
@@ -69,7 +69,7 @@ impl Level {
             let (targets, corners) = (self.projection.targets[t], self.foliage.corners(t));
             Drawn { reach: f64::INFINITY, foliage: &self.foliage, triangle: t, targets, corners }
         };
-        bake(&self.sheet, Samples::default(), (channels, None), |plane| {
+        bake(&self.atlas, Samples::default(), (channels, None), |plane| {
             groups.get(plane as usize).iter().map(drawn).collect()
         })
     }
@@ -77,8 +77,8 @@ impl Level {
 
 /// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
 /// the page for engines, and of the mip levels in KTX2.
-fn coverage(page: &Page, sheet: &Sheet) -> Vec<[f64; 3]> {
-    let regions: Vec<Region> = sheet.billboards.iter().map(|b| b.region).collect();
+fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
+    let regions: Vec<Region> = atlas.billboards.iter().map(|b| b.region).collect();
     let (engine, lower) = for_plain_means(&page.base_color, CUTOFF);
     let whole = mips::area(&page.base_color, CUTOFF);
     let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {
@@ -114,19 +114,19 @@ fn main() {
         let alpha: u64 = page.base_color.pixels().iter().map(|p| u64::from(p[3])).sum();
         let covered = page.base_color.pixels().iter().filter(|p| p[3] > 0).count() as f64 / texels;
         let views = Views { count: 12, size: 64, samples: Samples::default(), up: DVec3::Z, turn: 0.0 };
-        let judge = Judge::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
-        let billboards = leafcloud::lod::billboards(&level.sheet, level.foliage.frame(), page.material(CUTOFF, false));
+        let reference = Reference::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
+        let billboards = leafcloud::lod::billboards(&level.atlas, level.foliage.frame(), page.material(CUTOFF, false));
         let billboards = billboards.expect("billboards with an area");
-        let (_, judging) = timed(|| judge.compare(&billboards).expect("a picture with pixels"));
+        let (_, seconds_of_metrics) = timed(|| reference.compare(&billboards).expect("a picture with pixels"));
         println!(
-            "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {:.1} % | {judging:.3} |",
+            "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {:.1} % | {seconds_of_metrics:.3} |",
             level.cloud.planes.len(),
             level.packing,
-            level.sheet.occupancy(),
+            level.atlas.occupancy(),
             alpha as f64 / 255.0 * 16.0 * 2.0 / seconds / 1e6,
             (2 * BYTES) as f64 * texels / seconds / copied * 100.0,
         );
-        tables.push((name, coverage(&page, &level.sheet)));
+        tables.push((name, coverage(&page, &level.atlas)));
     }
     println!();
     println!("## Mips");

@@ -6,9 +6,9 @@ mod common;
 use glam::{DVec3, Vec3, Vec4};
 use leafcloud::foliage::{Foliage, Image, Material};
 use leafcloud::gltf;
-use leafcloud::judge::{Judge, View, Views, render, visibility};
-use leafcloud::lod::{PruneSettings, pruned_look};
-use leafcloud::prune::{leaf_scale, order, thin, toward_mean};
+use leafcloud::lod::{PruneSettings, prune_trends};
+use leafcloud::metrics::{Reference, View, Views, render, visibility};
+use leafcloud::prune::{leaf_scale, order, pruned, toward_mean};
 use leafcloud::textures::Samples;
 use leafcloud::transition::leaf_pivots;
 
@@ -25,8 +25,8 @@ fn views() -> Views {
     Views { count: 8, size: SIZE, samples: Samples::default(), up: DVec3::Z, turn: 0.5 }
 }
 
-fn judge(foliage: &Foliage, views: Views) -> Judge {
-    Judge::new(&[foliage], foliage.frame(), views).expect("pictures have pixels")
+fn reference(foliage: &Foliage, views: Views) -> Reference {
+    Reference::new(&[foliage], foliage.frame(), views).expect("pictures have pixels")
 }
 
 /// Prunes the leaves and scales them by r/λ, as Gomez does.
@@ -42,15 +42,15 @@ fn linearly(foliage: &Foliage, ranks: &[f32], keep: f64) -> Foliage {
 
 /// Returns the coverage over that of all leaves for each λ: with area scale and measured growth, with area scale alone, with linear scale.
 fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
-    let judge = judge(foliage, views());
-    let seen = |foliage: &Foliage| judge.glance(foliage).expect("pixels").coverage / SEEDS as f64;
+    let reference = reference(foliage, views());
+    let seen = |foliage: &Foliage| reference.agreement(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
     let visible = visibility(foliage, DVec3::Z, 16).expect("pixels");
     for seed in 0..SEEDS {
         let ranks = order(foliage, &visible, seed);
-        let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
+        let growth = prune_trends::growth(foliage, &ranks, DVec3::Z).expect("pixels");
         for (i, &keep) in KEEPS.iter().enumerate() {
-            let by_area = |growth: f64| thin(foliage, &ranks, keep, growth).expect("leaves are left").foliage;
+            let by_area = |growth: f64| pruned(foliage, &ranks, keep, growth).expect("leaves are left").foliage;
             means[0][i] += seen(&by_area(growth.factor(keep)));
             means[1][i] += seen(&by_area(1.0));
             means[2][i] += seen(&linearly(foliage, &ranks, keep));
@@ -143,10 +143,10 @@ fn main() {
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
                 let ranks = order(foliage, &seen, seed);
-                let growth = pruned_look::growth(foliage, &ranks, DVec3::Z).expect("pixels");
-                let trend = pruned_look::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
+                let growth = prune_trends::growth(foliage, &ranks, DVec3::Z).expect("pixels");
+                let trend = prune_trends::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
                 let kappa = trend.factor(KEEP).min(1.0);
-                let pruned = thin(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
+                let pruned = pruned(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
                 [
                     kappa,
                     colors(&pulled(&pruned, mean, kappa), foliage, size).1 / all,

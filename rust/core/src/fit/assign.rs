@@ -22,13 +22,13 @@ const SLABS_AT_ONCE: usize = 16;
 const FACING: f32 = 1.0;
 
 /// Returns the cheapest parent of each piece; the earliest of equal ones. `None` if no slab holds the piece.
-pub fn parents(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> Vec<Option<u32>> {
+pub fn parents(pieces: &Pieces, slabs: &[Slab], parent_cost: &ParentCost) -> Vec<Option<u32>> {
     let mut best: Vec<(f32, u32)> = vec![(f32::INFINITY, u32::MAX); pieces.len()];
     best.par_chunks_mut(TASK).enumerate().for_each(|(number, best)| {
         let first = number * TASK;
         for (k, slab) in (0u32..).zip(slabs) {
             for i in pieces.held_in(slab, first..first + best.len()) {
-                let cost = choice.cost(pieces, i as usize, slab, k as usize);
+                let cost = parent_cost.cost(pieces, i as usize, slab, k as usize);
                 let best = &mut best[i as usize - first];
                 if cost < best.0 {
                     *best = (cost, k);
@@ -41,7 +41,7 @@ pub fn parents(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> Vec<Option<u
 
 /// Cost of a parent plane for a piece.
 #[derive(Clone, Debug, Default)]
-pub struct Choice {
+pub struct ParentCost {
     /// Weight of 1 − |cos|.
     pub facing: f32,
     /// Weight of the squared distance (in R) between the piece and the middle of the plane's pieces.
@@ -50,12 +50,12 @@ pub struct Choice {
     middles: Vec<Vec3>,
 }
 
-impl Choice {
+impl ParentCost {
     pub fn new(facing: f32, gather: f32) -> Self {
         Self { facing, gather, middles: Vec::new() }
     }
 
-    /// Returns the same choice with the middles of the pieces that each slab has as parent.
+    /// Returns the same cost with the middles of the pieces that each slab has as parent.
     pub fn gathered(&self, pieces: &Pieces, slabs: &[Slab], parents: &[Option<u32>]) -> Self {
         let mut sums = vec![(DVec3::ZERO, 0.0); slabs.len()];
         for (i, parent) in parents.iter().enumerate() {
@@ -83,7 +83,13 @@ impl Choice {
 }
 
 /// Gives the triangles of a leaf one parent if any slab holds them all: the cheapest such slab. `parents` has one entry per triangle.
-pub fn reunite_leaves(pieces: &Pieces, slabs: &[Slab], choice: &Choice, foliage: &Foliage, parents: &mut [u32]) {
+pub fn reunite_leaves(
+    pieces: &Pieces,
+    slabs: &[Slab],
+    parent_cost: &ParentCost,
+    foliage: &Foliage,
+    parents: &mut [u32],
+) {
     let leaf_ids = foliage.leaf_ids();
     let mut sizes = vec![0u32; foliage.leaf_count()];
     for &leaf in leaf_ids {
@@ -98,7 +104,7 @@ pub fn reunite_leaves(pieces: &Pieces, slabs: &[Slab], choice: &Choice, foliage:
         parts.sort_unstable();
         let whole = parts.chunk_by(|a, b| a.0 == b.0).filter_map(|part| {
             let triangles: usize = part.iter().map(|&(_, i)| pieces.triangles(i).len()).sum();
-            let cost = || part.iter().map(|&(_, i)| choice.cost(pieces, i, slab, number)).sum();
+            let cost = || part.iter().map(|&(_, i)| parent_cost.cost(pieces, i, slab, number)).sum();
             (triangles == sizes[part[0].0 as usize] as usize).then(|| (part[0].0, cost()))
         });
         whole.collect()
@@ -125,7 +131,7 @@ pub fn reunite_leaves(pieces: &Pieces, slabs: &[Slab], choice: &Choice, foliage:
 /// Returns the share of their weight that pieces keep when each is projected onto its parent's plane.
 pub fn kept_share(pieces: &Pieces, slabs: &[Slab]) -> f64 {
     let (mut kept, mut whole) = (0.0, 0.0);
-    for (i, parent) in parents(pieces, slabs, &Choice::new(FACING, 0.0)).into_iter().enumerate() {
+    for (i, parent) in parents(pieces, slabs, &ParentCost::new(FACING, 0.0)).into_iter().enumerate() {
         let weight = f64::from(pieces.weight(i));
         let facing = parent.map_or(0.0, |k| pieces.facing(i, slabs[k as usize].plane.normal.as_vec3()));
         whole += weight;

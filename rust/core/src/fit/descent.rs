@@ -82,7 +82,7 @@ pub fn descend(
     let mut best = slabs.clone();
     let mut search = *search;
     search.guard.slope = SLOPE;
-    let mut state = State::new(pieces, search, slabs);
+    let mut state = DescentState::new(pieces, search, slabs);
     for step in 0..plan.steps {
         if step % PATIENCE == 0 {
             progress.tell("fit", step as f64 / plan.steps as f64)?;
@@ -108,7 +108,7 @@ pub fn descend(
     Ok(best)
 }
 
-struct State<'a> {
+struct DescentState<'a> {
     pieces: &'a Pieces<'a>,
     search: Search<'a>,
     /// `None` for dropped slabs.
@@ -129,7 +129,7 @@ struct State<'a> {
     place: Vec<u32>,
 }
 
-impl<'a> State<'a> {
+impl<'a> DescentState<'a> {
     fn new(pieces: &'a Pieces<'a>, search: Search<'a>, slabs: Vec<Slab>) -> Self {
         let n = pieces.len();
         Self::with_weights(pieces, search, slabs, vec![UNIT; n])
@@ -308,7 +308,7 @@ mod tests {
     use crate::common::stability::case;
 
     /// Counts the differences between the state, updated by moves, and the same values computed from scratch.
-    fn drifted(state: &State) -> usize {
+    fn drifted(state: &DescentState) -> usize {
         let mut servers = vec![Vec::new(); state.pieces.len()];
         for (number, slab) in state.slabs.iter().enumerate() {
             let Some(slab) = slab else { continue };
@@ -339,7 +339,7 @@ mod tests {
         let guard = Guard { facing: 0.0, slope: SLOPE };
         let search = Search { guard, bin: 0.01, reach: f32::INFINITY, favour: &favour, seed: 5 };
         let slabs = (0..20).map(|i| pieces.own_slab(i * 19, f32::INFINITY)).collect();
-        let mut state = State::new(&pieces, search, slabs);
+        let mut state = DescentState::new(&pieces, search, slabs);
         let mut wrong = drifted(&state);
         for step in 0..300 {
             if state.unserved.is_empty() || step % 60 == 59 {

@@ -28,14 +28,14 @@ pub struct Draft {
 }
 
 /// Input of the drafts.
-pub struct Source<'a> {
+pub struct DraftSource<'a> {
     pub foliage: &'a Foliage,
     pub axes: Axes,
     pub bounds: &'a Bounds,
     pub opacity: &'a Opacity,
 }
 
-impl Source<'_> {
+impl DraftSource<'_> {
     /// Returns whether the leaf is no wider than a slab is thick: keeping it whole then costs next to nothing.
     pub fn is_small(&self, triangles: &[u32]) -> bool {
         let corners = triangles.iter().flat_map(|&t| self.foliage.corners(t as usize));

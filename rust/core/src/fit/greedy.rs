@@ -44,7 +44,7 @@ const HEAVIEST: f64 = 4e6;
 
 /// Returns slabs that serve each piece at least once.
 pub fn cover(pieces: &Pieces, plan: GreedyPlan, search: &Search, progress: Progress) -> Result<Vec<Slab>> {
-    let mut state = State::new(pieces, plan, search);
+    let mut state = GreedyState::new(pieces, plan, search);
     let whole = state.left();
     let mut slabs = Vec::new();
     while !state.remaining.is_empty() {
@@ -71,7 +71,7 @@ pub fn cover(pieces: &Pieces, plan: GreedyPlan, search: &Search, progress: Progr
     Ok(slabs)
 }
 
-struct State<'a> {
+struct GreedyState<'a> {
     pieces: &'a Pieces<'a>,
     plan: GreedyPlan,
     search: &'a Search<'a>,
@@ -82,7 +82,7 @@ struct State<'a> {
     field: Option<Field>,
 }
 
-impl<'a> State<'a> {
+impl<'a> GreedyState<'a> {
     fn new(pieces: &'a Pieces<'a>, plan: GreedyPlan, search: &'a Search<'a>) -> Self {
         let weights = weights(pieces);
         let remaining = (0u32..).zip(weights.iter().copied()).collect();

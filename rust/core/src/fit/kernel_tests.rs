@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec3};
 use num_traits::{Signed, ToPrimitive};
 
-use super::assign::{self, Choice};
+use super::assign::{self, ParentCost};
 use super::bounds::Bounds;
 use super::lanes::{Kernel, LANES, Plain, dispatch};
-use super::pieces::{COST_ERROR, FACING_ERROR, HEIGHT_ERROR, Held, Pieces, Slab, Whole};
+use super::pieces::{COST_ERROR, FACING_ERROR, HEIGHT_ERROR, Held, Pieces, Slab, WholeLeaves};
 use super::seeds::perturbed_plane;
 use super::sweep::{Add, Bins, Guard, Highest, Octet, hemisphere};
 use crate::common::exact::{dot, exact};
@@ -32,7 +32,7 @@ pub(super) fn foliage(count: u32, size: f64) -> Foliage {
 }
 
 pub(super) fn pieces(foliage: &Foliage, bound: f64) -> Pieces<'_> {
-    Pieces::of(foliage, Whole::Always, &Bounds { greatest: bound, image: None }, &Opacity::ignored())
+    Pieces::of(foliage, WholeLeaves::Always, &Bounds { greatest: bound, image: None }, &Opacity::ignored())
 }
 
 fn slabs(count: usize) -> impl Iterator<Item = Slab> {
@@ -112,7 +112,7 @@ fn costs() {
     let mut worst: f64 = 0.0;
     for bound in [0.2, 0.04, 1e-3] {
         let pieces = pieces(&foliage, bound);
-        let choice = Choice::new(1.0, 0.0);
+        let parent_cost = ParentCost::new(1.0, 0.0);
         for slab in slabs(400) {
             for i in pieces.held_in(&slab, 0..pieces.len()).into_iter().map(|i| i as usize) {
                 let Plane { normal, distance } = slab.plane;
@@ -126,7 +126,7 @@ fn costs() {
                     pieces.triangles(i).iter().map(|&t| pieces.axes.to_canonical(foliage.area_vector(t as usize)));
                 let (kept, whole) = vectors.fold((0.0, 0.0), |(k, w), a| (k + a.dot(normal).abs(), w + a.length()));
                 let expected = squares / (vertices.len() as f64 * bound * bound) + 1.0 - kept / whole;
-                worst = worse(worst, (f64::from(choice.cost(&pieces, i, &slab, 0)) - expected).abs() * bound);
+                worst = worse(worst, (f64::from(parent_cost.cost(&pieces, i, &slab, 0)) - expected).abs() * bound);
             }
         }
     }
@@ -202,7 +202,7 @@ fn parents_of_equal_cost() {
     let foliage = foliage(500, 0.02);
     let pieces = pieces(&foliage, 1.0);
     let slab = slabs(1).next().unwrap();
-    let parents = assign::parents(&pieces, &[slab, slab], &Choice::new(1.0, 0.0));
+    let parents = assign::parents(&pieces, &[slab, slab], &ParentCost::new(1.0, 0.0));
     case(GROUP, "two planes that cost a leaf the same", "definition: the earlier one")
         .equals(parents.iter().all(|p| p.is_none_or(|k| k == 0)), true);
 }

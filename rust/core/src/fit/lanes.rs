@@ -6,7 +6,7 @@
 pub const LANES: usize = 8;
 
 /// Eight integers.
-pub type Whole = [i32; LANES];
+pub type Integers = [i32; LANES];
 
 /// 2²³: adding it to a number below 2²³ rounds to an integer and leaves its bits in the mantissa.
 const WHOLE_FROM: f32 = 8_388_608.0;
@@ -28,11 +28,11 @@ pub trait Eight: Copy {
     /// Returns the greater numbers; inputs must not be NaN.
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// Returns the nearest integers; inputs must lie in [0, 2²²).
-    fn nearest(self, a: Self::Floats) -> Whole;
+    fn nearest(self, a: Self::Floats) -> Integers;
     /// Returns a bit for each lane, lane 0 lowest: whether `a` ≤ `b`.
     fn at_most(self, a: Self::Floats, b: Self::Floats) -> u32;
     /// Returns `value` in lanes with `from` < `to` and `a` ≥ `b`, else 0.
-    fn chosen(self, value: Whole, from: Whole, to: Whole, a: Self::Floats, b: Self::Floats) -> Whole;
+    fn chosen(self, value: Integers, from: Integers, to: Integers, a: Self::Floats, b: Self::Floats) -> Integers;
 }
 
 /// A computation that runs on any [`Eight`].
@@ -103,7 +103,7 @@ impl Eight for pulp::x86::V3 {
         self.max_f32x8(a, b)
     }
     #[inline(always)]
-    fn nearest(self, a: Self::Floats) -> Whole {
+    fn nearest(self, a: Self::Floats) -> Integers {
         let bits: pulp::u32x8 = pulp::cast(self.add_f32x8(a, self.splat_f32x8(WHOLE_FROM)));
         pulp::cast(self.and_u32x8(bits, self.splat_u32x8(MANTISSA)))
     }
@@ -112,7 +112,7 @@ impl Eight for pulp::x86::V3 {
         self.avx._mm256_movemask_ps(pulp::cast(self.cmp_le_f32x8(a, b))) as u32
     }
     #[inline(always)]
-    fn chosen(self, value: Whole, from: Whole, to: Whole, a: Self::Floats, b: Self::Floats) -> Whole {
+    fn chosen(self, value: Integers, from: Integers, to: Integers, a: Self::Floats, b: Self::Floats) -> Integers {
         let both = self.and_m32x8(self.cmp_lt_i32x8(pulp::cast(from), pulp::cast(to)), self.cmp_ge_f32x8(a, b));
         pulp::cast(self.select_i32x8(both, pulp::cast(value), self.splat_i32x8(0)))
     }
@@ -153,13 +153,13 @@ impl Eight for Plain {
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats {
         each(a, b, |a, b| if a > b { a } else { b })
     }
-    fn nearest(self, a: Self::Floats) -> Whole {
+    fn nearest(self, a: Self::Floats) -> Integers {
         a.map(|x| ((x + WHOLE_FROM).to_bits() & MANTISSA) as i32)
     }
     fn at_most(self, a: Self::Floats, b: Self::Floats) -> u32 {
         (0..LANES).map(|l| u32::from(a[l] <= b[l]) << l).sum()
     }
-    fn chosen(self, value: Whole, from: Whole, to: Whole, a: Self::Floats, b: Self::Floats) -> Whole {
+    fn chosen(self, value: Integers, from: Integers, to: Integers, a: Self::Floats, b: Self::Floats) -> Integers {
         std::array::from_fn(|l| if from[l] < to[l] && a[l] >= b[l] { value[l] } else { 0 })
     }
 }

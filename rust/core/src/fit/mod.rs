@@ -32,10 +32,10 @@ use crate::geometry::Plane;
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 
-use assign::Choice;
+use assign::ParentCost;
 use bounds::Bounds;
 use density::Density;
-use pieces::{Pieces, Slab, Whole};
+use pieces::{Pieces, Slab, WholeLeaves};
 pub use settings::{Effort, FitSettings, ImageBound, Method, Named, Preference, TEXELS_PER_EPSILON};
 use stochastic::Stochastic;
 use sweep::{Guard, Search};
@@ -173,7 +173,7 @@ impl Task<'_> {
     fn pieces(&self, bound: f64) -> Pieces<'_> {
         let greatest = bound / self.foliage.frame().radius * (1.0 - ROUNDING_MARGIN);
         let bounds = Bounds { greatest, image: self.settings.image };
-        let whole = if self.settings.whole_leaves { Whole::Always } else { Whole::WhereCheap };
+        let whole = if self.settings.whole_leaves { WholeLeaves::Always } else { WholeLeaves::WhereCheap };
         Pieces::of(self.foliage, whole, &bounds, self.opacity)
     }
 
@@ -220,8 +220,8 @@ impl Task<'_> {
 
     /// Refits the slabs to their pieces; slabs of the published methods stay unchanged.
     fn refined(&self, pieces: &Pieces, slabs: Vec<Slab>, progress: Progress) -> Result<Vec<Slab>> {
-        let (choice, favour) = (Choice::new(self.settings.facing as f32, 0.0), self.favour(pieces));
-        refine::refined(pieces, slabs, self.refits(pieces), &choice, &self.search(pieces, &favour), progress)
+        let (parent_cost, favour) = (ParentCost::new(self.settings.facing as f32, 0.0), self.favour(pieces));
+        refine::refined(pieces, slabs, self.refits(pieces), &parent_cost, &self.search(pieces, &favour), progress)
     }
 
     /// Returns the number of refit rounds: more for higher effort or with `extra_error`, 0 for published methods and for more than
@@ -342,15 +342,15 @@ impl Task<'_> {
 
     /// Returns the cloud in which every piece, and every leaf that a slab holds, has chosen its parent.
     fn cloud(&self, pieces: &Pieces, slabs: &[Slab], bound: f64) -> Cloud {
-        let mut choice = Choice::new(self.settings.facing as f32, self.settings.gather as f32);
-        let mut parents = assign::parents(pieces, slabs, &choice);
-        for _ in 0..if choice.gather > 0.0 { GATHERING_ROUNDS } else { 0 } {
-            choice = choice.gathered(pieces, slabs, &parents);
-            parents = assign::parents(pieces, slabs, &choice);
+        let mut parent_cost = ParentCost::new(self.settings.facing as f32, self.settings.gather as f32);
+        let mut parents = assign::parents(pieces, slabs, &parent_cost);
+        for _ in 0..if parent_cost.gather > 0.0 { GATHERING_ROUNDS } else { 0 } {
+            parent_cost = parent_cost.gathered(pieces, slabs, &parents);
+            parents = assign::parents(pieces, slabs, &parent_cost);
         }
         let parents: Vec<u32> = parents.into_iter().map(|p| p.expect("a fitter covers every piece")).collect();
         let mut parents = pieces.spread(&parents);
-        assign::reunite_leaves(pieces, slabs, &choice, self.foliage, &mut parents);
+        assign::reunite_leaves(pieces, slabs, &parent_cost, self.foliage, &mut parents);
         let (slabs, mut parents) = used(slabs, &parents);
         let mut planes: Vec<Plane> = slabs.iter().map(|slab| pieces.axes.plane_to_local(&slab.plane)).collect();
         if let Some(gap) = self.settings.compact {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::axes::Axes;
 use super::bounds::Bounds;
-use super::drafts::{Draft, Source, extent, own_plane};
+use super::drafts::{Draft, DraftSource, extent, own_plane};
 use super::lanes::{Eight, Kernel, LANES, dispatch};
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
@@ -51,7 +51,7 @@ pub struct Slab {
 
 /// Choice of leaves to keep whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Whole {
+pub enum WholeLeaves {
     /// All leaves that a plane holds.
     Always,
     /// Only leaves no wider than a slab is thick, which costs next to nothing.
@@ -88,13 +88,13 @@ struct Block {
 
 impl<'a> Pieces<'a> {
     /// Makes the pieces: a leaf if `whole` allows it and a plane holds all of it within its bound, else its triangles.
-    pub fn of(foliage: &'a Foliage, whole: Whole, bounds: &Bounds, opacity: &Opacity) -> Self {
+    pub fn of(foliage: &'a Foliage, whole: WholeLeaves, bounds: &Bounds, opacity: &Opacity) -> Self {
         let axes = Axes::of(foliage);
         let leaves = foliage.leaves();
-        let source = Source { foliage, axes, bounds, opacity };
+        let source = DraftSource { foliage, axes, bounds, opacity };
         let split = |leaf: usize| -> Vec<Draft> {
             let triangles = leaves.get(leaf);
-            let together = triangles.len() == 1 || whole == Whole::Always || source.is_small(triangles);
+            let together = triangles.len() == 1 || whole == WholeLeaves::Always || source.is_small(triangles);
             match together.then(|| source.draft(triangles)).flatten() {
                 Some(whole) => vec![whole],
                 None => {

@@ -26,7 +26,7 @@ proptest! {
         bound in 1e-7..0.3,
     ) {
         let foliage = soup(&places, 0.1);
-        let pieces = Pieces::of(&foliage, Whole::WhereCheap, &Bounds { greatest: bound, image: None }, &Opacity::ignored());
+        let pieces = Pieces::of(&foliage, WholeLeaves::WhereCheap, &Bounds { greatest: bound, image: None }, &Opacity::ignored());
         let plane = Plane { normal: DVec3::new(normal.0, normal.1, normal.2).normalize(), distance };
         let slab = Slab { plane, centre: Vec3::ZERO, reach: f32::INFINITY };
         let local = pieces.axes.plane_to_local(&plane);
@@ -50,7 +50,7 @@ proptest! {
         places in prop::collection::vec((-1.0..1.0, -1.0..1.0, -1.0..1.0), 3..60), bound in 1e-6..0.3,
     ) {
         let foliage = soup(&places, 0.5);
-        let pieces = Pieces::of(&foliage, Whole::Always, &Bounds { greatest: bound, image: None }, &Opacity::ignored());
+        let pieces = Pieces::of(&foliage, WholeLeaves::Always, &Bounds { greatest: bound, image: None }, &Opacity::ignored());
         let mut seen: Vec<u32> = (0..pieces.len()).flat_map(|i| pieces.triangles(i).to_vec()).collect();
         seen.sort_unstable();
         prop_assert_eq!(seen, (0..foliage.triangle_count() as u32).collect::<Vec<_>>());

@@ -9,7 +9,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::assign::Choice;
+use super::assign::ParentCost;
 use super::pieces::{Pieces, Slab};
 use super::sweep::Search;
 use crate::error::Result;
@@ -30,14 +30,14 @@ pub fn refined(
     pieces: &Pieces,
     slabs: Vec<Slab>,
     rounds: usize,
-    choice: &Choice,
+    parent_cost: &ParentCost,
     search: &Search,
     progress: Progress,
 ) -> Result<Vec<Slab>> {
     if rounds == 0 {
         return Ok(slabs);
     }
-    let mut state = State::new(pieces, slabs, choice);
+    let mut state = RefineState::new(pieces, slabs, parent_cost);
     let mut before = state.cost();
     for round in 0..rounds {
         progress.tell("fit", round as f64 / rounds as f64)?;
@@ -53,9 +53,9 @@ pub fn refined(
     Ok(state.slabs)
 }
 
-struct State<'a> {
+struct RefineState<'a> {
     pieces: &'a Pieces<'a>,
-    choice: &'a Choice,
+    parent_cost: &'a ParentCost,
     slabs: Vec<Slab>,
     /// The pieces that each slab holds, with their costs, in ascending order.
     held: Vec<Vec<(u32, f32)>>,
@@ -63,9 +63,9 @@ struct State<'a> {
     holders: Vec<Vec<(u32, f32)>>,
 }
 
-impl<'a> State<'a> {
-    fn new(pieces: &'a Pieces<'a>, slabs: Vec<Slab>, choice: &'a Choice) -> Self {
-        let mut state = Self { pieces, choice, slabs, held: Vec::new(), holders: vec![Vec::new(); pieces.len()] };
+impl<'a> RefineState<'a> {
+    fn new(pieces: &'a Pieces<'a>, slabs: Vec<Slab>, parent_cost: &'a ParentCost) -> Self {
+        let mut state = Self { pieces, parent_cost, slabs, held: Vec::new(), holders: vec![Vec::new(); pieces.len()] };
         for number in 0..state.slabs.len() {
             let held = state.held_by(number, &state.slabs[number]);
             for &(piece, cost) in &held {
@@ -78,7 +78,7 @@ impl<'a> State<'a> {
 
     fn held_by(&self, number: usize, slab: &Slab) -> Vec<(u32, f32)> {
         let held = self.pieces.held_in(slab, 0..self.pieces.len());
-        held.into_iter().map(|i| (i, self.choice.cost(self.pieces, i as usize, slab, number))).collect()
+        held.into_iter().map(|i| (i, self.parent_cost.cost(self.pieces, i as usize, slab, number))).collect()
     }
 
     /// Returns the least cost of a piece with any slab except `number`.
@@ -165,7 +165,7 @@ impl<'a> State<'a> {
                 seen += outer(across) * (self.weight(piece) / (area * across.length().max(f64::MIN_POSITIVE)));
             }
         }
-        let facing = COSINES * f64::from(self.choice.facing);
+        let facing = COSINES * f64::from(self.parent_cost.facing);
         // The identity term changes no eigenvector and makes every eigenvalue positive.
         let weights: f64 = chosen.iter().map(|&piece| self.weight(piece)).sum();
         let matrix = spread + (DMat3::IDENTITY * weights - seen) * facing;
@@ -214,12 +214,12 @@ mod tests {
     }
 
     /// The cost of every piece with the cheapest slab that holds it, from the definition; infinite if a piece has none.
-    fn cost(pieces: &Pieces, slabs: &[Slab], choice: &Choice) -> f64 {
+    fn cost(pieces: &Pieces, slabs: &[Slab], parent_cost: &ParentCost) -> f64 {
         let least = |i: usize| {
             let holding = slabs.iter().enumerate().filter(|(_, slab)| {
                 pieces.points(i).iter().all(|p| slab.plane.height(p.as_dvec3()).abs() <= f64::from(pieces.bound(i)))
             });
-            holding.map(|(k, slab)| choice.cost(pieces, i, slab, k)).fold(f32::INFINITY, f32::min)
+            holding.map(|(k, slab)| parent_cost.cost(pieces, i, slab, k)).fold(f32::INFINITY, f32::min)
         };
         (0..pieces.len()).map(|i| f64::from(pieces.weight(i)) * f64::from(least(i))).sum()
     }
@@ -228,11 +228,11 @@ mod tests {
     fn all_stay_held_and_cost_less() {
         let foliage = foliage(600, 0.1);
         let pieces = pieces(&foliage, 0.15);
-        let (choice, favour) = (Choice::new(1.0, 0.0), |_: Vec3| 1.0);
+        let (parent_cost, favour) = (ParentCost::new(1.0, 0.0), |_: Vec3| 1.0);
         let slabs = greedy::cover(&pieces, GreedyPlan { octets: 8 }, &search(&favour), Progress::silent()).unwrap();
-        let before = cost(&pieces, &slabs, &choice);
-        let moved = refined(&pieces, slabs, 8, &choice, &search(&favour), Progress::silent()).unwrap();
-        let after = cost(&pieces, &moved, &choice);
+        let before = cost(&pieces, &slabs, &parent_cost);
+        let moved = refined(&pieces, slabs, 8, &parent_cost, &search(&favour), Progress::silent()).unwrap();
+        let after = cost(&pieces, &moved, &parent_cost);
         assert!(before.is_finite() && after < 0.97 * before, "{before} to {after}");
     }
 
@@ -250,9 +250,9 @@ mod tests {
         let own = pieces.own_slab(0, f32::INFINITY);
         let aslant = (own.plane.normal + 0.03 * DVec3::new(0.3, 1.0, -0.7).cross(own.plane.normal)).normalize();
         let plane = Plane { normal: aslant, distance: own.plane.distance + 0.02 };
-        let (choice, favour) = (Choice::new(1.0, 0.0), |_: Vec3| 1.0);
+        let (parent_cost, favour) = (ParentCost::new(1.0, 0.0), |_: Vec3| 1.0);
         let slabs = vec![Slab { plane, ..own }];
-        let moved = refined(&pieces, slabs, 8, &choice, &search(&favour), Progress::silent()).unwrap();
+        let moved = refined(&pieces, slabs, 8, &parent_cost, &search(&favour), Progress::silent()).unwrap();
         assert!(moved[0].plane.normal.dot(own.plane.normal).abs() > 1.0 - 1e-12);
         assert!((moved[0].plane.distance.abs() - own.plane.distance.abs()).abs() < 1e-6);
     }

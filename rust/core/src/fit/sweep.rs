@@ -314,7 +314,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::bounds::Bounds;
-    use super::super::pieces::Whole;
+    use super::super::pieces::WholeLeaves;
     use super::*;
     use crate::foliage::{Attributes, Foliage, Opacity};
 
@@ -339,7 +339,7 @@ mod tests {
         ) {
             let foliage = soup(&places);
             let bounds = Bounds { greatest: 0.08, image: None };
-            let pieces = Pieces::of(&foliage, Whole::WhereCheap, &bounds, &Opacity::ignored());
+            let pieces = Pieces::of(&foliage, WholeLeaves::WhereCheap, &bounds, &Opacity::ignored());
             let members: Vec<(u32, i32)> = (0..pieces.len() as u32).map(|i| (i, 100 + 7 * (i as i32 % 11))).collect();
             let normals = hemisphere(2);
             let search = search(Guard { facing, slope }, &|_| 1.0);
@@ -378,7 +378,7 @@ mod tests {
     fn what_is_taken_out_leaves_nothing() {
         let foliage = soup(&[(0.1, 0.2, 0.3), (0.5, -0.4, 0.2), (-0.7, 0.1, 0.0), (0.3, 0.3, -0.9), (0.0, 0.8, 0.1)]);
         let bounds = Bounds { greatest: 0.08, image: None };
-        let pieces = Pieces::of(&foliage, Whole::WhereCheap, &bounds, &Opacity::ignored());
+        let pieces = Pieces::of(&foliage, WholeLeaves::WhereCheap, &bounds, &Opacity::ignored());
         let bins = Bins::over(1.1, 0.01);
         let octet = Octet::new(&hemisphere(1)[0], Vec3::ZERO, 1.1, |_| 1.0);
         let mut histogram = Histogram::new(bins);

@@ -4,8 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{Vec3, Vec4};
 
-use super::pyramid::{self, Encoding, Pyramid, Texel};
-
+use super::pyramid::{self, Encoding, Pyramid, PyramidLevel, Texel};
 use crate::error::{Error, Result, number};
 
 /// Meaning of alpha, as in glTF.
@@ -122,7 +121,7 @@ impl Image {
     }
 
     /// Returns the color pyramid's level for points `footprint` texels apart; `None` means the image itself.
-    pub(super) fn pyramid(&self, encoding: Encoding, footprint: f32) -> Option<&pyramid::Level<Texel>> {
+    pub(super) fn pyramid(&self, encoding: Encoding, footprint: f32) -> Option<&PyramidLevel<Texel>> {
         if pyramid::is_near(footprint) {
             return None;
         }
@@ -131,7 +130,7 @@ impl Image {
     }
 
     /// Returns a level that holds the greatest alpha around each place: all texels within half of `length` texels count.
-    pub(super) fn greatest_alpha(&self, length: f32) -> Option<&pyramid::Level<u8>> {
+    pub(super) fn greatest_alpha(&self, length: f32) -> Option<&PyramidLevel<u8>> {
         self.pyramids.greatest_alpha.get_or_init(|| pyramid::of_greatest_alpha(self)).wider_than(length)
     }
 }

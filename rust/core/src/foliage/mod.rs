@@ -30,7 +30,7 @@ pub struct Attributes {
     pub normals: Vec<[Vec3; 3]>,
     /// Linear RGBA that multiplies the material's base color.
     pub colors: Vec<[Vec4; 3]>,
-    /// Linear RGB that replaces `colors` on the back (the side that winds clockwise), for baked light; empty: the same on both sides.
+    /// Linear RGB that replaces `colors` on the back (the side with clockwise winding), for baked light; empty: the same on both sides.
     pub back_colors: Vec<[Vec3; 3]>,
     /// Index into the materials; empty: the first for all.
     pub material_ids: Vec<u32>,

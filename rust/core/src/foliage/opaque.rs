@@ -72,7 +72,7 @@ impl Opacity {
                 if !tested(t) {
                     return 0;
                 }
-                *numbers.entry(look_of(foliage, t)).or_insert_with(|| {
+                *numbers.entry(key_of(foliage, t)).or_insert_with(|| {
                     examples.push(t);
                     examples.len() as u32
                 })
@@ -80,8 +80,8 @@ impl Opacity {
             .collect();
         let cuts = if examples.len() > MANY { COARSE } else { FINE };
         let masks = Masks::of(foliage);
-        let looked = examples.par_iter().map(|&t| look(&masks.triangle(t), cuts));
-        Self { kinds: std::iter::once(Visible::whole()).chain(looked.collect::<Vec<_>>()).collect(), kind }
+        let parts = examples.par_iter().map(|&t| visible_part(&masks.triangle(t), cuts));
+        Self { kinds: std::iter::once(Visible::whole()).chain(parts.collect::<Vec<_>>()).collect(), kind }
     }
 
     /// Returns whether no triangle has a visible part.
@@ -98,7 +98,7 @@ impl Opacity {
 }
 
 /// Returns a key of material, UVs and corner alpha; triangles with equal keys look alike.
-fn look_of(foliage: &Foliage, triangle: usize) -> (u32, [u32; 6], [u32; 3]) {
+fn key_of(foliage: &Foliage, triangle: usize) -> (u32, [u32; 6], [u32; 3]) {
     let attributes = foliage.attributes();
     let [a, b, c] = attributes.uvs.get(triangle).copied().unwrap_or_default();
     let alphas = attributes.colors.get(triangle).map_or([0; 3], |colors| colors.map(|c| c.w.to_bits()));
@@ -126,10 +126,10 @@ impl<'a> Masks<'a> {
         Self { foliage, masks: foliage.materials.par_iter().map(mask).collect() }
     }
 
-    fn triangle(&self, triangle: usize) -> Look<'_> {
+    fn triangle(&self, triangle: usize) -> TestedTriangle<'_> {
         let attributes = self.foliage.attributes();
         let material = attributes.material_ids.get(triangle).copied().unwrap_or(0);
-        Look {
+        TestedTriangle {
             surface: Surface::new(self.foliage, triangle),
             least: least_alpha(self.foliage.material(triangle)),
             base: self.foliage.material(triangle).base_color.w,
@@ -150,7 +150,7 @@ fn least_alpha(material: &Material) -> f32 {
 }
 
 /// A triangle to evaluate.
-struct Look<'a> {
+struct TestedTriangle<'a> {
     surface: Surface<'a>,
     least: f32,
     base: f32,
@@ -159,7 +159,7 @@ struct Look<'a> {
     alphas: Option<[f32; 3]>,
 }
 
-impl Look<'_> {
+impl TestedTriangle<'_> {
     /// Returns whether any part of a small triangle, given by its corners, may be visible.
     fn may_show(&self, small: &[DVec2; 3]) -> bool {
         let at = |[a, b, c]: [f32; 3], p: &DVec2| {
@@ -175,7 +175,7 @@ impl Look<'_> {
     }
 }
 
-fn look(looked: &Look, cuts: usize) -> Visible {
+fn visible_part(tested: &TestedTriangle, cuts: usize) -> Visible {
     let mut corners = Vec::new();
     let mut seen = 0usize;
     let at = |i: usize, j: usize| DVec2::new(i as f64, j as f64) / cuts as f64;
@@ -186,10 +186,10 @@ fn look(looked: &Look, cuts: usize) -> Visible {
             let upper = [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
             let small_ones = [lower, upper];
             for small in &small_ones[..if i + j + 1 < cuts { 2 } else { 1 }] {
-                if looked.may_show(small) {
+                if tested.may_show(small) {
                     corners.extend_from_slice(small);
                     let middle = barycentric((small[0] + small[1] + small[2]) / 3.0).as_vec3();
-                    seen += usize::from(looked.surface.passes(middle, 0.5));
+                    seen += usize::from(tested.surface.passes(middle, 0.5));
                 }
             }
         }

@@ -10,7 +10,7 @@ use crate::color::{decode_table, quantise};
 
 /// One level of `width` × `height` texels, row 0 on top.
 #[derive(Debug)]
-pub struct Level<T> {
+pub struct PyramidLevel<T> {
     pub width: usize,
     pub height: usize,
     /// The image's sides in texels of this level: less than `width` and `height`, by less than one, if a side was odd.
@@ -18,7 +18,7 @@ pub struct Level<T> {
     pub texels: Vec<T>,
 }
 
-impl<T: Copy> Level<T> {
+impl<T: Copy> PyramidLevel<T> {
     /// Returns the texel at a place on a repeating image; both coordinates in [0, 1), rows down.
     pub fn at(&self, column: f32, row: f32) -> T {
         let x = ((column * self.scale.x) as usize).min(self.width - 1);
@@ -29,7 +29,7 @@ impl<T: Copy> Level<T> {
 
 /// Levels 1, 2 … down to one texel; empty for an image of one texel.
 #[derive(Debug)]
-pub struct Pyramid<T>(Vec<Level<T>>);
+pub struct Pyramid<T>(Vec<PyramidLevel<T>>);
 
 /// Weighted color and its weight (alpha; for a mask, 1 or nearly 0), in 1/65535: 8-bit linear codes would lose dark colors.
 pub type Texel = [u16; 4];
@@ -43,14 +43,14 @@ pub fn is_near(footprint: f32) -> bool {
 
 impl<T> Pyramid<T> {
     /// Returns the first level with texels at least `length` image texels wide, or else the last; `None` for an image of one texel.
-    pub fn wider_than(&self, length: f32) -> Option<&Level<T>> {
+    pub fn wider_than(&self, length: f32) -> Option<&PyramidLevel<T>> {
         // Casts turn NaN into 0.
         let level = (libm::log2f(length.max(2.0)).ceil() as usize).clamp(1, self.0.len().max(1));
         self.0.get(level - 1)
     }
 
     /// Returns the level with the texel size nearest to `footprint` image texels; `None` means the image itself.
-    pub fn level(&self, footprint: f32) -> Option<&Level<T>> {
+    pub fn level(&self, footprint: f32) -> Option<&PyramidLevel<T>> {
         // Level k has texels of 2^k: the nearest in ratio. NaN counts as near.
         if is_near(footprint) {
             return None;
@@ -63,7 +63,7 @@ impl<T> Pyramid<T> {
 impl<T: Copy> Pyramid<T> {
     /// Builds all levels from the image's texels, read with `of`, and the mean of four.
     fn new<S: Copy>(width: usize, height: usize, source: &[S], of: impl Fn(S) -> T, mean: fn([T; 4]) -> T) -> Self {
-        let mut levels: Vec<Level<T>> = Vec::new();
+        let mut levels: Vec<PyramidLevel<T>> = Vec::new();
         let mut scale = Vec2::new(width as f32, height as f32);
         if width * height > 1 {
             scale /= 2.0;
@@ -84,7 +84,7 @@ fn halved<T: Copy>(
     scale: Vec2,
     at: impl Fn(usize) -> T,
     mean: fn([T; 4]) -> T,
-) -> Level<T> {
+) -> PyramidLevel<T> {
     let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
     let row = |y: usize| {
         let (upper, lower) = (2 * y * width, (2 * y + 1).min(height - 1) * width);
@@ -94,7 +94,7 @@ fn halved<T: Copy>(
             mean([at(upper + left), at(upper + right), at(lower + left), at(lower + right)])
         })
     };
-    Level { width: columns, height: rows, scale, texels: (0..rows).flat_map(row).collect() }
+    PyramidLevel { width: columns, height: rows, scale, texels: (0..rows).flat_map(row).collect() }
 }
 
 /// Encoding of an image's codes.
@@ -158,7 +158,7 @@ pub fn of_greatest_alpha(image: &Image) -> Pyramid<u8> {
 
 /// Returns the maximum of each texel and its neighbors along one axis, across the edge. If the edge cuts the last texel, two neighbors
 /// count.
-fn spread(level: &Level<u8>, along_rows: bool) -> Level<u8> {
+fn spread(level: &PyramidLevel<u8>, along_rows: bool) -> PyramidLevel<u8> {
     let (width, height) = (level.width as isize, level.height as isize);
     let whole = if along_rows { level.scale.x == level.width as f32 } else { level.scale.y == level.height as f32 };
     let reach = if whole { 1 } else { 2 };
@@ -171,7 +171,7 @@ fn spread(level: &Level<u8>, along_rows: bool) -> Level<u8> {
         (-reach..=reach).map(neighbour).max().unwrap_or(0)
     };
     let texels = (0..width * height).map(greatest).collect();
-    Level { width: level.width, height: level.height, scale: level.scale, texels }
+    PyramidLevel { width: level.width, height: level.height, scale: level.scale, texels }
 }
 
 #[cfg(test)]

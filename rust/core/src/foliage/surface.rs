@@ -5,7 +5,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::pyramid::{self, Encoding, Texel};
+use super::pyramid::{self, Encoding, PyramidLevel, Texel};
 use super::{AlphaMode, Foliage, Image, Material};
 
 /// A triangle's surface, prepared for samples at a fixed spacing.
@@ -39,8 +39,8 @@ pub const BLOCK: usize = 8;
 #[derive(Clone, Copy)]
 struct Near<'a> {
     least: f32,
-    of_block: &'a pyramid::Level<u8>,
-    of_run: &'a pyramid::Level<u8>,
+    of_block: &'a PyramidLevel<u8>,
+    of_run: &'a PyramidLevel<u8>,
 }
 
 /// Alpha test. Shares are compared with a threshold; thresholds spread evenly over [0, 1) turn them into coverage.
@@ -50,7 +50,7 @@ enum Alpha<'a> {
     Cut(&'a Image, f32),
     Share(&'a Image),
     /// Drawn shares from a pyramid level.
-    Level(&'a pyramid::Level<u8>),
+    Level(&'a PyramidLevel<u8>),
     /// Without an image.
     Flat,
 }
@@ -120,7 +120,7 @@ impl<'a> Surface<'a> {
         self.near.is_none_or(|near| f32::from(nearest(near.of_run, self.uv(middle))) >= near.least)
     }
 
-    /// Returns whether the back, which winds clockwise, is drawn, too.
+    /// Returns whether the back, with clockwise winding, is drawn, too.
     pub fn double_sided(&self) -> bool {
         self.material.double_sided
     }
@@ -250,13 +250,13 @@ fn footprint(image: &Image, spread: f32) -> f32 {
 }
 
 /// Returns the texel at a UV of a repeating level.
-fn nearest(level: &pyramid::Level<u8>, uv: Vec2) -> u8 {
+fn nearest(level: &PyramidLevel<u8>, uv: Vec2) -> u8 {
     let (column, row) = (uv.x, 1.0 - uv.y);
     level.at(column - floor(column), row - floor(row))
 }
 
 /// Returns the bilinear color of four premultiplied texels; black if all are transparent.
-fn between(level: &pyramid::Level<Texel>, uv: Vec2) -> Vec3 {
+fn between(level: &PyramidLevel<Texel>, uv: Vec2) -> Vec3 {
     let (x0, x1, fx) = neighbours(uv.x, level.width, level.scale.x);
     let (y0, y1, fy) = neighbours(1.0 - uv.y, level.height, level.scale.y);
     let texel = |x: usize, y: usize| Vec4::from_array(level.texels[y * level.width + x].map(f32::from));

@@ -9,15 +9,15 @@ use glam::{DVec2, DVec3};
 
 use super::billboards::{billboard_ranks, billboards};
 use super::level::{Level, Seconds};
-use super::references::Judges;
+use super::references::References;
 use super::settings::ChainSettings;
 use super::tune;
+use crate::atlas::{Atlas, AtlasSettings, PageSize};
 use crate::error::Result;
 use crate::foliage::{Foliage, area_vector};
 use crate::geometry::{Frame, Outline, Plane};
 use crate::outlines::in_plane;
 use crate::progress::Progress;
-use crate::sheet::{PageSize, Sheet, SheetSettings};
 use crate::textures::{Channels, Drawn, Samples, Sky, bake_timed};
 
 /// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`.
@@ -44,12 +44,12 @@ pub(super) fn build(
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let texel = farthest / settings.pixels / TEXELS_PER_PIXEL;
-    let sheet = fitting(&planes, &outlines, most, texel, two_sided)?;
+    let atlas = fitting(&planes, &outlines, most, texel, two_sided)?;
     let packed = Instant::now();
 
     progress.tell("bake", 0.2)?;
     let (page, channel_seconds) =
-        bake_timed(&sheet, finer_samples(settings.samples, sheet.size, most), channels, |plane| {
+        bake_timed(&atlas, finer_samples(settings.samples, atlas.size, most), channels, |plane| {
             let plane = planes[plane as usize];
             let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
                 reach: f64::INFINITY,
@@ -62,11 +62,11 @@ pub(super) fn build(
         });
     let baked = Instant::now();
     progress.tell("bake", 0.8)?;
-    let judges = Judges::new(parts, parts, &frame, settings)?;
+    let references = References::new(parts, parts, &frame, settings)?;
     let alpha_cutoff =
-        if settings.blended { 0.0 } else { tune::cutoff(&sheet, &page, &frame, !two_sided, &judges.tuning)? };
-    let page = tune::page(&sheet, page, &frame, alpha_cutoff, !two_sided, &judges.tuning)?;
-    let pictures = judges.report.compare(&billboards(&sheet, &frame, page.material(alpha_cutoff, !two_sided))?)?;
+        if settings.blended { 0.0 } else { tune::cutoff(&atlas, &page, &frame, !two_sided, &references.tuning)? };
+    let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
+    let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
@@ -78,20 +78,20 @@ pub(super) fn build(
         frame,
         alpha_cutoff,
         two_sided,
-        ranks: billboard_ranks(&sheet, &frame, settings.fit.seed)?,
+        ranks: billboard_ranks(&atlas, &frame, settings.fit.seed)?,
         mean_deviation: sum / count as f64 * frame.radius,
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
         coverage,
         pictures,
         sharers: Arc::default(),
-        sheet,
+        atlas,
         page,
         seconds: Seconds {
             fit: 0.0,
             pack: (packed - started).as_secs_f64(),
             bake: (baked - packed).as_secs_f64(),
-            look: baked.elapsed().as_secs_f64(),
+            metrics: baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
         engine: OnceLock::new(),
@@ -106,13 +106,13 @@ const LEAST_SIDE: usize = 64;
 
 /// Packs the outlines on the smallest page with power-of-two sides and texels at most `texel` wide. If there is none, packs them on the
 /// largest page within `most`.
-fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, two_sided: bool) -> Result<Sheet> {
+fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, two_sided: bool) -> Result<Atlas> {
     let (mut width, mut height) = (LEAST_SIDE, LEAST_SIDE);
     loop {
-        let sheet = Sheet::pack(planes, outlines, SheetSettings::of_size(PageSize { width, height }, two_sided))?;
+        let atlas = Atlas::pack(planes, outlines, AtlasSettings::of_size(PageSize { width, height }, two_sided))?;
         let (wider, higher) = (2 * width <= most.width, 2 * height <= most.height);
-        if sheet.texel() <= texel || !(wider || higher) {
-            return Ok(sheet);
+        if atlas.texel() <= texel || !(wider || higher) {
+            return Ok(atlas);
         }
         width *= if wider { 2 } else { 1 };
         height *= if higher { 2 } else { 1 };

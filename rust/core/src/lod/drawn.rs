@@ -68,9 +68,9 @@ mod tests {
     use glam::Vec4;
 
     use super::*;
+    use crate::atlas::{Atlas, AtlasSettings};
     use crate::foliage::{Attributes, Material, Opacity};
     use crate::outlines::{OutlineSettings, outlines};
-    use crate::sheet::{Sheet, SheetSettings};
     use crate::textures::{Channels, Samples, bake};
 
     const EPSILON: f64 = 0.25;
@@ -98,14 +98,14 @@ mod tests {
         let opacity = Opacity::of(&foliage);
         let settings = OutlineSettings { corners: 4 };
         let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity, settings);
-        let sheet = Sheet::pack(&cloud.planes, &outlines, SheetSettings::of_size(256, false)).unwrap();
+        let atlas = Atlas::pack(&cloud.planes, &outlines, AtlasSettings::of_size(256, false)).unwrap();
         let channels = (&Channels::default(), None);
         let page = if close_gaps {
-            bake(&sheet, Samples::default(), channels, all_triangles(&foliage, &cloud, &projection))
+            bake(&atlas, Samples::default(), channels, all_triangles(&foliage, &cloud, &projection))
         } else {
-            bake(&sheet, Samples::default(), channels, own_triangles(&foliage, &cloud, &projection))
+            bake(&atlas, Samples::default(), channels, own_triangles(&foliage, &cloud, &projection))
         };
-        let region = sheet.billboards.iter().find(|b| b.plane == 0).unwrap().region;
+        let region = atlas.billboards.iter().find(|b| b.plane == 0).unwrap().region;
         let texels = (region.y..region.y + region.height)
             .flat_map(|y| (region.x..region.x + region.width).map(move |x| y * 256 + x))
             .map(|i| page.base_color.pixels()[i])

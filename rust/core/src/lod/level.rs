@@ -5,19 +5,19 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::billboards::{billboard_ranks, billboards};
-use super::references::Judges;
+use super::references::References;
 use super::settings::ChainSettings;
 use super::{drawn, sides, size, tune};
+use crate::atlas::{Atlas, AtlasSettings, PageSize, Region};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Foliage, Image, Opacity};
 use crate::geometry::Frame;
-use crate::judge::{Comparison, Judge};
+use crate::metrics::{Comparison, Reference};
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
-use crate::sheet::{PageSize, Region, Sheet, SheetSettings};
-use crate::textures::mips::Part;
+use crate::textures::mips::PagePart;
 use crate::textures::{
     CASCADE_LEVELS, ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, keeping_area, mips,
 };
@@ -33,14 +33,14 @@ pub struct Seconds {
     /// Textures.
     pub bake: f64,
     /// Metrics: stretch limit, alpha cutoff, tone, report.
-    pub look: f64,
+    pub metrics: f64,
 }
 
 impl Seconds {
     /// Returns the sum of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.fit + self.pack + self.bake + self.look
+        self.fit + self.pack + self.bake + self.metrics
     }
 }
 
@@ -58,7 +58,7 @@ pub struct Level {
     /// The local frame of planes, projection and atlas layout.
     pub frame: Frame,
     /// Atlas layout of the billboards.
-    pub sheet: Sheet,
+    pub atlas: Atlas,
     /// Images of the atlas page.
     pub page: Page,
     /// Least alpha that is drawn; 0 if alpha is coverage and nothing is cut out.
@@ -83,7 +83,7 @@ pub struct Level {
     /// Share of `seconds.bake` that each image took.
     pub channel_seconds: ChannelSeconds,
     /// Parts of all trees on a shared page, with their engine cutoffs; empty for a page of one tree.
-    pub(super) sharers: Arc<[Part]>,
+    pub(super) sharers: Arc<[PagePart]>,
     pub(super) engine: OnceLock<(Image, f32)>,
 }
 
@@ -106,14 +106,14 @@ pub(super) struct Step<'a> {
     /// Sky visibility in leaves and trunk, if a channel depends on it.
     pub sky: Option<&'a Sky>,
     /// Metrics renderers for the leaves.
-    pub judges: &'a Judges,
+    pub references: &'a References,
 }
 
 /// Planes with their places on the atlas page.
 struct Layout {
     cloud: Cloud,
     projection: Projection,
-    sheet: Sheet,
+    atlas: Atlas,
     two_sided: bool,
     /// Seconds for fitting the planes and for choosing the stretch limit.
     seconds: [f64; 2],
@@ -153,7 +153,7 @@ fn layout_of(
     }
     let fitted = Instant::now();
     progress.tell("pack", 0.6)?;
-    let projection = tune::projection(finer, &cloud, &step.judges.tuning)?;
+    let projection = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
     let shape = OutlineSettings { corners: settings.fit.max_corners };
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], opacity, shape);
@@ -161,15 +161,15 @@ fn layout_of(
         Some(wish) => wish,
         None => sides::differ(finer, &cloud, &projection, &outlines)?,
     };
-    let pack = if settings.tight_pages { Sheet::pack } else { Sheet::pack_loosely };
-    let sheet = pack(&cloud.planes, &outlines, SheetSettings::of_size(step.page, two_sided))?;
+    let pack = if settings.tight_pages { Atlas::pack } else { Atlas::pack_loosely };
+    let atlas = pack(&cloud.planes, &outlines, AtlasSettings::of_size(step.page, two_sided))?;
     let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());
-    Ok(Some(Layout { cloud, projection, sheet, two_sided, seconds }))
+    Ok(Some(Layout { cloud, projection, atlas, two_sided, seconds }))
 }
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
-    let Layout { cloud, projection, sheet, two_sided, seconds: [fit, stretch] } =
+    let Layout { cloud, projection, atlas, two_sided, seconds: [fit, stretch] } =
         layout(step, settings, progress.part(0.0, 0.65))?;
     let packed = Instant::now();
 
@@ -180,26 +180,26 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let channels = (&step.channels, step.sky);
     // A blended triangle that is drawn on two billboards would cover twice as much.
     let (page, channel_seconds) = if settings.close_gaps && !settings.blended {
-        bake_timed(&sheet, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
+        bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
     } else {
-        bake_timed(&sheet, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
+        bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
     };
     let baked = Instant::now();
     progress.tell("bake", 0.9)?;
-    let ranks = billboard_ranks(&sheet, finer.frame(), settings.fit.seed)?;
+    let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
     let (page, alpha_cutoff) = if settings.blended {
-        (tune::blended(&sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?, 0.0)
+        (tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?, 0.0)
     } else {
         let collapsed = projection.at(finer, HAND_OVER)?;
-        let views = tune::views_of_places(settings.looks.places, settings.up)?;
-        let before = Judge::new(&[&collapsed], finer.frame(), views)?;
-        let best = tune::cutoff(&sheet, &page, finer.frame(), !two_sided, &before)?;
-        let cutoff = tune::matched(best, &sheet, &page, finer.frame(), !two_sided, &step.judges.tuning)?;
+        let views = tune::views_of_places(settings.views.places, settings.up)?;
+        let before = Reference::new(&[&collapsed], finer.frame(), views)?;
+        let best = tune::cutoff(&atlas, &page, finer.frame(), !two_sided, &before)?;
+        let cutoff = tune::matched(best, &atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?;
         (page, cutoff)
     };
-    let page = tune::page(&sheet, page, finer.frame(), alpha_cutoff, !two_sided, &step.judges.tuning)?;
-    let shown = billboards(&sheet, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
-    let pictures = step.judges.report.compare(&shown)?;
+    let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
+    let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
+    let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     Ok(Level {
@@ -217,13 +217,13 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),
-        sheet,
+        atlas,
         page,
         seconds: Seconds {
             fit,
             pack: (packed - started).as_secs_f64() - fit - stretch,
             bake: (baked - packed).as_secs_f64(),
-            look: stretch + baked.elapsed().as_secs_f64(),
+            metrics: stretch + baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
         engine: OnceLock::new(),
@@ -274,9 +274,9 @@ impl Level {
     }
 
     /// Returns the parts of all trees on the page, this level's among them.
-    fn parts(&self) -> Cow<'_, [Part]> {
+    fn parts(&self) -> Cow<'_, [PagePart]> {
         if self.sharers.is_empty() {
-            Cow::Owned(vec![Part::of(&self.sheet, self.for_engines().1)])
+            Cow::Owned(vec![PagePart::of(&self.atlas, self.for_engines().1)])
         } else {
             Cow::Borrowed(&self.sharers)
         }
@@ -287,7 +287,7 @@ impl Level {
     pub fn page_share(&self) -> f64 {
         let area = |regions: &[Region]| regions.iter().map(|region| region.width * region.height).sum::<usize>() as f64;
         let all: f64 = self.sharers.iter().map(|part| area(&part.regions)).sum();
-        if all > 0.0 { self.sheet.texels() as f64 / all } else { 1.0 }
+        if all > 0.0 { self.atlas.texels() as f64 / all } else { 1.0 }
     }
 
     /// Returns the billboards as foliage: each is a fan of triangles (0, 1, 2), (0, 2, 3) and so on. A pair is one leaf.
@@ -295,6 +295,6 @@ impl Level {
     /// # Errors
     /// No billboard has an area.
     pub fn foliage(&self) -> Result<Foliage> {
-        billboards(&self.sheet, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
+        billboards(&self.atlas, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
     }
 }

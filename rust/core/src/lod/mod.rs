@@ -5,7 +5,7 @@ mod billboards;
 mod cross;
 mod drawn;
 mod level;
-pub mod pruned_look;
+pub mod prune_trends;
 mod references;
 mod settings;
 mod shared;
@@ -15,7 +15,7 @@ mod tune;
 
 pub use billboards::billboards;
 pub use level::{Level, Seconds};
-pub use settings::{ChainSettings, EPSILON_STEP, Looks, PruneSettings};
+pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::{is_published, settled as settled_size};
 
@@ -23,20 +23,20 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use self::references::Judges;
+use self::references::References;
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::judge::visibility;
+use crate::metrics::visibility;
 use crate::progress::Progress;
-use crate::prune::{self, Kept, Thinned, Trend};
+use crate::prune::{self, Kept, Pruned, Trend};
 use crate::textures::Sky;
 use crate::transition::leaf_pivots;
 
 /// Seconds of the measurements before the first level; 0 for steps that were not requested.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct LookSeconds {
+pub struct MeasuringSeconds {
     /// Measuring the visible share of each leaf.
     pub order: f64,
     /// Measuring sky visibility.
@@ -71,7 +71,7 @@ pub struct Chain {
     /// The leaves' triangles that level 1 is built from; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
     /// Seconds of the measurements for optional effects.
-    pub look_seconds: LookSeconds,
+    pub measuring_seconds: MeasuringSeconds,
     /// Seconds before the first level: pruning order, reference renderings of the leaves, sky visibility.
     pub prepare_seconds: f64,
 }
@@ -91,29 +91,29 @@ pub fn build_chain(
     let started = Instant::now();
     let frame = *foliage.frame();
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
-    let mut seconds = LookSeconds::default();
+    let mut seconds = MeasuringSeconds::default();
     let mut seen = Vec::new();
-    if settings.looks.order > 0 {
-        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.looks.order))?;
+    if settings.views.order > 0 {
+        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.views.order))?;
     }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
     let pivots = pivots(foliage);
     let (mut growth, mut contrast) = Default::default();
     if let Some(pruning) = &settings.pruning {
-        growth = timed(&mut seconds.growth, || pruned_look::growth(foliage, &ranks, settings.up))?;
+        growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up))?;
         if pruning.contrast {
-            let look = || pruned_look::contrast(foliage, &ranks, growth, pruning, settings.up);
-            contrast = timed(&mut seconds.contrast, look)?;
+            let measure = || prune_trends::contrast(foliage, &ranks, growth, pruning, settings.up);
+            contrast = timed(&mut seconds.contrast, measure)?;
         }
     }
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
-    let thinned = keep.map(|keep| prune::thin(foliage, &ranks, keep, growth.factor(keep))).transpose()?;
+    let pruned = keep.map(|keep| prune::pruned(foliage, &ranks, keep, growth.factor(keep))).transpose()?;
     let whole = foliage;
-    let (foliage, kept) = match &thinned {
-        Some(Thinned { foliage, kept }) => (foliage, Some(kept.clone())),
+    let (foliage, kept) = match &pruned {
+        Some(Pruned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
     };
-    let judges = Judges::new(&[foliage], &[whole], &frame, settings)?;
+    let references = References::new(&[foliage], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&trunk).collect();
@@ -147,7 +147,7 @@ pub fn build_chain(
             page: settings.page(index),
             channels: if index == 0 { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
-            judges: &judges,
+            references: &references,
         };
         levels.push(level::build(&step, settings, share(index))?);
     }
@@ -156,7 +156,7 @@ pub fn build_chain(
         levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
     }
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, look_seconds: seconds, prepare_seconds })
+    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
 }
 
 /// Returns the pivot of each triangle's leaf, caller's units.

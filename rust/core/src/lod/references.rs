@@ -7,27 +7,27 @@ use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::judge::{Judge, Views};
+use crate::metrics::{Reference, Views};
 use crate::textures::Samples;
 
-/// The two metrics renderers of a chain: one for choosing settings, one for the report. Their views differ.
-pub struct Judges {
+/// The two references of a chain, with different views.
+pub struct References {
     /// For choosing settings.
-    pub tuning: Judge,
+    pub tuning: Reference,
     /// For the report.
-    pub report: Judge,
+    pub report: Reference,
 }
 
-impl Judges {
+impl References {
     /// Tunes levels to `left`, the leaves that pruning keeps where the first level takes over, and reports them against `whole`.
     ///
     /// # Errors
     /// An `up` without a finite length above 0.
     pub fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Self> {
-        let ChainSettings { looks, up, .. } = *settings;
+        let ChainSettings { views, up, .. } = *settings;
         Ok(Self {
-            tuning: Judge::new(left, frame, views_of_amounts(looks.amounts, up)?)?,
-            report: Judge::new(whole, frame, report_views(looks.report, up))?,
+            tuning: Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?,
+            report: Reference::new(whole, frame, report_views(views.report, up))?,
         })
     }
 }

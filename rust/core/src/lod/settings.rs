@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
+use crate::atlas::PageSize;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
 use crate::foliage::Foliage;
-use crate::sheet::PageSize;
 use crate::textures::{Channels, Samples};
 
 /// Factor by which ε grows from level to level (the paper: at least 2).
@@ -16,7 +16,7 @@ const BILLBOARDS_STEP: usize = 4;
 
 /// Number of view directions for each measurement of a chain: 0 to 64 for `order`, 1 to 64 for the others. Time is proportional to them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Looks {
+pub struct ViewCounts {
     /// Visible share of each leaf, for the pruning order. With 0, position and chance alone decide the order.
     pub order: usize,
     /// Overlap with the leaves, for the alpha cutoff.
@@ -27,21 +27,21 @@ pub struct Looks {
     pub report: usize,
 }
 
-impl Looks {
+impl ViewCounts {
     /// The fewest views that still tell settings apart. The figures are off by a few percent.
     pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2 };
 
     fn check(self) -> Result<()> {
         let Self { order, places, amounts, report } = self;
-        let judges = [order.max(1), places, amounts, report];
-        match judges.into_iter().find(|count| !(1..=64).contains(count)) {
+        let counts = [order.max(1), places, amounts, report];
+        match counts.into_iter().find(|count| !(1..=64).contains(count)) {
             Some(count) => Err(Error::invalid(format!("the number of view directions is {count}; it must be 1 to 64"))),
             None => Ok(()),
         }
     }
 }
 
-impl Default for Looks {
+impl Default for ViewCounts {
     fn default() -> Self {
         Self { order: 16, places: 6, amounts: 16, report: 8 }
     }
@@ -80,7 +80,7 @@ pub struct ChainSettings {
     /// impostor are at most half a pixel there.
     pub pixels: f64,
     /// Numbers of view directions.
-    pub looks: Looks,
+    pub views: ViewCounts,
 }
 
 /// Settings for pruning the leaves before level 1 takes over.
@@ -136,7 +136,7 @@ impl Default for ChainSettings {
             blended: false,
             tight_pages: true,
             pixels: 8.0,
-            looks: Looks::default(),
+            views: ViewCounts::default(),
         }
     }
 }
@@ -149,7 +149,7 @@ impl ChainSettings {
     pub fn check(&self) -> Result<()> {
         self.fit.check()?;
         self.channels.check()?;
-        self.looks.check()?;
+        self.views.check()?;
         if self.levels > 16 {
             return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
         }

@@ -7,11 +7,11 @@
 use std::sync::{Arc, OnceLock};
 
 use super::level::Level;
+use crate::atlas::{Atlas, Billboard, PageSize, Region, tightest};
 use crate::error::{Error, Result};
 use crate::foliage::Image;
-use crate::sheet::{Billboard, PageSize, Region, Sheet, tightest};
 use crate::textures::fill_gaps;
-use crate::textures::mips::Part;
+use crate::textures::mips::PagePart;
 
 /// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
 ///
@@ -55,22 +55,22 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     });
     let images: Vec<&Image> = levels.iter().map(|level| &level.for_engines().0).collect();
     let engine = carried(&images, &moves, size, "base_color");
-    let moved = |(level, moves): (&&Level, &Vec<Move>)| Sheet {
+    let moved = |(level, moves): (&&Level, &Vec<Move>)| Atlas {
         size,
-        gutter: level.sheet.gutter,
-        billboards: moved_billboards(&level.sheet, moves),
+        gutter: level.atlas.gutter,
+        billboards: moved_billboards(&level.atlas, moves),
     };
-    let sheets: Vec<Sheet> = levels.iter().zip(&moves).map(moved).collect();
-    let part = |(level, sheet): (&&Level, &Sheet)| Part::of(sheet, level.for_engines().1);
-    let sharers: Arc<[Part]> = levels.iter().zip(&sheets).map(part).collect();
-    let placed = |(level, sheet): (&&Level, Sheet)| Level {
-        sheet,
+    let atlases: Vec<Atlas> = levels.iter().zip(&moves).map(moved).collect();
+    let part = |(level, atlas): (&&Level, &Atlas)| PagePart::of(atlas, level.for_engines().1);
+    let sharers: Arc<[PagePart]> = levels.iter().zip(&atlases).map(part).collect();
+    let placed = |(level, atlas): (&&Level, Atlas)| Level {
+        atlas,
         page: page.clone(),
         sharers: Arc::clone(&sharers),
         engine: OnceLock::from((engine.clone(), level.for_engines().1)),
         ..(*level).clone()
     };
-    Ok(levels.iter().zip(sheets).map(placed).collect())
+    Ok(levels.iter().zip(atlases).map(placed).collect())
 }
 
 fn check_channels(levels: &[&Level]) -> Result<()> {
@@ -109,15 +109,15 @@ struct Move {
 }
 
 fn outer_regions(level: &Level) -> impl Iterator<Item = Region> {
-    level.sheet.regions().map(|region| region.grown(level.sheet.gutter))
+    level.atlas.regions().map(|region| region.grown(level.atlas.gutter))
 }
 
-fn moved_billboards(sheet: &Sheet, moves: &[Move]) -> Vec<Billboard> {
+fn moved_billboards(atlas: &Atlas, moves: &[Move]) -> Vec<Billboard> {
     let moved = |(billboard, Move { to, .. }): (&Billboard, &Move)| Billboard {
-        region: Region { x: to.0 + sheet.gutter, y: to.1 + sheet.gutter, ..billboard.region },
+        region: Region { x: to.0 + atlas.gutter, y: to.1 + atlas.gutter, ..billboard.region },
         ..billboard.clone()
     };
-    sheet.billboards.iter().zip(moves).map(moved).collect()
+    atlas.billboards.iter().zip(moves).map(moved).collect()
 }
 
 /// Copies the regions of all levels into one image of a channel; `images` has one image for each level.

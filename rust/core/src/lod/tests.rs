@@ -2,9 +2,9 @@ use glam::{DVec3, Vec2, Vec4};
 
 use super::references::report_views;
 use super::*;
+use crate::atlas::PageSize;
 use crate::foliage::{AlphaMode, Attributes, Image, Material};
-use crate::judge::Judge;
-use crate::sheet::PageSize;
+use crate::metrics::Reference;
 use crate::textures::{Channels, Samples};
 use crate::transition::DEPTH_ORDER;
 
@@ -41,7 +41,7 @@ fn a_chain_gets_coarser_and_keeps_its_promises() {
     assert_eq!((first.method, cross.method), ("stochastic", "cross"));
     let planes = [first, second].map(|level| level.cloud.as_ref().unwrap().planes.len());
     assert!(planes[0] > planes[1], "{planes:?} planes");
-    assert_eq!([first.sheet.size, second.sheet.size, cross.sheet.size], [256, 128, 64].map(PageSize::from));
+    assert_eq!([first.atlas.size, second.atlas.size, cross.atlas.size], [256, 128, 64].map(PageSize::from));
     let mut finer = foliage;
     for (level, epsilon) in [(first, 0.06), (second, 0.15)] {
         let cloud = level.cloud.as_ref().unwrap();
@@ -65,7 +65,7 @@ fn the_cross_stands_upright_through_the_centre() {
     let foliage = ball(100);
     let chain = build_chain(&foliage, None, &ChainSettings { levels: 0, ..settings() }, Progress::silent()).unwrap();
     let cross = &chain.levels[0];
-    let boards = &cross.sheet.billboards;
+    let boards = &cross.atlas.billboards;
     assert_eq!(boards.len(), 2);
     let normal = |i: usize| {
         (boards[i].corners[1] - boards[i].corners[0]).cross(boards[i].corners[3] - boards[i].corners[0]).normalize()
@@ -85,8 +85,8 @@ fn single_sided_leaves_call_for_two_textures() {
     let chain = build_chain(&foliage, None, &ChainSettings { levels: 1, ..settings() }, Progress::silent()).unwrap();
     let level = &chain.levels[0];
     assert!(level.two_sided);
-    let backs = level.sheet.billboards.iter().filter(|b| b.back).count();
-    assert_eq!(level.sheet.billboards.len(), 2 * backs);
+    let backs = level.atlas.billboards.iter().filter(|b| b.back).count();
+    assert_eq!(level.atlas.billboards.len(), 2 * backs);
     assert_eq!(level.ranks[0], level.ranks[1], "a pair is pruned as one");
     let back_faces = build_chain(
         &foliage,
@@ -225,9 +225,9 @@ fn rimmed_ball() -> Foliage {
 fn levels_have_the_mean_colour_of_the_leaves() {
     let foliage = rimmed_ball();
     let chain = build_chain(&foliage, None, &settings(), Progress::silent()).unwrap();
-    let judge = Judge::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z)).unwrap();
+    let reference = Reference::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z)).unwrap();
     for level in &chain.levels {
-        let ratio = judge.tone(&level.foliage().unwrap()).unwrap();
+        let ratio = reference.tone(&level.foliage().unwrap()).unwrap();
         // Cutoff and rims alone shift the color by a ninth; pictures of other sizes differ by half of the limit.
         assert!((ratio - 1.0).abs().max_element() < 0.06, "{}: {ratio}", level.method);
     }
@@ -251,14 +251,17 @@ fn alpha_blended_leaves_are_not_cut_out() {
     let blended = ChainSettings { blended: true, ..settings() };
     let chain = build_chain(&faint, None, &blended, Progress::silent()).unwrap();
     let cut_out = build_chain(&faint, None, &settings(), Progress::silent()).unwrap();
-    let judge = Judge::new(&[&faint], faint.frame(), report_views(8, DVec3::Z)).unwrap();
-    let lost = |level: &Level| 1.0 - judge.glance(&level.foliage().unwrap()).unwrap().overlap;
+    let squared_error = |level: &Level| -> f64 {
+        let alphas = |images: &[Image]| images.iter().flat_map(Image::alpha).map(f64::from).collect::<Vec<_>>();
+        let pairs = alphas(&level.pictures.base).into_iter().zip(alphas(&level.pictures.level));
+        pairs.map(|(base, shown)| (base - shown).powi(2)).sum()
+    };
     for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {
         assert_eq!(level.alpha_cutoff, 0.0);
         // The report uses other views than the tuning; the cross impostor is not tuned for coverage.
         let most = if level.method == "cross" { 0.1 } else { 0.02 };
         assert!((level.coverage - 1.0).abs() < most, "{}", level.coverage);
-        let (blended, cut) = (lost(level), lost(cut));
+        let (blended, cut) = (squared_error(level), squared_error(cut));
         assert!(blended < 0.8 * cut, "a cut-out leaf is drawn entirely or not at all: {blended} beside {cut}");
         let mips = level.mips("base_color").unwrap();
         let mean =

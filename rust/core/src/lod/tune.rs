@@ -9,12 +9,12 @@
 use glam::{DVec3, Vec3};
 
 use super::billboards::billboards;
+use crate::atlas::Atlas;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image, Material};
 use crate::geometry::Frame;
-use crate::judge::{Glance, Judge, Views};
-use crate::sheet::Sheet;
+use crate::metrics::{Agreement, Reference, Views};
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
 
@@ -54,11 +54,11 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
 }
 
 /// Returns the projection whose collapsed leaves cover as much as the leaves. `finer` collapses; `leaves` renders the reference.
-pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Projection> {
+pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<Projection> {
     let mut best: Option<(f64, Projection)> = None;
     for limit in STRETCHES {
         let projection = Projection::new(finer, cloud, limit);
-        let coverage = leaves.glance(&projection.at(finer, HAND_OVER)?)?.coverage;
+        let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
         // Coverage grows with the stretch: once the error grows, more stretch makes it worse.
         match best {
@@ -77,19 +77,21 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Judge) -> Result<Proj
 ///
 /// # Errors
 /// No texel of the page shows anything.
-pub fn cutoff(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, before: &Judge) -> Result<f32> {
-    let look = |index: usize| before.glance(&billboards(sheet, frame, page.material(CUTOFFS[index], double_sided))?);
-    let cost =
-        |glance: &Glance| 1.0 - glance.overlap + COVERAGE_WEIGHT * (1.0 - glance.coverage.min(1.0 / glance.coverage));
-    let cost_of = |index: usize| look(index).map(|glance| cost(&glance));
+pub fn cutoff(atlas: &Atlas, page: &Page, frame: &Frame, double_sided: bool, before: &Reference) -> Result<f32> {
+    let agreement_at =
+        |index: usize| before.agreement(&billboards(atlas, frame, page.material(CUTOFFS[index], double_sided))?);
+    let cost = |agreement: &Agreement| {
+        1.0 - agreement.overlap + COVERAGE_WEIGHT * (1.0 - agreement.coverage.min(1.0 / agreement.coverage))
+    };
+    let cost_of = |index: usize| agreement_at(index).map(|agreement| cost(&agreement));
     let most = greatest_alpha(&page.base_color)?;
     let Some(mut first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
-    let mut glance = look(first)?;
-    while first > 0 && glance.coverage < MOSTLY_LOST {
+    let mut agreement = agreement_at(first)?;
+    while first > 0 && agreement.coverage < MOSTLY_LOST {
         first -= 1;
-        glance = look(first)?;
+        agreement = agreement_at(first)?;
     }
-    let (mut best, mut least) = (first, cost(&glance));
+    let (mut best, mut least) = (first, cost(&agreement));
     for direction in [-1isize, 1] {
         while let Some(next) = best.checked_add_signed(direction).filter(|&i| i < CUTOFFS.len()) {
             let cost = cost_of(next)?;
@@ -118,13 +120,13 @@ const MOVES: usize = 12;
 /// No billboard has an area.
 pub fn matched(
     cutoff: f32,
-    sheet: &Sheet,
+    atlas: &Atlas,
     page: &Page,
     frame: &Frame,
     double_sided: bool,
-    leaves: &Judge,
+    leaves: &Reference,
 ) -> Result<f32> {
-    let excess = |cutoff: f64| excess(leaves, sheet, frame, page.material(cutoff as f32, double_sided));
+    let excess = |cutoff: f64| excess(leaves, atlas, frame, page.material(cutoff as f32, double_sided));
     Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, excess)? as f32)
 }
 
@@ -133,16 +135,16 @@ pub fn matched(
 ///
 /// # Errors
 /// No billboard has an area.
-pub fn blended(sheet: &Sheet, page: &Page, frame: &Frame, double_sided: bool, leaves: &Judge) -> Result<Page> {
+pub fn blended(atlas: &Atlas, page: &Page, frame: &Frame, double_sided: bool, leaves: &Reference) -> Result<Page> {
     let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
-    let excess = |clearness: f64| excess(leaves, sheet, frame, of(clearness).material(0.0, double_sided));
+    let excess = |clearness: f64| excess(leaves, atlas, frame, of(clearness).material(0.0, double_sided));
     Ok(of(least_excess(1.0, CLEARNESS_RANGE, excess)?))
 }
 
 /// Returns ln of the billboards' coverage over that of the leaves. Uniformly faint leaves are drawn entirely or not at all; the logarithm
 /// then favors too much over nothing.
-fn excess(leaves: &Judge, sheet: &Sheet, frame: &Frame, material: Material) -> Result<f64> {
-    leaves.glance(&billboards(sheet, frame, material)?).map(|glance| libm::log(glance.coverage.max(1e-9)))
+fn excess(leaves: &Reference, atlas: &Atlas, frame: &Frame, material: Material) -> Result<f64> {
+    leaves.agreement(&billboards(atlas, frame, material)?).map(|agreement| libm::log(agreement.coverage.max(1e-9)))
 }
 
 /// Returns the value of the least |excess| found; `excess` falls as the value rises. Uses secants until the sign changes, then regula
@@ -185,9 +187,16 @@ const TONES: (f32, f32) = (0.8, 1.25);
 ///
 /// # Errors
 /// No billboard has an area.
-pub fn page(sheet: &Sheet, page: Page, frame: &Frame, cutoff: f32, double_sided: bool, leaves: &Judge) -> Result<Page> {
+pub fn page(
+    atlas: &Atlas,
+    page: Page,
+    frame: &Frame,
+    cutoff: f32,
+    double_sided: bool,
+    leaves: &Reference,
+) -> Result<Page> {
     let page = page.settled(cutoff);
-    let tone = leaves.tone(&billboards(sheet, frame, page.material(cutoff, double_sided))?)?;
+    let tone = leaves.tone(&billboards(atlas, frame, page.material(cutoff, double_sided))?)?;
     Ok(page.toned(tone.clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1))))
 }
 

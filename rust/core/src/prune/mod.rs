@@ -4,11 +4,11 @@
 //! one random order, and the first λN are drawn, enlarged so that the covered area stays. Area, not length, grows by 1/λ.
 
 mod order;
-mod thin;
+mod pruned;
 mod trend;
 
 pub use order::{PROTECTED, order};
-pub use thin::{Kept, Thinned, thin};
+pub use pruned::{Kept, Pruned, pruned};
 pub use trend::Trend;
 
 use glam::Vec3;

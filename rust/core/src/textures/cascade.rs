@@ -41,8 +41,8 @@ pub fn keeping_area(page: &Image, cutoff: f32) -> (Image, f32) {
     let sides = [page.width(), page.height()];
     assert!(sides.iter().all(|side| side.is_multiple_of(1 << LEVELS)), "sides {sides:?}, multiples of {}", 1 << LEVELS);
     let area = mask::area(&page.alpha(), page.width(), cutoff, 1);
-    let first = Plane { width: page.width(), values: page.alpha().iter().map(|&a| f32::from(a) / 255.0).collect() };
-    let truth: Vec<Plane> = (0..LEVELS).fold(vec![first], |mut levels, _| {
+    let first = AlphaGrid { width: page.width(), values: page.alpha().iter().map(|&a| f32::from(a) / 255.0).collect() };
+    let truth: Vec<AlphaGrid> = (0..LEVELS).fold(vec![first], |mut levels, _| {
         levels.push(levels[levels.len() - 1].halved());
         levels
     });
@@ -57,12 +57,12 @@ pub fn keeping_area(page: &Image, cutoff: f32) -> (Image, f32) {
 
 /// Alpha in [0, 1], rows from the top.
 #[derive(Clone)]
-struct Plane {
+struct AlphaGrid {
     width: usize,
     values: Vec<f32>,
 }
 
-impl Plane {
+impl AlphaGrid {
     /// Returns the sum of each block of 2 × 2.
     fn block_sums(&self) -> Vec<f32> {
         let (columns, rows) = (self.width / 2, self.values.len() / self.width / 2);
@@ -90,7 +90,7 @@ impl Plane {
 }
 
 /// Returns alpha of level 0, built from the coarsest level of `truth` down.
-fn cascade(truth: &[Plane], area: f64, cutoff: f32) -> Vec<u8> {
+fn cascade(truth: &[AlphaGrid], area: f64, cutoff: f32) -> Vec<u8> {
     let (coarsest, finer) = truth.split_last().expect("there is a level");
     let pivot = least(0.0, 1.0, |pivot| remapped(coarsest, pivot, cutoff).area(cutoff) <= area);
     let mut level = remapped(coarsest, pivot, cutoff);
@@ -115,10 +115,10 @@ fn least(mut low: f32, mut high: f32, holds: impl Fn(f32) -> bool) -> f32 {
 }
 
 /// Returns alpha remapped by two lines through the pivot, which moves to the cutoff.
-fn remapped(plane: &Plane, pivot: f32, cutoff: f32) -> Plane {
+fn remapped(grid: &AlphaGrid, pivot: f32, cutoff: f32) -> AlphaGrid {
     let table = table(pivot, cutoff);
-    let codes = plane.codes().into_iter();
-    Plane { width: plane.width, values: codes.map(|code| f32::from(table[code as usize]) / 255.0).collect() }
+    let codes = grid.codes().into_iter();
+    AlphaGrid { width: grid.width, values: codes.map(|code| f32::from(table[code as usize]) / 255.0).collect() }
 }
 
 /// Returns the largest power at which `excess` changes its sign, or the power of the least |excess| if the sign never changes.
@@ -136,16 +136,16 @@ fn keeping_power(excess: impl Fn(f32) -> f64) -> f32 {
 
 /// Returns the next finer level: each texel's alpha is divided among its four children in proportion to a power of their coverage. Alpha
 /// above 1 goes to the other three children, so that the mean stays.
-fn divided(parent: &Plane, coverage: &Plane, power: f32) -> Plane {
+fn divided(parent: &AlphaGrid, coverage: &AlphaGrid, power: f32) -> AlphaGrid {
     let weights = coverage.values.iter().map(|value| libm::powf(value.max(LEAST), power)).collect();
-    let weights = Plane { width: coverage.width, values: weights };
+    let weights = AlphaGrid { width: coverage.width, values: weights };
     let sums = weights.block_sums();
     let share = |(i, weight): (usize, &f32)| 4.0 * parent.values[weights.block(i)] * weight / sums[weights.block(i)];
-    let mut level = Plane { width: weights.width, values: weights.values.iter().enumerate().map(share).collect() };
+    let mut level = AlphaGrid { width: weights.width, values: weights.values.iter().enumerate().map(share).collect() };
     // Four children: after three rounds nothing is left over.
     for _ in 0..3 {
-        let over = Plane { width: level.width, values: level.values.iter().map(|v| (v - 1.0).max(0.0)).collect() };
-        let room = Plane { width: level.width, values: level.values.iter().map(|v| (1.0 - v).max(0.0)).collect() };
+        let over = AlphaGrid { width: level.width, values: level.values.iter().map(|v| (v - 1.0).max(0.0)).collect() };
+        let room = AlphaGrid { width: level.width, values: level.values.iter().map(|v| (1.0 - v).max(0.0)).collect() };
         let (left, free) = (over.block_sums(), room.block_sums());
         for i in 0..level.values.len() {
             let block = level.block(i);
@@ -224,9 +224,9 @@ mod tests {
 
     #[test]
     fn children_have_the_mean_of_their_parent() {
-        let parent = Plane { width: 2, values: vec![0.2, 0.5, 0.9, 1.0] };
+        let parent = AlphaGrid { width: 2, values: vec![0.2, 0.5, 0.9, 1.0] };
         let coverage = (0..16).map(|i| (i * 5 % 16) as f32 / 15.0).collect();
-        let coverage = Plane { width: 4, values: coverage };
+        let coverage = AlphaGrid { width: 4, values: coverage };
         for power in [0.0, 1.0, 3.0] {
             let children = divided(&parent, &coverage, power);
             assert!(children.values.iter().all(|alpha| (0.0..=1.0).contains(alpha)));

@@ -7,7 +7,7 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use super::raster::Canvas;
-use crate::sheet::Region;
+use crate::atlas::Region;
 
 /// A mip level, and the region of each of its texels.
 pub struct Owned {

@@ -24,16 +24,16 @@ use super::channels::Channel;
 use super::dilate;
 use super::halves::{Owned, half_size, halved, smaller, texels};
 use super::raster::Canvas;
+use crate::atlas::{Atlas, Region};
 use crate::color::quantise;
 use crate::foliage::{Image, mask};
-use crate::sheet::{Region, Sheet};
 
 /// Mip levels of an image, level 0 first; each has half the side, down to one texel.
 pub type Levels = Vec<Image>;
 
 /// Regions of an atlas page that are drawn at one cutoff: those of one tree.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct PagePart {
     /// Regions without their gutters.
     pub regions: Vec<Region>,
     /// Unused texels around each region.
@@ -42,11 +42,11 @@ pub struct Part {
     pub alpha_cutoff: f32,
 }
 
-impl Part {
+impl PagePart {
     /// Returns the part with all regions of an atlas layout.
     #[must_use]
-    pub fn of(sheet: &Sheet, alpha_cutoff: f32) -> Self {
-        Self { regions: sheet.regions().collect(), gutter: sheet.gutter, alpha_cutoff }
+    pub fn of(atlas: &Atlas, alpha_cutoff: f32) -> Self {
+        Self { regions: atlas.regions().collect(), gutter: atlas.gutter, alpha_cutoff }
     }
 
     /// Returns the regions with their gutters.
@@ -57,12 +57,12 @@ impl Part {
 
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
 #[must_use]
-pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
-    if let [Part { regions, alpha_cutoff, .. }] = parts {
+pub fn of_parts(image: &Image, parts: &[PagePart]) -> Levels {
+    if let [PagePart { regions, alpha_cutoff, .. }] = parts {
         return of_color(image, regions, *alpha_cutoff);
     }
-    let owned: Vec<Vec<Region>> = parts.iter().map(Part::owned).collect();
-    let alone = |(part, owned): (&Part, &Vec<Region>)| {
+    let owned: Vec<Vec<Region>> = parts.iter().map(PagePart::owned).collect();
+    let alone = |(part, owned): (&PagePart, &Vec<Region>)| {
         let mut pixels: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b, _]| [r, g, b, 0]).collect();
         owned.iter().flat_map(|region| texels(*region, image.width())).for_each(|i| pixels[i] = image.pixels()[i]);
         of_color(&as_large(image, pixels), &part.regions, part.alpha_cutoff)
@@ -84,11 +84,11 @@ pub fn of_parts(image: &Image, parts: &[Part]) -> Levels {
 /// Returns the regions of mip level `number`, of `width` × `height` texels, in which alpha is cut out, each with its least drawn alpha
 /// code. With several parts these are the parts' own regions.
 #[must_use]
-pub fn cut_outs(parts: &[Part], number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
-    if let [Part { alpha_cutoff, .. }] = parts {
+pub fn cut_outs(parts: &[PagePart], number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
+    if let [PagePart { alpha_cutoff, .. }] = parts {
         return vec![(Region { x: 0, y: 0, width, height }, code_at_least(*alpha_cutoff))];
     }
-    let of_part = |part: &Part| {
+    let of_part = |part: &PagePart| {
         let (owned, code) = (part.owned(), code_at_least(part.alpha_cutoff));
         owned.into_iter().map(move |region| (smaller(region, 1 << number, width, height), code))
     };
@@ -358,7 +358,7 @@ mod tests {
         let page =
             image(128, 64, |x, y| if x < 64 { dense.pixels()[y * 64 + x] } else { thin.pixels()[y * 64 + x - 64] });
         let part =
-            |x: usize, alpha_cutoff: f32| Part { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
+            |x: usize, alpha_cutoff: f32| PagePart { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
         let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)]);
         for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {
             let alone = of_color(own, &[region], alpha_cutoff);

@@ -29,8 +29,8 @@ pub use raster::{Canvas, ScreenTriangle, Seen, Shader, Window, count_seen, raste
 pub use samples::Samples;
 pub use sky::{Outlook, Sky};
 
+use crate::atlas::{Atlas, Billboard};
 use crate::foliage::Foliage;
-use crate::sheet::{Billboard, Sheet};
 
 /// Seconds spent on each image of an atlas page, by name.
 pub type ChannelSeconds = Vec<(&'static str, f64)>;
@@ -57,12 +57,12 @@ pub struct Drawn<'a> {
 /// # Panics
 /// Never: base color is always among the channels.
 pub fn bake<'a>(
-    sheet: &Sheet,
+    atlas: &Atlas,
     samples: Samples,
     channels: (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
 ) -> Page {
-    bake_timed(sheet, samples, channels, drawn).0
+    bake_timed(atlas, samples, channels, drawn).0
 }
 
 /// Renders the page as [`bake`] does; also returns the seconds spent on each of its images.
@@ -70,19 +70,19 @@ pub fn bake<'a>(
 /// # Panics
 /// Never: base color is always among the channels.
 pub fn bake_timed<'a>(
-    sheet: &Sheet,
+    atlas: &Atlas,
     samples: Samples,
     (channels, sky): (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
 ) -> (Page, ChannelSeconds) {
-    let places: Vec<ToPage> = sheet.billboards.iter().map(ToPage::new).collect();
+    let places: Vec<ToPage> = atlas.billboards.iter().map(ToPage::new).collect();
     let place = |index: usize| {
-        let drawn = drawn(sheet.billboards[index].plane);
+        let drawn = drawn(atlas.billboards[index].plane);
         drawn.iter().map(|d| places[index].place(d)).filter(ScreenTriangle::is_within).collect::<Vec<_>>()
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
     let channels = channels.list(sky);
-    let (canvases, spent) = rasterise_timed(&triangles, sheet.size.width, sheet.size.height, samples, &channels);
+    let (canvases, spent) = rasterise_timed(&triangles, atlas.size.width, atlas.size.height, samples, &channels);
     let mut seconds: ChannelSeconds = channels.iter().map(|channel| channel.name()).zip(spent).collect();
     let of_image = seconds.iter_mut().map(|(_, seconds)| seconds);
     let images = channels.into_iter().zip(canvases).zip(of_image).map(|((channel, mut canvas), seconds)| {

@@ -67,7 +67,7 @@ pub struct Seen<'a> {
     pub triangle: &'a ScreenTriangle<'a>,
     /// Position on the triangle, and number of samples.
     pub spot: Spot,
-    /// Whether the visible side is the one that winds counter-clockwise.
+    /// Whether the visible side is the one with counter-clockwise winding.
     pub front: bool,
 }
 
@@ -232,7 +232,7 @@ const NOTHING: u32 = u32::MAX;
 struct Tile<'a> {
     samples: usize,
     /// Parts along each side of a pixel that are shaded separately.
-    looks: usize,
+    parts: usize,
     /// Width of the texture filter, as a multiple of the distance between samples.
     filter: f32,
     /// Samples in a row.
@@ -241,11 +241,11 @@ struct Tile<'a> {
     /// Indices into `drawn`.
     seen: Vec<u32>,
     drawn: Vec<Fragment<'a>>,
-    pieces: Vec<Piece>,
+    pieces: Vec<PixelPiece>,
 }
 
 /// The visible samples of a triangle in a part of a pixel.
-struct Piece {
+struct PixelPiece {
     /// Index of the pixel in the tile, row by row; pieces are in the order of their pixels.
     pixel: usize,
     /// Index of the part in the pixel.
@@ -258,7 +258,7 @@ struct Piece {
     places: Vec2,
 }
 
-impl Piece {
+impl PixelPiece {
     /// Returns the mean of its sample positions.
     fn middle(&self) -> Vec2 {
         self.places / self.count as f32
@@ -273,11 +273,11 @@ struct Fragment<'a> {
 }
 
 impl<'a> Tile<'a> {
-    fn new(Samples { side: samples, looks, filter }: Samples) -> Self {
+    fn new(Samples { side: samples, parts, filter }: Samples) -> Self {
         let side = TILE * samples;
         Self {
             samples,
-            looks,
+            parts,
             filter,
             side,
             depths: vec![f32::NEG_INFINITY; side * side],
@@ -313,11 +313,11 @@ impl<'a> Tile<'a> {
                     continue;
                 }
                 let place = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                let part = (y - top) * self.looks / self.samples * self.looks + (x - left) * self.looks / self.samples;
-                let known = |piece: &&mut Piece| (piece.fragment, piece.part) == (fragment, part);
+                let part = (y - top) * self.parts / self.samples * self.parts + (x - left) * self.parts / self.samples;
+                let known = |piece: &&mut PixelPiece| (piece.fragment, piece.part) == (fragment, part);
                 match self.pieces[first..].iter_mut().rev().find(known) {
                     Some(piece) => (piece.count, piece.places) = (piece.count + 1, piece.places + place),
-                    None => self.pieces.push(Piece { pixel, part, fragment, count: 1, places: place }),
+                    None => self.pieces.push(PixelPiece { pixel, part, fragment, count: 1, places: place }),
                 }
             }
         }
@@ -408,7 +408,7 @@ impl<'a> Tile<'a> {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
         let pieces = &self.pieces[first..last];
-        let look = |piece: &Piece, place: Vec2| {
+        let shade = |piece: &PixelPiece, place: Vec2| {
             let fragment = &self.drawn[piece.fragment as usize];
             let triangle = &triangles[fragment.index as usize];
             let weights = fragment.edges.weights(place);
@@ -417,14 +417,14 @@ impl<'a> Tile<'a> {
         };
         if shader.averages() {
             // The mean of sample positions in a triangle lies in the triangle.
-            self.average(pieces, |piece| look(piece, piece.middle()), pixels);
+            self.average(pieces, |piece| shade(piece, piece.middle()), pixels);
         } else {
-            choose(pieces, |piece| look(piece, self.place_nearest_middle(piece)), pixels);
+            choose(pieces, |piece| shade(piece, self.place_nearest_middle(piece)), pixels);
         }
     }
 
     /// Returns the sample of a piece nearest to its middle: the triangle is visible there, but not always in the exact middle.
-    fn place_nearest_middle(&self, piece: &Piece) -> Vec2 {
+    fn place_nearest_middle(&self, piece: &PixelPiece) -> Vec2 {
         let middle = piece.middle();
         let (left, top) = (piece.pixel % TILE * self.samples, piece.pixel / TILE * self.samples);
         let places = (0..self.samples * self.samples).map(|i| (left + i % self.samples, top + i / self.samples));
@@ -434,11 +434,11 @@ impl<'a> Tile<'a> {
     }
 
     /// Adds the mean over the samples to each pixel.
-    fn average(&self, pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
+    fn average(&self, pieces: &[PixelPiece], shade: impl Fn(&PixelPiece) -> Vec4, pixels: &mut [Vec4]) {
         for piece in pieces {
             // Triangles that reach beyond the canvas are drawn on whole tiles.
             let Some(pixel) = pixels.get_mut(piece.pixel % TILE) else { continue };
-            *pixel += look(piece) * piece.count as f32;
+            *pixel += shade(piece) * piece.count as f32;
         }
         // Dividing at the end gives exact shares: full coverage is 1.
         let count = (self.samples * self.samples) as f32;
@@ -449,11 +449,11 @@ impl<'a> Tile<'a> {
 }
 
 /// Sets each pixel to the value of its piece with the most samples; among equals, the first.
-fn choose(pieces: &[Piece], look: impl Fn(&Piece) -> Vec4, pixels: &mut [Vec4]) {
+fn choose(pieces: &[PixelPiece], shade: impl Fn(&PixelPiece) -> Vec4, pixels: &mut [Vec4]) {
     for of_pixel in pieces.chunk_by(|a, b| a.pixel == b.pixel) {
         let most = of_pixel.iter().reduce(|most, piece| if piece.count > most.count { piece } else { most });
         let (Some(most), Some(pixel)) = (most, pixels.get_mut(of_pixel[0].pixel % TILE)) else { continue };
-        *pixel = look(most);
+        *pixel = shade(most);
     }
 }
 

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 pub struct Samples {
     pub(super) side: usize,
     /// Parts along each side of a texel that are shaded separately.
-    pub(super) looks: usize,
+    pub(super) parts: usize,
     /// Width of the texture filter, as a multiple of the distance between samples.
     pub(super) filter: f32,
 }
@@ -40,7 +40,7 @@ impl Samples {
     /// Shades each sample separately, as a renderer does. Otherwise a texel shades each triangle once, in the middle of its samples there.
     #[must_use]
     pub fn each(self) -> Self {
-        Self { looks: self.side, ..self }
+        Self { parts: self.side, ..self }
     }
 
     /// Reads textures at points, as a renderer with many samples does. Means over whole pictures need no filter, and a filter would bias
@@ -54,7 +54,7 @@ impl Samples {
 impl Default for Samples {
     /// 4 × 4.
     fn default() -> Self {
-        Self { side: 4, looks: 1, filter: 1.0 }
+        Self { side: 4, parts: 1, filter: 1.0 }
     }
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Edges {
     /// Gradients of the second and third weight.
     second: Vec2,
     third: Vec2,
-    /// Whether the visible side is the one that winds counter-clockwise.
+    /// Whether the visible side is the one with counter-clockwise winding.
     pub(super) front: bool,
 }
 

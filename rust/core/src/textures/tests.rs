@@ -1,10 +1,10 @@
 use glam::{DVec2, Vec2, Vec3, Vec4};
 
 use super::*;
+use crate::atlas::AtlasSettings;
 use crate::foliage::Image;
 use crate::foliage::{AlphaMode, Attributes, Material};
 use crate::geometry::{Outline, Plane};
-use crate::sheet::SheetSettings;
 
 /// Two triangles, the square [0, 1]² at height `z`.
 fn square(z: f64, material: Material) -> Foliage {
@@ -161,8 +161,8 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
     let (x, y) = plane.axes();
     let along = |p: DVec3| DVec2::new(x.dot(p), y.dot(p));
     let outline = Outline::along(&[along(low), along(high)], DVec2::X);
-    let settings = SheetSettings { size: 64.into(), gutter: 2, back_sides: true };
-    let sheet = Sheet::pack(&[plane], &[outline], settings).unwrap();
+    let settings = AtlasSettings { size: 64.into(), gutter: 2, back_sides: true };
+    let atlas = Atlas::pack(&[plane], &[outline], settings).unwrap();
     let shown = |_: u32| {
         let drawn = |t| Drawn {
             reach: f64::INFINITY,
@@ -173,8 +173,8 @@ fn a_billboard_shows_its_front_upright_and_its_back_mirrored() {
         };
         (0..2).map(drawn).collect()
     };
-    let page = bake(&sheet, samples(4), (&Channels::default(), None), shown).base_color;
-    for billboard in &sheet.billboards {
+    let page = bake(&atlas, samples(4), (&Channels::default(), None), shown).base_color;
+    for billboard in &atlas.billboards {
         let to_page = ToPage::new(billboard);
         let look = |x: f64, y: f64| {
             let p = corner(x, y);

@@ -3,10 +3,10 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use glam::{DVec2, DVec3, Vec2, Vec3};
+use leafcloud::atlas::{Atlas, AtlasSettings, PageSize};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::foliage::{AlphaMode, Attributes, Image, Material};
 use leafcloud::geometry::{Outline, Plane, convex_outline};
-use leafcloud::sheet::{PageSize, Sheet, SheetSettings};
 use leafcloud::textures::{Channel, Samples, ScreenTriangle, Window, rasterise};
 use leafcloud::{Foliage, Progress, gltf};
 
@@ -124,20 +124,20 @@ fn try_pack(u: &mut Unstructured) -> Result<()> {
     if outlines.is_empty() {
         return Ok(());
     }
-    let settings = SheetSettings {
+    let settings = AtlasSettings {
         size: PageSize { width: u.int_in_range(0..=300)?, height: u.int_in_range(0..=300)? },
         gutter: u.int_in_range(0..=5)?,
         back_sides: bool::arbitrary(u)?,
     };
     let planes = vec![Plane { normal: DVec3::Z, distance: 0.0 }; outlines.len()];
-    let Ok(sheet) = Sheet::pack(&planes, &outlines, settings) else { return Ok(()) };
-    let mut owned = vec![false; sheet.size.texels()];
-    for b in &sheet.billboards {
+    let Ok(atlas) = Atlas::pack(&planes, &outlines, settings) else { return Ok(()) };
+    let mut owned = vec![false; atlas.size.texels()];
+    for b in &atlas.billboards {
         assert!(b.corners.iter().all(|c| c.is_finite()) && b.outline.iter().all(|p| p.is_finite()));
-        assert!(b.region.x + b.region.width <= sheet.size.width && b.region.y + b.region.height <= sheet.size.height);
+        assert!(b.region.x + b.region.width <= atlas.size.width && b.region.y + b.region.height <= atlas.size.height);
         for y in b.region.y..b.region.y + b.region.height {
             for x in b.region.x..b.region.x + b.region.width {
-                assert!(!std::mem::replace(&mut owned[y * sheet.size.width + x], true), "two regions share {x} {y}");
+                assert!(!std::mem::replace(&mut owned[y * atlas.size.width + x], true), "two regions share {x} {y}");
             }
         }
     }

@@ -1,12 +1,12 @@
 //! Chains and pictures of barely visible foliage: the result shows something, or a named error says why not.
 
 use glam::{DVec3, Vec4};
+use leafcloud::atlas::{Atlas, AtlasSettings};
 use leafcloud::foliage::{AlphaMode, Attributes, Material, Opacity};
 use leafcloud::geometry::Plane;
-use leafcloud::judge::{View, render};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
+use leafcloud::metrics::{View, render};
 use leafcloud::outlines::{OutlineSettings, outlines};
-use leafcloud::sheet::{Sheet, SheetSettings};
 use leafcloud::textures::{Channels, Drawn, Samples, bake};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Foliage, Progress};
@@ -77,7 +77,7 @@ fn leaves_thinner_than_a_texel() {
 fn foliage_that_lies_flat() {
     let flat = chain(&lying(), None, &settings()).unwrap();
     let cross = flat.levels.last().unwrap();
-    assert_eq!((cross.method, cross.sheet.billboards.len()), ("cross", 1));
+    assert_eq!((cross.method, cross.atlas.billboards.len()), ("cross", 1));
     assert!(fewest_drawn(&flat) > 0);
     // Seen along the plane, neither leaves nor cross impostor cover anything; from everywhere else both cover the same.
     let off = (cross.coverage - 1.0).abs();
@@ -143,7 +143,7 @@ fn one_sided_leaves_that_face_away() {
                 let found = chain(&wall(normal), None, &ChainSettings { back_sides, ..settings() }).unwrap();
                 blank += usize::from(found.levels[0].coverage < 0.9) + usize::from(fewest_drawn(&found) == 0);
                 // One plane shows the wall; planes that would show it edge-on are left out.
-                let planes = found.levels.last().unwrap().sheet.billboards.iter().filter(|b| !b.back).count();
+                let planes = found.levels.last().unwrap().atlas.billboards.iter().filter(|b| !b.back).count();
                 blank += usize::from(planes != 1);
             }
         }
@@ -280,9 +280,9 @@ fn a_plane_for_each_of_65_537_triangles() {
     let projection = Projection::new(&foliage, &cloud, 1.0);
     let shape = OutlineSettings { corners: 4 };
     let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
-    let sheet =
-        Sheet::pack(&cloud.planes, &found, SheetSettings { size: 4096.into(), gutter: 2, back_sides: false }).unwrap();
-    let page = bake(&sheet, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {
+    let atlas =
+        Atlas::pack(&cloud.planes, &found, AtlasSettings { size: 4096.into(), gutter: 2, back_sides: false }).unwrap();
+    let page = bake(&atlas, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {
         let t = p as usize;
         vec![Drawn {
             reach: f64::INFINITY,
@@ -293,27 +293,27 @@ fn a_plane_for_each_of_65_537_triangles() {
         }]
     })
     .base_color;
-    let blank = |b: &&leafcloud::sheet::Billboard| {
+    let blank = |b: &&leafcloud::atlas::Billboard| {
         let row = |y: usize| &page.pixels()[y * page.width() + b.region.x..][..b.region.width];
         (b.region.y..b.region.y + b.region.height).all(|y| row(y).iter().all(|p| p[3] == 0))
     };
     // A sample hits a triangle that is wider than a quarter of a texel: all but slivers.
-    let wide = |b: &&leafcloud::sheet::Billboard| {
+    let wide = |b: &&leafcloud::atlas::Billboard| {
         let corners = foliage.corners(b.plane as usize);
         let longest = (0..3).map(|i| corners[i].distance(corners[(i + 1) % 3])).fold(0.0, f64::max);
-        2.0 * foliage.area_vector(b.plane as usize).length() / longest > sheet.texel()
+        2.0 * foliage.area_vector(b.plane as usize).length() / longest > atlas.texel()
     };
-    let asked = sheet.billboards.iter().filter(wide).count();
+    let asked = atlas.billboards.iter().filter(wide).count();
     assert!(asked > 1000, "{asked}");
     case(
         GROUP,
         "65 537 planes projected, packed and baked: billboards wider than a texel that show nothing",
         "definition: none",
     )
-    .holds(sheet.billboards.iter().filter(wide).filter(blank).count() as f64, 0.0);
+    .holds(atlas.billboards.iter().filter(wide).filter(blank).count() as f64, 0.0);
     let heights = cloud.deviations.iter().copied().fold(0.0, f64::max);
     case(GROUP, "deviation where each triangle has its own plane, of 65 537", "closed form: 0")
         .holds(heights, 8.0 * f64::EPSILON);
-    let uvs = sheet.billboards.iter().flat_map(|b| sheet.uvs(b)).all(|uv| uv.iter().all(|x| (0.0..=1.0).contains(x)));
+    let uvs = atlas.billboards.iter().flat_map(|b| atlas.uvs(b)).all(|uv| uv.iter().all(|x| (0.0..=1.0).contains(x)));
     case(GROUP, "texture coordinates of 65 537 billboards", "definition: on the page").equals(uvs, true);
 }

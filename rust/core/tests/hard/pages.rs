@@ -1,10 +1,10 @@
 //! Outlines and textures on an atlas page: none, one and too many of everything.
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use leafcloud::atlas::{Atlas, AtlasSettings};
 use leafcloud::foliage::{AlphaMode, Attributes, Image, Material, Opacity};
 use leafcloud::geometry::{Outline, Plane, minimum_rectangle};
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
-use leafcloud::sheet::{Sheet, SheetSettings};
 use leafcloud::textures::{Canvas, Channel, Samples, ScreenTriangle, Window, rasterise};
 use leafcloud::{Foliage, Progress};
 
@@ -18,20 +18,20 @@ fn rectangle(width: f64, height: f64) -> Outline {
     Outline::along(&[DVec2::ZERO, DVec2::new(width, height)], DVec2::X)
 }
 
-fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result<Sheet> {
+fn packed(outlines: &[Outline], size: usize, gutter: usize) -> leafcloud::Result<Atlas> {
     let plane = Plane { normal: DVec3::Z, distance: 0.0 };
-    Sheet::pack(&vec![plane; outlines.len()], outlines, SheetSettings { size: size.into(), gutter, back_sides: false })
+    Atlas::pack(&vec![plane; outlines.len()], outlines, AtlasSettings { size: size.into(), gutter, back_sides: false })
 }
 
 /// Returns the number of texels shared by two regions, or outside the page.
-fn shared(sheet: &Sheet) -> usize {
-    let mut owners = vec![0u32; sheet.size.texels()];
+fn shared(atlas: &Atlas) -> usize {
+    let mut owners = vec![0u32; atlas.size.texels()];
     let mut outside = 0;
-    for b in &sheet.billboards {
+    for b in &atlas.billboards {
         for y in b.region.y..b.region.y + b.region.height {
             for x in b.region.x..b.region.x + b.region.width {
-                match owners.get_mut(y * sheet.size.width + x) {
-                    Some(owner) if x < sheet.size.width => *owner += 1,
+                match owners.get_mut(y * atlas.size.width + x) {
+                    Some(owner) if x < atlas.size.width => *owner += 1,
                     _ => outside += 1,
                 }
             }
@@ -46,10 +46,10 @@ fn outlines_of_any_shape_keep_apart() {
     let segment = minimum_rectangle(&[DVec2::ZERO, DVec2::new(1.0, 2.0)]);
     let needle = rectangle(1.0, 1e-9);
     let outlines = [point, segment, needle, rectangle(1.0, 1.0), rectangle(1e-12, 1e-12)];
-    let sheet = packed(&outlines, 256, 2).unwrap();
+    let atlas = packed(&outlines, 256, 2).unwrap();
     case(GROUP, "points, segments and needles on one page", "definition: no texel has two owners")
-        .holds(shared(&sheet) as f64, 0.0);
-    let corners = sheet.billboards.iter().flat_map(|b| b.corners).all(DVec3::is_finite);
+        .holds(shared(&atlas) as f64, 0.0);
+    let corners = atlas.billboards.iter().flat_map(|b| b.corners).all(DVec3::is_finite);
     case(GROUP, "corners of billboards without area", "definition: finite").equals(corners, true);
 }
 
@@ -58,11 +58,11 @@ fn more_billboards_than_sixteen_bits_count() {
     let mut random = Random(21);
     let outlines: Vec<Outline> =
         (0..65_537).map(|_| rectangle(1.0 + random.signed() * 0.5, 1.0 + random.signed() * 0.5)).collect();
-    let sheet = packed(&outlines, 4096, 2).unwrap();
-    assert_eq!(sheet.billboards.len(), 65_537);
+    let atlas = packed(&outlines, 4096, 2).unwrap();
+    assert_eq!(atlas.billboards.len(), 65_537);
     case(GROUP, "65 537 billboards on one page", "definition: no texel has two owners")
-        .holds(shared(&sheet) as f64, 0.0);
-    let planes = sheet.billboards.iter().enumerate().filter(|(i, b)| b.plane as usize != *i).count();
+        .holds(shared(&atlas) as f64, 0.0);
+    let planes = atlas.billboards.iter().enumerate().filter(|(i, b)| b.plane as usize != *i).count();
     case(GROUP, "65 537 billboards keep their numbers", "definition: in the order of planes").holds(planes as f64, 0.0);
 }
 

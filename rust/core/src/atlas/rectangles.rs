@@ -10,7 +10,7 @@ use super::{PageSize, Region};
 use crate::random::Stream;
 
 /// Width and height.
-pub type Size = (usize, usize);
+pub type BoxSize = (usize, usize);
 
 /// Rotation of a box.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ struct Next {
 
 /// Returns the place of each box; a rotated box has width and height exchanged. `None` if none of `orders` orders places all boxes.
 #[must_use]
-pub fn pack(boxes: &[Size], page: PageSize, turning: bool, orders: usize) -> Option<Vec<Region>> {
+pub fn pack(boxes: &[BoxSize], page: PageSize, turning: bool, orders: usize) -> Option<Vec<Region>> {
     let turn = if turning { Turn::Free } else { Turn::No };
     let mut order: Vec<Next> = (0..boxes.len()).map(|index| Next { index, turn }).collect();
     let largest_first = |&Next { index, .. }: &Next| {
@@ -75,7 +75,7 @@ fn change(order: &mut Vec<Next>, turning: bool, stream: &mut Stream) {
 
 /// The boxes, and the result of the order placed last.
 struct Tried<'a> {
-    boxes: &'a [Size],
+    boxes: &'a [BoxSize],
     page: PageSize,
     /// Shortest side of any box: a narrower free rectangle holds none.
     least: usize,
@@ -85,7 +85,7 @@ struct Tried<'a> {
 }
 
 impl<'a> Tried<'a> {
-    fn new(boxes: &'a [Size], page: PageSize) -> Self {
+    fn new(boxes: &'a [BoxSize], page: PageSize) -> Self {
         let nowhere = Region { x: 0, y: 0, width: 0, height: 0 };
         let least = boxes.iter().map(|&(width, height)| width.min(height)).min().unwrap_or(0);
         Self { boxes, page, least, places: vec![nowhere; boxes.len()], free: Vec::new(), parts: Vec::new() }

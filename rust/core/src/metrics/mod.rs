@@ -62,12 +62,12 @@ impl Views {
 }
 
 /// Rendered views of a base, for comparison with levels.
-pub struct Judge {
+pub struct Reference {
     views: Vec<View>,
     pictures: Arc<[Image]>,
 }
 
-impl Judge {
+impl Reference {
     /// Renders the parts of the base; the sphere of `frame` fills the images.
     ///
     /// # Errors
@@ -82,10 +82,10 @@ impl Judge {
     ///
     /// # Errors
     /// Those of [`render()`].
-    pub fn glance(&self, level: &Foliage) -> Result<Glance> {
+    pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
         let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
-        Ok(Glance { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
+        Ok(Agreement { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
 
     /// Returns the standard deviation of the base's luminance over the level's; 1 if either hardly varies (10⁻³ or less).
@@ -93,7 +93,7 @@ impl Judge {
     /// # Errors
     /// Those of [`render()`].
     pub fn contrast(&self, level: &Foliage) -> Result<f64> {
-        let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.look_at(level)?));
+        let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.pictures_of(level)?));
         Ok(if base > 1e-3 && other > 1e-3 { base / other } else { 1.0 })
     }
 
@@ -102,7 +102,7 @@ impl Judge {
     /// # Errors
     /// Those of [`render()`].
     pub fn tone(&self, level: &Foliage) -> Result<Vec3> {
-        let (base, other) = (measure::mean_color(&self.pictures), measure::mean_color(&self.look_at(level)?));
+        let (base, other) = (measure::mean_color(&self.pictures), measure::mean_color(&self.pictures_of(level)?));
         let ratio = |(a, b): (f64, f64)| if a > 0.0 && b > 0.0 { (a / b) as f32 } else { 1.0 };
         Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
     }
@@ -112,17 +112,17 @@ impl Judge {
     /// # Errors
     /// Those of [`render()`].
     pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
-        Ok(Comparison { base: Arc::clone(&self.pictures), level: self.look_at(level)?.into() })
+        Ok(Comparison { base: Arc::clone(&self.pictures), level: self.pictures_of(level)?.into() })
     }
 
-    fn look_at(&self, level: &Foliage) -> Result<Vec<Image>> {
+    fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
         self.views.iter().map(|view| render(&[level], view)).collect()
     }
 }
 
 /// Coverage and overlap of a level against a base.
 #[derive(Clone, Copy, Debug)]
-pub struct Glance {
+pub struct Agreement {
     /// Sum of alpha over the base's sum, as the mean over the views; 1 if the base is empty.
     pub coverage: f64,
     /// Intersection over union of alpha.

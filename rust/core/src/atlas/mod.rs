@@ -15,14 +15,14 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::geometry::{Outline, Plane};
 
-use rectangles::Size;
+use rectangles::BoxSize;
 
 /// Billboard count above which quadratic packing takes too long.
 const MANY: usize = 2000;
 
 /// Search for the density, from the highest down. It is nearly a matter of chance whether outlines fit, so many tries find a good density.
 #[derive(Clone, Copy)]
-struct Search {
+struct DensitySearch {
     /// Factor from one density to the next, below 1.
     step: f64,
     /// Number of densities tried in parallel.
@@ -31,8 +31,8 @@ struct Search {
     orders: usize,
 }
 
-const TIGHT: Search = Search { step: 0.9975, together: 16, orders: 1000 };
-const LOOSE: Search = Search { step: 0.99, together: 4, orders: 1 };
+const TIGHT: DensitySearch = DensitySearch { step: 0.9975, together: 16, orders: 1000 };
+const LOOSE: DensitySearch = DensitySearch { step: 0.99, together: 4, orders: 1 };
 
 /// Most work at one density: pairs of billboards times orders.
 const MOST_WORK: usize = 5_000_000;
@@ -72,7 +72,7 @@ impl std::fmt::Display for PageSize {
 
 /// Settings of an atlas layout.
 #[derive(Clone, Copy, Debug)]
-pub struct SheetSettings {
+pub struct AtlasSettings {
     /// Both sides in [16, 16384].
     pub size: PageSize,
     /// Unused texels around each outline, against bleeding by filters.
@@ -81,7 +81,7 @@ pub struct SheetSettings {
     pub back_sides: bool,
 }
 
-impl SheetSettings {
+impl AtlasSettings {
     /// Returns settings with the default gutter for a page of this size: 4 texels at 2048, at least 2.
     #[must_use]
     pub fn of_size(size: impl Into<PageSize>, back_sides: bool) -> Self {
@@ -146,7 +146,7 @@ pub struct Billboard {
 
 /// Atlas layout of a level: all billboards on one page.
 #[derive(Clone, Debug)]
-pub struct Sheet {
+pub struct Atlas {
     /// Size of the page.
     pub size: PageSize,
     /// Unused texels around each billboard.
@@ -155,12 +155,12 @@ pub struct Sheet {
     pub billboards: Vec<Billboard>,
 }
 
-impl Sheet {
+impl Atlas {
     /// Places the outlines, one for each plane, as tightly as a search finds.
     ///
     /// # Errors
     /// A page size outside its range; more outlines than fit at one texel each.
-    pub fn pack(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
+    pub fn pack(planes: &[Plane], outlines: &[Outline], settings: AtlasSettings) -> Result<Self> {
         Self::packed(planes, outlines, settings, TIGHT)
     }
 
@@ -168,11 +168,11 @@ impl Sheet {
     ///
     /// # Errors
     /// The errors of [`Self::pack`].
-    pub fn pack_loosely(planes: &[Plane], outlines: &[Outline], settings: SheetSettings) -> Result<Self> {
+    pub fn pack_loosely(planes: &[Plane], outlines: &[Outline], settings: AtlasSettings) -> Result<Self> {
         Self::packed(planes, outlines, settings, LOOSE)
     }
 
-    fn packed(planes: &[Plane], outlines: &[Outline], settings: SheetSettings, search: Search) -> Result<Self> {
+    fn packed(planes: &[Plane], outlines: &[Outline], settings: AtlasSettings, search: DensitySearch) -> Result<Self> {
         settings.check()?;
         if outlines.len() > settings.room() {
             return Err(too_many(outlines.len(), settings.size));
@@ -195,7 +195,7 @@ impl Sheet {
         Err(too_many(outlines.len(), settings.size))
     }
 
-    fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: SheetSettings) -> Self {
+    fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: AtlasSettings) -> Self {
         let billboards = packed.iter().map(|p| {
             let plane = planes[p.plane as usize];
             let outline = &outlines[p.plane as usize];
@@ -298,12 +298,12 @@ fn texels(length: f64, density: f64) -> usize {
     ((length * density - 1e-6).ceil() as usize).max(1)
 }
 
-fn place(outlines: &[Outline], density: f64, settings: SheetSettings, most: usize) -> Option<Vec<Placed>> {
+fn place(outlines: &[Outline], density: f64, settings: AtlasSettings, most: usize) -> Option<Vec<Placed>> {
     let border = 2 * settings.gutter;
     let sides: &[bool] = if settings.back_sides { &[false, true] } else { &[false] };
     let planes = (0..outlines.len()).flat_map(|plane| sides.iter().map(move |&back| (plane, back)));
     let size = |o: &Outline| (texels(o.size().x, density) + border, texels(o.size().y, density) + border);
-    let boxes: Vec<Size> = outlines.iter().flat_map(|outline| sides.iter().map(move |_| size(outline))).collect();
+    let boxes: Vec<BoxSize> = outlines.iter().flat_map(|outline| sides.iter().map(move |_| size(outline))).collect();
     if boxes.iter().map(|(width, height)| width * height).sum::<usize>() > settings.size.texels() {
         return None;
     }
@@ -312,7 +312,7 @@ fn place(outlines: &[Outline], density: f64, settings: SheetSettings, most: usiz
     } else {
         rectangles::pack(&boxes, settings.size, true, orders(boxes.len(), most))?
     };
-    let placed = |(((plane, back), place), size): (((usize, bool), Region), &Size)| Placed {
+    let placed = |(((plane, back), place), size): (((usize, bool), Region), &BoxSize)| Placed {
         plane: plane as u32,
         back,
         turned: (place.width, place.height) != *size,
@@ -339,7 +339,7 @@ pub fn tight_work(billboards: usize) -> usize {
 
 /// Packs boxes on shelves, the highest first; `None` if they do not fit. O(n log n), and nearly as tight for many boxes. (The crate
 /// `etagere` packs on shelves too, but counts in 16 bits.)
-fn on_shelves(boxes: &[Size], page: PageSize) -> Option<Vec<Region>> {
+fn on_shelves(boxes: &[BoxSize], page: PageSize) -> Option<Vec<Region>> {
     let mut order: Vec<usize> = (0..boxes.len()).collect();
     order.sort_by_key(|&index| (std::cmp::Reverse((boxes[index].1, boxes[index].0)), index));
     let (mut x, mut y, mut shelf) = (0, 0, 0);
@@ -392,29 +392,29 @@ mod tests {
 
     const FRONT: Plane = Plane { normal: DVec3::Z, distance: 0.0 };
 
-    fn pack(outlines: &[Outline], back_sides: bool) -> Sheet {
+    fn pack(outlines: &[Outline], back_sides: bool) -> Atlas {
         pack_on(256.into(), outlines, back_sides)
     }
 
-    fn pack_on(size: PageSize, outlines: &[Outline], back_sides: bool) -> Sheet {
-        let settings = SheetSettings { size, gutter: 2, back_sides };
-        Sheet::pack(&vec![FRONT; outlines.len()], outlines, settings).unwrap()
+    fn pack_on(size: PageSize, outlines: &[Outline], back_sides: bool) -> Atlas {
+        let settings = AtlasSettings { size, gutter: 2, back_sides };
+        Atlas::pack(&vec![FRONT; outlines.len()], outlines, settings).unwrap()
     }
 
     #[test]
     fn one_square_fills_the_page_but_for_the_gutter() {
-        let sheet = pack(&[rectangle(1.0, 1.0)], false);
-        let Region { width, height, .. } = sheet.billboards[0].region;
+        let atlas = pack(&[rectangle(1.0, 1.0)], false);
+        let Region { width, height, .. } = atlas.billboards[0].region;
         assert!(width == height && (247..=252).contains(&width));
-        let [a, b, c, d] = sheet.billboards[0].corners;
+        let [a, b, c, d] = atlas.billboards[0].corners;
         assert!((b - a).cross(d - a).z > 0.0, "counter-clockwise from the front");
         assert!((a + c).distance(DVec3::new(1.0, 1.0, 0.0)) < 1e-12, "centered on the outline");
     }
 
     #[test]
     fn backs_mirror_fronts() {
-        let sheet = pack(&[rectangle(2.0, 1.0)], true);
-        let [front, back] = &sheet.billboards[..] else { panic!("a pair") };
+        let atlas = pack(&[rectangle(2.0, 1.0)], true);
+        let [front, back] = &atlas.billboards[..] else { panic!("a pair") };
         assert!(!front.back && back.back);
         let normal = |b: &Billboard| (b.corners[1] - b.corners[0]).cross(b.corners[3] - b.corners[0]).z.signum();
         assert_eq!((normal(front), normal(back)), (1.0, -1.0));
@@ -422,19 +422,19 @@ mod tests {
 
     #[test]
     fn too_many_are_refused() {
-        let settings = SheetSettings { size: 16.into(), gutter: 2, back_sides: false };
+        let settings = AtlasSettings { size: 16.into(), gutter: 2, back_sides: false };
         let outlines = vec![rectangle(1.0, 1.0); 100];
-        let error = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap_err().to_string();
+        let error = Atlas::pack(&vec![FRONT; 100], &outlines, settings).unwrap_err().to_string();
         assert!(error.contains("100 billboards") && error.contains("16 × 16 texels"));
-        assert!(Sheet::pack(&[FRONT], &outlines[..1], SheetSettings { size: 0.into(), ..settings }).is_err());
+        assert!(Atlas::pack(&[FRONT], &outlines[..1], AtlasSettings { size: 0.into(), ..settings }).is_err());
     }
 
     #[test]
     fn a_page_of_many_is_well_filled() {
         let outlines: Vec<_> = (0..100u32).map(|i| rectangle(1.0 + f64::from(i % 7), 1.0 + f64::from(i % 5))).collect();
-        let settings = SheetSettings { size: 2048.into(), gutter: 4, back_sides: false };
-        let sheet = Sheet::pack(&vec![FRONT; 100], &outlines, settings).unwrap();
-        assert!(sheet.occupancy() > 0.92, "{}", sheet.occupancy());
+        let settings = AtlasSettings { size: 2048.into(), gutter: 4, back_sides: false };
+        let atlas = Atlas::pack(&vec![FRONT; 100], &outlines, settings).unwrap();
+        assert!(atlas.occupancy() > 0.92, "{}", atlas.occupancy());
     }
 
     proptest! {
@@ -448,11 +448,11 @@ mod tests {
         ) {
             let outlines: Vec<_> = sizes.iter().map(|&(w, h): &(f64, f64)| rectangle(w, h)).collect();
             prop_assume!(outlines.iter().any(|o| o.size().max_element() > 0.1));
-            let sheet = pack_on(PageSize { width: 256, height }, &outlines, back);
-            prop_assert_eq!(sheet.billboards.len(), outlines.len() * if back { 2 } else { 1 });
+            let atlas = pack_on(PageSize { width: 256, height }, &outlines, back);
+            prop_assert_eq!(atlas.billboards.len(), outlines.len() * if back { 2 } else { 1 });
             let mut owners = vec![0u8; 256 * height];
             let mut density = None;
-            for b in &sheet.billboards {
+            for b in &atlas.billboards {
                 let Region { x, y, width, height } = b.region;
                 for row in y - 1..=y + height {
                     for column in x - 1..=x + width {

@@ -9,7 +9,7 @@ use crate::transition::leaf_pivots;
 
 /// Pruned foliage.
 #[derive(Clone, Debug)]
-pub struct Thinned {
+pub struct Pruned {
     /// The kept leaves, enlarged.
     pub foliage: Foliage,
     /// The source triangle of each triangle of `foliage`.
@@ -31,7 +31,7 @@ pub struct Kept {
 ///
 /// # Errors
 /// No kept leaf has an area.
-pub fn thin(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Result<Thinned> {
+pub fn pruned(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Result<Pruned> {
     let scale = growth * area_scale(ranks.iter().map(|&rank| f64::from(rank)).zip(leaf_areas(foliage)), keep);
     let growth_of = |rank: f32| if rank < 0.0 { 1.0 } else { scale * leaf_scale(f64::from(rank), keep) };
     let of_leaf: Vec<f64> = ranks.iter().map(|&rank| growth_of(rank)).collect();
@@ -44,7 +44,7 @@ pub fn thin(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Result<
         foliage.corners(t as usize).map(|p| pivot + (p - pivot) * growth)
     };
     let corners: Vec<[DVec3; 3]> = triangles.iter().zip(&growth).map(grown).collect();
-    Ok(Thinned { foliage: foliage.part(&triangles, &corners)?, kept: Kept { triangles, growth } })
+    Ok(Pruned { foliage: foliage.part(&triangles, &corners)?, kept: Kept { triangles, growth } })
 }
 
 /// Returns the area of each leaf, local units.

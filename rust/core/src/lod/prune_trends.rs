@@ -7,18 +7,18 @@
 
 use glam::DVec3;
 
-use super::settings::{Looks, PruneSettings};
+use super::settings::{PruneSettings, ViewCounts};
 use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;
-use crate::judge::{Judge, Views};
-use crate::prune::{Trend, thin};
+use crate::metrics::{Reference, Views};
+use crate::prune::{Trend, pruned};
 use crate::textures::Samples;
 
 /// The λ of the measurements, down to the least supported λ. Coverage matters over the whole range, so its two λ lie on both sides of the
 /// middle, in logarithms. Contrast matters where few leaves are kept.
-const GROWTH_LOOKS: [f64; 2] = [0.3, 0.02];
-const CONTRAST_LOOKS: [f64; 2] = [0.1, 0.02];
+const GROWTH_KEEPS: [f64; 2] = [0.3, 0.02];
+const CONTRAST_KEEPS: [f64; 2] = [0.1, 0.02];
 
 /// Most steps of the search at each λ, and the error of ln coverage at which it stops.
 const MOVES: usize = 5;
@@ -33,16 +33,16 @@ const LEAST_CONTRAST: f64 = -3.0;
 /// # Errors
 /// A picture without pixels. If no kept leaf has an area, there is nothing to measure and γ is 1.
 pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3) -> Result<Trend> {
-    let judge = Judge::new(&[foliage], foliage.frame(), views_of_amounts(Looks::default().amounts, up)?)?;
-    let [a, b] = GROWTH_LOOKS.map(|keep| growth_at(foliage, ranks, &judge, keep));
-    Ok(Trend::through(GROWTH_LOOKS, [a?, b?]))
+    let reference = Reference::new(&[foliage], foliage.frame(), views_of_amounts(ViewCounts::default().amounts, up)?)?;
+    let [a, b] = GROWTH_KEEPS.map(|keep| growth_at(foliage, ranks, &reference, keep));
+    Ok(Trend::through(GROWTH_KEEPS, [a?, b?]))
 }
 
 /// Returns the best ln γ found at a λ, by the secant method on ln coverage.
-fn growth_at(foliage: &Foliage, ranks: &[f32], judge: &Judge, keep: f64) -> Result<f64> {
+fn growth_at(foliage: &Foliage, ranks: &[f32], reference: &Reference, keep: f64) -> Result<f64> {
     let coverage = |logarithm: f64| -> Result<Option<f64>> {
-        let Ok(thinned) = thin(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
-        Ok(Some(libm::log(judge.glance(&thinned.foliage)?.coverage)).filter(|found| found.is_finite()))
+        let Ok(pruned) = pruned(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
+        Ok(Some(libm::log(reference.agreement(&pruned.foliage)?.coverage)).filter(|found| found.is_finite()))
     };
     let (mut at, mut slope) = (0.0, 2.0);
     let Some(mut found) = coverage(at)? else { return Ok(0.0) };
@@ -71,10 +71,10 @@ pub fn contrast(foliage: &Foliage, ranks: &[f32], growth: Trend, settings: &Prun
     let at = |keep: f64| -> Result<f64> {
         let views =
             Views { count: 12, size: settings.crown_pixels(foliage, keep), samples: Samples::new(4)?, up, turn: 0.25 };
-        let judge = Judge::new(&[foliage], foliage.frame(), views)?;
-        let Ok(thinned) = thin(foliage, ranks, keep, growth.factor(keep)) else { return Ok(0.0) };
-        Ok(libm::log(judge.contrast(&thinned.foliage)?).clamp(LEAST_CONTRAST, 0.0))
+        let reference = Reference::new(&[foliage], foliage.frame(), views)?;
+        let Ok(pruned) = pruned(foliage, ranks, keep, growth.factor(keep)) else { return Ok(0.0) };
+        Ok(libm::log(reference.contrast(&pruned.foliage)?).clamp(LEAST_CONTRAST, 0.0))
     };
-    let [a, b] = CONTRAST_LOOKS.map(at);
-    Ok(Trend::through(CONTRAST_LOOKS, [a?, b?]))
+    let [a, b] = CONTRAST_KEEPS.map(at);
+    Ok(Trend::through(CONTRAST_KEEPS, [a?, b?]))
 }

@@ -1,6 +1,6 @@
 //! The smallest page for rectangles of given sizes. They are not rotated, because their texels are already drawn.
 
-use super::rectangles::{Size, pack};
+use super::rectangles::{BoxSize, pack};
 use super::{MANY, PageSize, on_shelves, orders};
 
 /// Tried widths, in tenths of the side of a square page without waste. Heights grow by `GROWTH` until all boxes fit.
@@ -15,7 +15,7 @@ const ORDERS: usize = 20;
 /// textures. `None` without boxes, or if the largest page does not hold them. O(n²) for each tried page, of which there are some hundreds;
 /// above [`MANY`] boxes O(n log n), on shelves.
 #[must_use]
-pub fn tightest(boxes: &[Size]) -> Option<(PageSize, Vec<(usize, usize)>)> {
+pub fn tightest(boxes: &[BoxSize]) -> Option<(PageSize, Vec<(usize, usize)>)> {
     let area: usize = boxes.iter().map(|&(width, height)| width * height).sum();
     let widest = boxes.iter().map(|b| b.0).max()?;
     let highest = boxes.iter().map(|b| b.1).max()?;
@@ -37,7 +37,7 @@ fn in_fours(length: usize) -> usize {
     length.div_ceil(4).max(1) * 4
 }
 
-fn places(boxes: &[Size], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
+fn places(boxes: &[BoxSize], width: usize, height: usize) -> Option<Vec<(usize, usize)>> {
     let page = PageSize { width, height };
     let packed = if boxes.len() > MANY {
         on_shelves(boxes, page)?
