@@ -7,7 +7,7 @@ use leafcloud::foliage::Foliage;
 use leafcloud::gltf::{DEFAULT_NAMES, parse};
 use leafcloud::{Error, Result};
 
-use crate::common::stability::case;
+use crate::common::stability::{case, worse};
 
 const GROUP: &str = "Files";
 
@@ -64,7 +64,7 @@ fn matrices_of_nodes() {
         "a node's matrix that mirrors, shears and scales by 1 : 10⁶",
         "closed form; entries are rounded to f32",
     )
-    .holds(expected.map(nearest).into_iter().fold(0.0, f64::max), 1000.0 * 2f64.powi(-24));
+    .holds(expected.map(nearest).into_iter().fold(0.0, worse), 1000.0 * 2f64.powi(-24));
 }
 
 /// The good document with three normals (0, 0, 1) of the glTF, Y up, in a buffer of their own.
@@ -94,7 +94,7 @@ fn normals_and_gloss() {
     let foliage = read(&text.replacen(r#"{"mesh": 0, "#, stretched, 1)).unwrap();
     // x ↦ −x + z along, z stays: the inverse transpose takes (0, 0, 1) to (1, 0, 1), Z up (1, −1, 0).
     let expected = DVec3::new(1.0, -1.0, 0.0).normalize();
-    let off = foliage.attributes().normals[0].iter().map(|n| n.as_dvec3().distance(expected)).fold(0.0, f64::max);
+    let off = foliage.attributes().normals[0].iter().map(|n| n.as_dvec3().distance(expected)).fold(0.0, worse);
     case(GROUP, "normals under a matrix that mirrors and shears", "closed form: the inverse transpose")
         .holds(off, 1e-6);
     let without = read(GOOD).unwrap();
