@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..levels.build import Costs
+from ..levels.building import Costs
 from .glb_file import (
     ARRAY_BUFFER,
     ELEMENT_ARRAY_BUFFER,

@@ -16,21 +16,22 @@ import leafcloud
 
 from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
-from ..levels.build import BuiltLevel
+from ..effects.blend_order import blended_leaves
+from ..levels.building import BuiltLevel
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
 from ..material.cut_out import masked
-from ..plan.effects import blended_leaves, is_on
+from ..plan.decision import is_on
+from ..plan.effects import on_effects
 from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
 from .lod_extension import LodChain, add_lods, screen_coverages
-from .plain_materials import materials_of_meshes, plain_colors, untangled
+from .plain_materials import materials_of_meshes, untangled
 from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
-from .unlit import mean_light
 from .vertex_data import VertexData, engine_attributes
 
 _Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
@@ -127,9 +128,8 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
         changes.enter_context(untangled(tree.levels))
         changes.enter_context(masked(tree.levels[0].object.data.materials, blended_leaves(settings, facts)))
         changes.enter_context(materials_of_meshes(tree.levels))
-        for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):
-            if is_on(tree.effects, effect):
-                changes.enter_context(change(tree.levels))
+        for effect in on_effects(tree.effects):
+            changes.enter_context(effect.as_in_files(tree.levels))
         yield
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import ExportError
 from ..levels.baked_light import FRONT
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from ..levels.material import TRANSLUCENCY_NODE
 from .errors import reason
 from .optional_textures import OPTIONAL_NODES, add_optional_textures

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..levels.baked_light import BACK, FRONT
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from .glb_file import read_glb, write_glb
 
 COLOR_OPTIONS = {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}

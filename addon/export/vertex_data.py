@@ -21,7 +21,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from ..levels.morphs import add_point_attribute
 from ..mesh.baked_levels import EXTRAS
 from .glb_file import accessor_values, append_accessor, read_glb, without_unused, write_glb

@@ -28,6 +28,7 @@ SHARE_NODE = "Leafcloud Translucent Share"
 class Page:
     """Images and values of a level's material.
 
+    name: of the level, with which the names of its images begin.
     normal: tangent-space normal map. gloss: occlusion, roughness and metallic in red, green and blue.
     visibility: bent-normal occlusion in the billboards' axes (`leafcloud.Level.visibility`).
     """
@@ -48,6 +49,7 @@ class Page:
     """Roughness and metallic are used if `gloss` is None."""
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
+    name: str = ""
 
 
 def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
