@@ -27,14 +27,13 @@ from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
+from .glb_file import Edit
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .plain_materials import materials_of_meshes, untangled
 from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
 from .vertex_data import VertexData, engine_attributes
-
-_Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
 
 
 def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
@@ -50,7 +49,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     with Staging(directory) as staging:
         seconds: list[float] = []
         with ExitStack() as changes:
-            additions = _additions(trees)
+            edits = _edits(trees)
             for tree in trees:
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))
@@ -59,8 +58,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 progress(f"write {stem}.glb", 0.0)
                 begin = time.perf_counter()
                 file = staging.path(f"{stem}.glb")
-                gltf.export_objects(_objects(trees, number), file, stem)
-                _add(additions, file)
+                gltf.export_objects(_objects(trees, number), file, stem, edits)
                 seconds.append(time.perf_counter() - begin)
             shadows = [(tree, shadow) for tree in trees if (shadow := shadow_proxy_of(tree.collection)) is not None]
             for tree, shadow in shadows:
@@ -70,9 +68,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
-            gltf.export_collection(tree_set.collection, file)
-            _add(additions, file)
-            add_lods(file, map(_lod_chain, trees))
+            chains = [_lod_chain(tree) for tree in trees]
+            gltf.export_collection(tree_set.collection, file, [*edits, lambda glb: add_lods(glb, chains)])
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
@@ -98,8 +95,8 @@ def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
     return [trunk(level) for level in baked.levels]
 
 
-def _additions(trees: Sequence[Baked]) -> list[_Addition]:
-    """Return the steps that complete the files after Blender's exporter.
+def _edits(trees: Sequence[Baked]) -> list[Edit]:
+    """Return the edits that complete the files.
 
     All trees share their settings, and blended leaves or none.
     """
@@ -109,14 +106,9 @@ def _additions(trees: Sequence[Baked]) -> list[_Addition]:
     taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine), textures]
+        return [VertexData(engine).add_to, textures.add_to]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine), BlendOrders(clouds, triangles, first.costs), textures]
-
-
-def _add(additions: Sequence[_Addition], file: Path) -> None:
-    for addition in additions:
-        addition.add_to(file)
+    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
 
 
 @contextmanager

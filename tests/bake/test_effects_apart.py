@@ -23,7 +23,7 @@ from scenes import add_mesh, bake, read
 
 from addon.bake.values import TreeSet
 from addon.export.files import write
-from addon.export.glb_file import read_glb
+from addon.export.glb_file import Glb
 from addon.settings.bake import EFFECTS, BakeSettings
 
 
@@ -177,7 +177,7 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
     report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
-    documents = [json.dumps(read_glb(path)[0]) for path in paths]
+    documents = [json.dumps(Glb.read(path).document) for path in paths]
     return Written({path.name: path.read_bytes() for path in paths}, documents, dump(), report)
 
 

@@ -19,6 +19,7 @@ from scenes import add_mesh, bake, read
 
 import leafcloud
 from addon.bake.values import Baked
+from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.levels.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
@@ -281,7 +282,9 @@ def test_gltf_has_the_labels_as_they_are(tmp_path: Path, gltf_issues: Callable[.
     export_level(result.levels[1], file)
     export_level(plain.levels[1], other)
     assert gltf_issues(file) == []
-    Ktx2Textures({material_of(result, 1).name: result.chain.levels[0]}).add_to(file)
+    glb = Glb.read(file)
+    Ktx2Textures({material_of(result, 1).name: result.chain.levels[0]}).add_to(glb)
+    glb.write(file)
     (document, binary), (without, _) = document_of(file), document_of(other)
     [material], [known] = document["materials"], without["materials"]
     extras = material.pop("extras")["leafcloud"]

@@ -19,7 +19,7 @@ from addon.bake.lighting import BakedLight, light_of
 from addon.bake.pipeline import prepare
 from addon.bake.values import Baked
 from addon.errors import SceneError
-from addon.export.glb_file import read_glb
+from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.report import report
 from addon.export.unlit import mean_light
@@ -356,7 +356,8 @@ def documents(result: Baked, folder: Path) -> list[tuple[dict[str, Any], bytes]]
     with mean_light(result.levels):
         for level in result.levels:
             export_level(level, folder / f"{level.number}.glb")
-    return [read_glb(folder / f"{level.number}.glb") for level in result.levels]
+    files = [Glb.read(folder / f"{level.number}.glb") for level in result.levels]
+    return [(glb.document, bytes(glb.binary)) for glb in files]
 
 
 def values(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
@@ -455,5 +456,5 @@ def test_the_command_line_bakes_the_light_of_a_file(tmp_path: Path) -> None:
     said = bake_file(source, tmp_path / "out", *quick, "--effects", "baked_light")
     assert said["input"]["materials"] == ["m"]
     assert said["warnings"] == []
-    document, _ = read_glb(tmp_path / "out" / "tree.glb")
+    document = Glb.read(tmp_path / "out" / "tree.glb").document
     assert [{*material["extensions"]} for material in document["materials"]] == [{"KHR_materials_unlit"}] * 2
