@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+import addon.effects
 from addon.effects.back_sides import EFFECT as BACK_SIDES
 from addon.plan.decision import Decision, first_on, is_on
 from addon.plan.effects import plan_channels, plan_effects
 from addon.plan.facts import Facts
 from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
+from addon.plan.registry import all_effects
 from addon.settings.bake import BakeSettings, SettingsError
 from addon.settings.effects import EFFECTS
 
@@ -198,3 +201,11 @@ def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
     leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
     assert leaves.appear < first.appear < first.whole < leaves.vanish < second.appear <= 12.5
+
+
+def test_every_effect_is_a_file_with_a_tooltip() -> None:
+    folder = Path(addon.effects.__file__).parent
+    assert set(EFFECTS) == {file.stem for file in folder.glob("*.py")} - {"__init__"}
+    assert [effect.name for effect in all_effects()] == list(EFFECTS)
+    assert all(effect.about and not effect.about.endswith(".") for effect in all_effects())
+    assert len({effect.about for effect in all_effects()}) == len(EFFECTS)
