@@ -1,4 +1,4 @@
-"""Creation of the tree variants for the forests of `forest_nodes`, from the levels of a bake.
+"""Creation of the tree variants for the forests of `nodes.forest`, from the levels of a bake.
 
     LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross impostor
 

@@ -82,7 +82,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     Normals become `normalTexture`, roughness and metallic `metallicRoughnessTexture`.
 
     A Mix Shader adds translucency: (1 − share) · Principled BSDF + share · Translucent BSDF. Leaf materials are read
-    the same way (`scene.translucency`). Highlights become weaker by the same fraction.
+    the same way (`material.translucency`). Highlights become weaker by the same fraction.
     """
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
