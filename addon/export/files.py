@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -79,8 +81,21 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         reports = {tree.collection.name: report(tree, seconds[: len(tree.levels)], files) for tree in trees}
         content = joint_report(reports) if len(trees) > 1 else reports[name]
         staging.write_json("report.json", content)
-        staging.commit()
+        staging.commit(_levels_in(directory, name))
     return content
+
+
+def _levels_in(directory: Path, name: str) -> set[str]:
+    """Return the files of single levels that an earlier bake of the same name wrote, by its report in the folder.
+
+    A chain with fewer levels must not leave the farther levels of a longer one beside it.
+    """
+    try:
+        files = json.loads((directory / "report.json").read_text(encoding="utf-8"))["files"]
+        of_level = re.compile(rf"{re.escape(name)}_(LOD\d+|shadow)\.glb")
+        return {file for file in files if of_level.fullmatch(file)}
+    except (OSError, ValueError, TypeError, KeyError):  # No report, or none of ours.
+        return set()
 
 
 def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
