@@ -61,6 +61,8 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Decision
     """
     situation = Situation.of(settings, facts)
     far_levels, transitions = effect_named("far_levels"), effect_named("transitions")
+    if settings.viewer == "camera" and settings.by_cameras and facts.scene_camera is None:
+        return CameraNote("no camera of the scene sees the tree, so all levels are made", "anywhere")
     if situation.stands_still and far_levels.asked(situation.asked) is None:
         return CameraNote("the camera stands still, so all levels are made", "camera")
     if situation.seen is None:

@@ -13,7 +13,7 @@ import pytest
 import addon.effects
 from addon.effects.back_sides import EFFECT as BACK_SIDES
 from addon.plan.decision import Decision, first_on, is_on
-from addon.plan.effects import plan_channels, plan_effects
+from addon.plan.effects import camera_note, plan_channels, plan_effects
 from addon.plan.facts import Facts
 from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
 from addon.plan.registry import all_effects
@@ -209,3 +209,11 @@ def test_every_effect_is_a_file_with_a_tooltip() -> None:
     assert [effect.name for effect in all_effects()] == list(EFFECTS)
     assert all(effect.about and not effect.about.endswith(".") for effect in all_effects())
     assert len({effect.about for effect in all_effects()}) == len(EFFECTS)
+
+
+def test_a_viewer_at_a_camera_that_is_missing_is_told() -> None:
+    settings = BakeSettings(viewer="camera")
+    note = camera_note(settings, FACTS, plan_effects(settings, FACTS))
+    assert note is not None
+    assert note.text == "no camera of the scene sees the tree, so all levels are made"
+    assert camera_note(BakeSettings(), FACTS, plan_effects(BakeSettings(), FACTS)) is None
