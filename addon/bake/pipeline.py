@@ -24,8 +24,7 @@ from ..levels.build import Costs, Plan, build_levels
 from ..levels.contrast import mean_color
 from ..levels.rollback import removed_on_failure
 from ..levels.shadow_proxy import add_shadow_proxy
-from ..material.alpha_blended import see_through
-from ..material.cut_out import cut_message, is_blended
+from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of

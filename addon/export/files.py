@@ -18,7 +18,7 @@ from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
 from ..levels.build import BuiltLevel
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
-from ..material.cut_out import masked
+from ..material.blended import masked
 from ..plan.effects import blended_leaves, is_on
 from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2
