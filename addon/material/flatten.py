@@ -10,7 +10,7 @@ Inputs that vary per leaf have one value on the square; `tints` measures how the
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,26 +44,27 @@ WHITE = "leafcloud_white"
 """The white color attribute that replaces the render-active one."""
 
 
-_RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
-
-_PLACE: dict[str, set[str] | None] = {
-    "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
-    "TEX_COORD": {"Generated", "Normal", "Object"},
+_VARYING: dict[str, dict[str, set[str] | None]] = {
+    "random": {"OBJECT_INFO": {"Random"}},
+    "place": {
+        "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
+        "TEX_COORD": {"Generated", "Normal", "Object"},
+    },
+    "side": {"NEW_GEOMETRY": {"Backfacing"}},
+    "lost": {
+        "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
+        "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
+        "TEX_COORD": {"Camera", "Window", "Reflection"},
+        "PARTICLE_INFO": None,
+        "HAIR_INFO": None,
+        "VERTEX_COLOR": None,
+        "ATTRIBUTE": {"Color", "Fac", "Alpha"},
+    },
 }
-"""Outputs that vary per object (`_RANDOM`), or by position or island (`_PLACE`). `tints` measures their effect."""
+"""Outputs by node type that vary with the object's random number, the position or island, or the side of a leaf.
 
-_SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
-
-_LOST = {
-    "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
-    "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
-    "TEX_COORD": {"Camera", "Window", "Reflection"},
-    "PARTICLE_INFO": None,
-    "HAIR_INFO": None,
-    "VERTEX_COLOR": None,
-    "ATTRIBUTE": {"Color", "Fac", "Alpha"},
-}
-"""Outputs by node type that vary per leaf but get one value for all leaves; `None` for all outputs of the node."""
+`tints` measures their effect. Those that are lost vary per leaf but get one value for all. `None`: all outputs.
+"""
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,8 @@ def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USU
     """
     nodes = shown_nodes(material.node_tree)
     pixels = render(material, nodes, lambda copy: color_and_alpha(copy, light), look=look)
-    lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
-    by_random = any(_gives(node, _RANDOM) for node in nodes)
-    by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
-    by_side = any(_gives(node, _SIDES) for node in nodes)
-    return Flattened(material, pixels, by_random, by_place, by_side, tuple(lost), light, look)
+    random, place, side, lost = (_labels(nodes, kind) for kind in ("random", "place", "side", "lost"))
+    return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, look)
 
 
 def color_and_alpha(copy: bpy.types.Material, light: Light = "all") -> tuple[Any, Any]:
@@ -148,16 +146,18 @@ def render(
 
 def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
     """Return the labels of nodes with per-leaf variation, sorted and without repeats."""
-    known = (_LOST, _RANDOM, _PLACE)
-    apart = (node for node in nodes if any(_gives(node, each) for each in known) or _is_generated(node))
-    return sorted({node.bl_label for node in apart})
+    return _labels(nodes, "lost", "random", "place")
 
 
-def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
-    """Return whether any of these outputs of a node is linked."""
-    if node.type not in outputs:
-        return False
-    names = outputs[node.type]
+def _labels(nodes: Iterable[bpy.types.Node], *kinds: str) -> list[str]:
+    return sorted({node.bl_label for node in nodes for kind in kinds if _varies(node, kind)})
+
+
+def _varies(node: bpy.types.Node, kind: str) -> bool:
+    """Return whether a node has a linked output of this kind of variation."""
+    if kind == "place" and _is_generated(node):
+        return True
+    names = _VARYING[kind].get(node.type, set())
     return any(output.is_linked for output in node.outputs if names is None or output.name in names)
 
 
@@ -187,7 +187,7 @@ def emitting(material: bpy.types.Material, codes: Codes) -> Iterator[bpy.types.M
 
 def asks_for_random(tree: bpy.types.NodeTree) -> bool:
     """Return whether a tree, or a group in it, uses the random number of objects."""
-    return any(_gives(node, _RANDOM) for each in trees_of(tree) for node in each.nodes)
+    return any(_varies(node, "random") for each in trees_of(tree) for node in each.nodes)
 
 
 def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:

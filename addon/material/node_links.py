@@ -9,9 +9,9 @@ Python's stack allows, so no traversal is recursive.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import bpy
 
@@ -111,11 +111,8 @@ def follow(target: Input) -> Output | Input:
 def number_at(target: Input) -> float | None:
     """Return the number at a value input; `None` if it varies."""
     source = follow(target)
-    if isinstance(source, Input) and source.socket.type == "VALUE":
-        return float(source.socket.default_value)
-    if isinstance(source, Output) and source.node.type == "VALUE":
-        return float(source.socket.default_value)
-    return None
+    known = source.node.type == "VALUE" if isinstance(source, Output) else source.socket.type == "VALUE"
+    return float(source.socket.default_value) if known else None
 
 
 def _enter(source: Output) -> Output | Input:
@@ -128,11 +125,11 @@ def _enter(source: Output) -> Output | Input:
         return Input(node.inputs[0], source.groups, source.links)
     if _pulls_to_mean(source):
         return source.input("A_Color")
-    if node.type == "GROUP" and node.node_tree is not None:
-        return _into_group(source)
+    end = group_end(node.node_tree) if node.type == "GROUP" and node.node_tree is not None else None
+    if end is not None:
+        return Input(like(end.inputs, source.socket), (*source.groups, node), source.links)
     if node.type == "GROUP_INPUT" and source.groups:
-        entry = _with_identifier(source.groups[-1].inputs, source.socket.identifier)
-        return Input(entry, source.groups[:-1], source.links)
+        return Input(like(source.groups[-1].inputs, source.socket), source.groups[:-1], source.links)
     return source
 
 
@@ -144,16 +141,9 @@ def _pulls_to_mean(source: Output) -> bool:
     return link is not None and getattr(link.from_node, "attribute_name", None) == MEAN_SHARE
 
 
-def _into_group(source: Output) -> Output | Input:
-    end = group_end(source.node.node_tree)
-    if end is None:
-        return source
-    inside = _with_identifier(end.inputs, source.socket.identifier)
-    return Input(inside, (*source.groups, source.node), source.links)
-
-
-def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket:
-    return next(socket for socket in sockets if socket.identifier == identifier)
+def like(sockets: Iterable[bpy.types.NodeSocket], other: Any) -> bpy.types.NodeSocket:
+    """Return the socket with the same identifier as another one, or as an item of a group's interface."""
+    return next(socket for socket in sockets if socket.identifier == other.identifier)
 
 
 def group_end(tree: bpy.types.NodeTree) -> bpy.types.Node | None:

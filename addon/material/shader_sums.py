@@ -6,12 +6,11 @@ its reflected or transmitted part. Groups get additional sockets to pass color a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any, Literal
 
 import bpy
 
-from .node_links import Links, folded, group_end
+from .node_links import Links, folded, group_end, like
 
 SHINE = "Leafcloud Shine"
 """Name of the Emission node."""
@@ -128,7 +127,7 @@ class Builder:
         if end is None:
             return _NOTHING
         inside = Builder(node.node_tree, self.light, (self, node))
-        color, alpha = inside.color_and_alpha(_like(end.inputs, source))
+        color, alpha = inside.color_and_alpha(like(end.inputs, source))
         return inside.handed_out(node, color, "Color"), inside.handed_out(node, alpha, "Float")
 
     def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
@@ -136,19 +135,19 @@ class Builder:
         socket = self._new_socket("OUTPUT", kind)
         end = group_end(self.tree)
         assert end is not None  # a visible group has one
-        self.connect(value, _like(end.inputs, socket))
-        return _like(group.outputs, socket)
+        self.connect(value, like(end.inputs, socket))
+        return like(group.outputs, socket)
 
     def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Return color and alpha of a shader outside this group, by two additional group inputs."""
         if self.outside is None:
             return _NOTHING
         outer, group = self.outside
-        color, alpha = outer.color_and_alpha(_like(group.inputs, source))
+        color, alpha = outer.color_and_alpha(like(group.inputs, source))
         sockets = self._new_socket("INPUT", "Color"), self._new_socket("INPUT", "Float")
         for value, socket in zip((color, alpha), sockets, strict=True):
-            outer.connect(value, _like(group.inputs, socket))
-        return _like(start.outputs, sockets[0]), _like(start.outputs, sockets[1])
+            outer.connect(value, like(group.inputs, socket))
+        return like(start.outputs, sockets[0]), like(start.outputs, sockets[1])
 
     def _new_socket(self, way: str, kind: str) -> bpy.types.NodeTreeInterfaceSocket:
         return self.tree.interface.new_socket("leafcloud", in_out=way, socket_type=f"NodeSocket{kind}")
@@ -197,8 +196,3 @@ class Builder:
         self.connect(first, node.inputs[0])
         self.connect(second, node.inputs[1])
         return node.outputs[0]
-
-
-def _like(sockets: Iterable[bpy.types.NodeSocket], other: Any) -> bpy.types.NodeSocket:
-    """Return the socket with the same identifier as another one."""
-    return next(socket for socket in sockets if socket.identifier == other.identifier)

@@ -113,9 +113,10 @@ def _between_sides(front: Flattened) -> tuple[Flattened, list[str]]:
     """
     if not front.by_side:
         return front, []
-    back, between = (flatten(front.material, front.light, replace(front.look, side=side)) for side in (1.0, 0.5))
+    back = flatten(front.material, front.light, replace(front.look, side=1.0))
     if _is_tint(back, front):
         return front, []
+    between = flatten(front.material, front.light, replace(front.look, side=0.5))
     if _is_tint(back, between) and _is_tint(front, between):
         return between, []
     said = f"material {front.material.name!r}: its back is more than a tint of its front, and only the tint is kept"
