@@ -23,8 +23,7 @@ import leafcloud
 from ..effects.blend_order import blended_leaves
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, Shading
-from ..material.alpha_blended import see_through
-from ..material.cut_out import cut_message, is_blended
+from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of

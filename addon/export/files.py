@@ -21,7 +21,7 @@ from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
 from ..levels.building import BuiltLevel
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
-from ..material.cut_out import masked
+from ..material.blended import masked
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
 from ..plan.pages import KTX2_ENGINES
