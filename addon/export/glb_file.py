@@ -30,9 +30,9 @@ class Glb:
         """Read the file at `path`."""
         content = path.read_bytes()
         size = struct.unpack_from("<I", content, 12)[0]
-        rest = content[20 + size :]
-        binary = rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
-        return Glb(json.loads(content[20 : 20 + size]), bytearray(binary))
+        document = json.loads(content[20 : 20 + size])
+        begin = 28 + size
+        return Glb(document, bytearray(content[begin : begin + document["buffers"][0]["byteLength"]]))
 
     def write(self, path: Path) -> None:
         """Write the file to `path`."""
@@ -40,10 +40,9 @@ class Glb:
 
     def content(self) -> bytes:
         """Return the bytes of the file."""
-        self._align()
         self.document["buffers"][0]["byteLength"] = len(self.binary)
         text = json.dumps(self.document, separators=(",", ":"), ensure_ascii=False).encode()
-        chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, bytes(self.binary))]
+        chunks = [(_JSON, text + b" " * (-len(text) % 4)), (_BIN, bytes(self.binary) + bytes(-len(self.binary) % 4))]
         body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
         return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
@@ -61,9 +60,13 @@ class Glb:
         """List the extension `name` as used."""
         self.document["extensionsUsed"] = sorted({*self.document.get("extensionsUsed", []), name})
 
+    def align(self) -> None:
+        """Fill the binary chunk with zeros to a multiple of four bytes."""
+        self.binary += bytes(-len(self.binary) % 4)
+
     def append_view(self, data: bytes, **more: int) -> int:
         """Append `data` at a multiple of four bytes. Return the index of its buffer view."""
-        self._align()
+        self.align()
         views = self.document["bufferViews"]
         views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data), **more})
         self.binary += data
@@ -127,9 +130,6 @@ class Glb:
             numbers[number] = self.append_view(data, **more)
         for user in users:
             user["bufferView"] = numbers[user["bufferView"]]
-
-    def _align(self) -> None:
-        self.binary += b"\0" * (-len(self.binary) % 4)
 
 
 Edit = Callable[[Glb], None]

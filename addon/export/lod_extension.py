@@ -52,3 +52,4 @@ def add_lods(glb: Glb, chains: Iterable[LodChain]) -> None:
     for scene in document["scenes"]:
         scene["nodes"] = [number for number in scene["nodes"] if number not in behind]
     glb.use_extension(EXTENSION)
+    glb.align()  # As in files of earlier releases, so that the same tree gives the same bytes.
