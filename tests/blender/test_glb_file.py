@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from plan_scenes import add_crown
-from scenes import bake, read
+from scenes import add_mesh, bake, read
 
 from addon.bake.values import TreeSet
+from addon.export import files, gltf
 from addon.export.files import write
 from addon.export.glb_file import Glb
+from addon.export.translucency import DIFFUSE_TRANSMISSION
 from addon.settings.bake import BakeSettings
 
 
@@ -72,3 +76,33 @@ def test_a_bake_reads_and_writes_each_file_once(tmp_path: Path, monkeypatch: pyt
     report = write(TreeSet.of(baked), tmp_path, lambda stage, fraction: None, blend=False)
     files = {name for name in report["files"] if name.endswith(".glb")}
     assert reads == writes == dict.fromkeys(files, 1)
+
+
+def test_edits_in_memory_give_the_bytes_of_edits_from_file_to_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Edits must not share lists or dictionaries inside the document: a change of one place would show in another."""
+
+    def through_a_file(edit: Callable[..., None]) -> Callable[..., None]:
+        def edit_what_was_written(glb: Glb, *arguments: Any) -> None:
+            glb.write(tmp_path / "between.glb")
+            again = Glb.read(tmp_path / "between.glb")
+            glb.document, glb.binary = again.document, again.binary
+            edit(glb, *arguments)
+
+        return edit_what_was_written
+
+    settings = BakeSettings(epsilon=0.1, texture_size=128, levels=1, engine="babylon", effects="all")
+    trunk = add_mesh("trunk", [(0, 0, -1), (0.2, 0, -1), (0.2, 0, 1), (0, 0, 1)], [(0, 1, 2, 3)])
+    tree_set = TreeSet.of(bake(read([add_crown(), trunk], ["leaves"]), settings))
+    write(tree_set, tmp_path / "memory", lambda stage, fraction: None, blend=False)
+    edits = files._edits
+    monkeypatch.setattr(files, "_edits", lambda trees: [through_a_file(edit) for edit in edits(trees)])
+    monkeypatch.setattr(files, "add_lods", through_a_file(files.add_lods))
+    for name in ("add_optional_textures", "add_translucency", "add_unlit", "add_tangents"):
+        monkeypatch.setattr(gltf, name, through_a_file(getattr(gltf, name)))
+    write(tree_set, tmp_path / "files", lambda stage, fraction: None, blend=False)
+    for path in (tmp_path / "memory").glob("*.glb"):
+        assert path.read_bytes() == (tmp_path / "files" / path.name).read_bytes(), path.name
+    extension = Glb.read(tmp_path / "memory" / "tree_LOD2.glb").materials[0]["extensions"][DIFFUSE_TRANSMISSION]
+    assert "diffuseTransmissionTexture" in extension, "the case of two textures that are equal at first"
