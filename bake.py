@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from addon.mesh.extract import Tree
     from addon.mesh.trees import Groups
-    from addon.plan.effects import Effect
+    from addon.plan.decision import Decision
     from addon.settings.bake import BakeSettings
 
 ROOT = Path(__file__).resolve().parent
@@ -58,7 +58,8 @@ class Refusal(Exception):
 def main(arguments: Sequence[str]) -> int:
     """Run one bake and return the exit status."""
     from addon.ending import own_temporary_folder
-    from addon.settings.bake import WISHES, asked_effects, flag
+    from addon.settings.bake import WISHES, flag
+    from addon.settings.effects import asked_effects
     from addon.settings.flags import UsageError, parse, settings_of
 
     try:
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError(f"--cost-curve measures all choices of {wished[0]}: give one of them")
         if options.cost_curve and settings.chain == "pruning":
             raise UsageError("--cost-curve measures clouds, and --chain pruning has none: leave one of them out")
-        if len(options.input or ()) > 1 and (settings.unlit or asked_effects(settings.effects).state("baked_light")):
+        if len(options.input or ()) > 1 and (settings.unlit or asked_effects(settings.effects).named("baked_light")):
             raise UsageError("baked light needs one scene, but --input has several files: open a scene with all trees")
         own_temporary_folder()
     except UsageError as error:
@@ -183,7 +184,7 @@ def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
     return plan_table(effects)
 
 
-def plan_table(effects: Sequence[Effect]) -> str:
+def plan_table(effects: Sequence[Decision]) -> str:
     """Return the plan as a table with one line per effect: name, state, expected seconds and megabytes, reason."""
     shown = {True: "on", False: "off", None: "auto"}
     rows = [("effect", "", "seconds", "MB", "reason")]

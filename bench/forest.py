@@ -138,8 +138,8 @@ def forest_of(baked: Baked, way: str) -> Forest:
         way,
         switch_distances=distances,
         centre=tuple(baked.prepared.placement.to_tree(baked.prepared.foliage.centre).tolist()),
-        prune_start=min(baked.thinning.start, NEVER) if prunes else NEVER,
-        prune_half=baked.thinning.half,
+        prune_start=min(baked.schedule.pruning.start, NEVER) if prunes else NEVER,
+        prune_half=baked.schedule.pruning.half,
         growth=baked.chain.growth,
     )
 

@@ -24,7 +24,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from addon.settings.bake import EFFECTS  # noqa: E402
+from addon.settings.effects import EFFECTS  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 LEFT_OUT = {"maple_1m"}

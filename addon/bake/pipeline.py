@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..levels.build import Costs, Plan, build_levels
-from ..levels.contrast import mean_color
-from ..levels.rollback import removed_on_failure
-from ..levels.shadow_proxy import add_shadow_proxy
-from ..material.alpha_blended import see_through
-from ..material.cut_out import cut_message, is_blended
+from ..effects.blend_order import blended_leaves
+from ..levels.build import build_levels
+from ..levels.building import Build, Costs, Shading
+from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of
@@ -33,27 +31,19 @@ from ..mesh.extract import Geometry, Tree, world_positions
 from ..mesh.placement import Placement
 from ..mesh.seams import seam_share
 from ..nodes.wind import WindSettings
-from ..plan.camera_visibility import camera_visibility, level_at, seen_as_set
+from ..plan.camera_visibility import seen_as_set
 from ..plan.costs import with_costs
-from ..plan.effects import (
-    Effect,
-    blended_leaves,
-    first_on,
-    is_on,
-    plan_channels,
-    plan_effects,
-    plan_levels,
-    sees_pages,
-    settle_back_sides,
-)
+from ..plan.decision import Decision, is_on
+from ..plan.effects import on_effects, plan_channels, plan_effects, plan_levels, sees_pages
 from ..plan.facts import Facts
-from ..plan.lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
+from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
-from ..plan.pruning import Thinning, cut_off_distance, share_left, start_for
+from ..plan.registry import effect_named
+from ..plan.schedule import keep_at_switch, schedule
 from ..plan.wind import BREEZE, stature
 from ..scene.scene_facts import read_scene_facts
 from ..scene.wind import wind_on
-from ..settings.bake import EFFECTS, BakeSettings, fit_options
+from ..settings.bake import BakeSettings, fit_options
 from .lighting import light_of
 from .part import described_part
 from .values import Baked, Planned, Prepared
@@ -165,7 +155,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     return leafcloud.start_chain(
         prepared.foliage,
         trunk=prepared.trunk,
-        keep=_keep_at_switch(prepared),
+        keep=keep_at_switch(settings, prepared.facts, prepared.effects),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
         contrast=bool(is_on(prepared.effects, "contrast")),
@@ -182,10 +172,10 @@ def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.C
     return leafcloud.start_cost_curve(prepared.foliage, trunk=prepared.trunk, quick=quick, **options)
 
 
-def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect]) -> dict[str, Any]:
+def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> dict[str, Any]:
     """Return the options of `leafcloud` that chains and cost curves have in common."""
     clouds, cross = plan_levels(settings, facts, effects)
-    return {
+    options = {
         "levels": clouds,
         "cross": cross,
         "texture_size": settings.texture_size,
@@ -193,87 +183,40 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Effect
         "samples": settings.samples,
         "pixels": settings.pixels,
         "close_gaps": settings.close_gaps,
-        "blended": bool(is_on(effects, "blend_order")),
-        "back_sides": is_on(effects, "back_sides"),
-        "normals": settings.bend_normals if is_on(effects, "normals") else None,
-        "gloss": bool(is_on(effects, "gloss")),
-        "translucency": bool(is_on(effects, "translucency")),
-        "occlusion": bool(is_on(effects, "occlusion")),
-        "visibility": bool(is_on(effects, "self_shadowing")),
-        "leaf_map": bool(is_on(effects, "leaf_map")),
         "tight_pages": sees_pages(settings, facts),
-        "order_by_visibility": bool(is_on(effects, "pruning")),
         **fit_options(settings),
     }
+    for decision in effects:
+        options |= effect_named(decision.name).core_options(decision.on, settings)
+    return options
 
 
 def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
     """Build the levels in Blender under `name`. `view` sets their switch distances."""
-    levels = chain.levels
-    radius = prepared.foliage.radius
-    deviations = [level.max_deviation_leaves * radius for level in levels]
-    pixels = prepared.settings.pixels
-
-    def seen(length: float, pixels: float) -> float:
-        return leafcloud.switch_distance(length, pixels, view.resolution, view.field_of_view)
-
-    # A level takes over where its deviation appears smaller than `pixels` pixels and its texels smaller than one.
-    distances = [
-        max(seen(deviation, pixels), seen(level.texel_size, 1.0))
-        for level, deviation in zip(levels, deviations, strict=True)
-    ]
-    start = seen(prepared.facts.leaf_size, prepared.settings.prune_pixels)
-    if prepared.settings.chain == "pruning":
-        distances = [max(*distances, cut_off_distance(start, prepared.settings.prune_half))]
-    switch_distances = rising([0.0, *distances])
-    light = prepared.light
-    costs = Costs(_core_seconds(prepared.effects, chain))
+    light, decisions = prepared.light, prepared.effects
+    effects = {decision.name: effect_named(decision.name) for decision in decisions}
+    costs = Costs({each: effect.core_seconds(chain, decisions) for each, effect in effects.items()})
     if light is not None:
         costs.seconds["baked_light"] = light.seconds
-    following = ("transitions", "pruning", "trunk_levels")
-    transitions, pruning, trunk_levels = (bool(is_on(prepared.effects, effect)) for effect in following)
-    clouds = [False, *(level.cloud is not None for level in levels)]
-    ranges = lod_ranges(switch_distances, clouds, transitions=transitions)
-    thinning = _thinning(prepared, start, ranges[1].appear)
-    contrast = bool(is_on(prepared.effects, "contrast"))
-    mean = (0.0, 0.0, 0.0)
-    if contrast:
-        with costs.spent_on("contrast", 0):
-            mean = mean_color(prepared.foliage)
-    plan = Plan(
+    gloss = prepared.gloss
+    build = Build(
         name=name,
+        tree=prepared.tree,
+        foliage=prepared.foliage,
+        chain=chain,
         placement=prepared.placement,
-        centre=tuple(prepared.placement.to_tree(prepared.foliage.centre).tolist()),
-        radius=radius / prepared.placement.scale,
-        roughness=prepared.gloss.roughness,
-        metallic=prepared.gloss.metallic,
-        specular=prepared.gloss.specular,
-        share=prepared.translucent.share,
-        occlusion=bool(is_on(prepared.effects, "occlusion")),
-        gloss_for=first_on(prepared.effects, ("gloss", "occlusion", "self_shadowing")),
-        transitions=transitions,
-        pruning=pruning,
-        drawn=_drawn(prepared, ranges),
-        trunk_errors=trunk_errors(deviations, ranges, seen(1.0, TRUNK_PIXELS)) if trunk_levels else (),
-        switch_distances=switch_distances,
-        lod_ranges=ranges,
-        thinning=thinning,
-        growth=chain.growth,
-        contrast=chain.contrast if contrast else None,
-        mean_color=mean,
+        schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
+        effects=on_effects(decisions),
+        costs=costs,
+        shading=Shading(gloss.roughness, gloss.metallic, gloss.specular, prepared.translucent.share),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),
         owners=prepared.owners,
     )
-    with removed_on_failure():
-        collection, built = build_levels(prepared.tree, prepared.foliage, chain, plan, costs)
-        if is_on(prepared.effects, "shadow_proxy"):
-            with costs.spent_on("shadow_proxy", round(levels[0].base_color.nbytes * levels[0].page_share)):
-                add_shadow_proxy(collection, levels[0], prepared.placement)
-    two_sided = [number for number, level in enumerate(levels, start=1) if level.two_sided]
-    effects = settle_back_sides(prepared.effects, two_sided)
-    return Baked(prepared, chain, collection, tuple(built), switch_distances, view, thinning, effects, costs)
+    collection, built = build_levels(build)
+    settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
+    return Baked(prepared, chain, collection, tuple(built), build.schedule, view, settled, costs)
 
 
 def wind_settings(prepared: Prepared) -> WindSettings | None:
@@ -283,70 +226,6 @@ def wind_settings(prepared: Prepared) -> WindSettings | None:
     tree = prepared.tree
     trunk = None if tree.trunk is None else tree.trunk.positions
     return WindSettings(stature(tree.leaves.positions, trunk, tree.matrix), prepared.wind)
-
-
-def _core_seconds(effects: Sequence[Effect], chain: leafcloud.Chain) -> dict[str, float]:
-    """Return the seconds that each effect took in the core; 0 for effects that are off."""
-    seconds = dict.fromkeys(EFFECTS, 0.0)
-    seconds["pruning"] = chain.look_seconds["order"] + chain.look_seconds["growth"]
-    seconds["contrast"] = chain.look_seconds["contrast"]
-    seconds[first_on(effects, ("occlusion", "self_shadowing"))] = chain.look_seconds["sky"]
-    of_channel = {
-        "normal": "normals",
-        "gloss": first_on(effects, ("gloss", "occlusion", "self_shadowing")),
-        "translucency": "translucency",
-        "visibility": "self_shadowing",
-        "leaf_uv": "leaf_map",
-        "leaf_id": "leaf_map",
-    }
-    for number, level in enumerate(chain.levels, start=1):
-        own = level.seconds["fit"] + level.seconds["pack"] + level.seconds["bake"]
-        for channel, effect in of_channel.items():
-            spent = level.channel_seconds.get(channel, 0.0)
-            seconds[effect] += spent
-            own -= spent
-        seconds["far_levels"] += own if number > 1 else 0.0
-    return seconds
-
-
-def _drawn(prepared: Prepared, ranges: Sequence[LodRange]) -> range:
-    """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
-
-    The range never begins or ends at a coarser level than camera visibility estimated before the bake.
-    """
-    seen, camera = camera_visibility(prepared.settings, prepared.facts), prepared.facts.camera
-    if seen is None or camera is None:
-        return range(1)
-    first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
-    return range(min(first, seen.first), min(last, seen.last) + 1)
-
-
-def _keep_at_switch(prepared: Prepared) -> float | None:
-    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before.
-
-    λ is independent of the camera: both distances scale with the same factor.
-    """
-    settings = prepared.settings
-    if settings.chain == "billboards" or not is_on(prepared.effects, "pruning"):
-        return None
-    if settings.chain == "pruning":
-        return 1.0
-    start = prepared.facts.leaf_size / settings.prune_pixels
-    switch = settings.epsilon * prepared.foliage.radius / settings.pixels
-    return share_left(start, switch, settings.prune_half)
-
-
-def _thinning(prepared: Prepared, start: float, hand_over: float) -> Thinning:
-    """Return the distances of pruning: infinite without pruned leaves.
-
-    start: distance where a leaf appears `prune_pixels` long. hand_over: distance where level 1 appears. If level 1 was
-    made of kept leaves, exactly these remain at `hand_over`.
-    """
-    half = prepared.settings.prune_half
-    keep = _keep_at_switch(prepared)
-    if prepared.settings.chain == "both" and keep is not None and keep < 1.0:
-        return Thinning(start_for(keep, hand_over, half), half)
-    return Thinning(math.inf if keep is None or prepared.settings.chain != "pruning" else start, half)
 
 
 LONGEST_NAME = 44

@@ -18,8 +18,10 @@ from ..errors import SceneError
 from ..levels.rollback import removed_on_failure
 from ..mesh.extract import Tree
 from ..mesh.trees import numbered
-from ..plan.effects import CameraNote, Effect, camera_note, is_on
-from ..settings.bake import PAGE_EFFECTS, BakeSettings
+from ..plan.decision import Decision, is_on
+from ..plan.effects import CameraNote, camera_note
+from ..plan.registry import all_effects
+from ..settings.bake import BakeSettings
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
 from .values import Baked, Planned, Prepared, TreeSet
@@ -49,10 +51,11 @@ def prepare_tree_set(
         settings = replace(settings, seconds=settings.seconds / len(trees))
     prepared = {name: prepare(tree, settings, layer) for name, tree in trees.items()}
     _check_alpha(prepared)
-    wanted = {effect.name for each in prepared.values() for effect in each.effects if effect.on} & set(PAGE_EFFECTS)
+    on = {effect.name for each in prepared.values() for effect in each.effects if effect.on}
+    wanted = [effect.name for effect in all_effects() if effect.is_page_texture and effect.name in on]
 
     def with_channels(each: Prepared) -> Prepared:
-        lacking = [name for name in PAGE_EFFECTS if name in wanted and not is_on(each.effects, name)]
+        lacking = [name for name in wanted if not is_on(each.effects, name)]
         if not lacking:
             return each
         asked = ",".join([settings.effects, *(f"+{name}" for name in lacking)])
@@ -204,7 +207,7 @@ def _prepared_said(prepared: Prepared, said: Said) -> Prepared:
     )
 
 
-def _effects_said(effects: Iterable[Effect], said: Said) -> tuple[Effect, ...]:
+def _effects_said(effects: Iterable[Decision], said: Said) -> tuple[Decision, ...]:
     return tuple(replace(effect, reason=said(effect.reason)) for effect in effects)
 
 

@@ -8,15 +8,16 @@ import bpy
 
 import leafcloud
 
-from ..levels.build import BuiltLevel, Costs
+from ..levels.building import BuiltLevel, Costs
 from ..material.shading import Gloss
 from ..material.translucency import Translucent
 from ..mesh.extract import Tree
 from ..mesh.placement import Placement
-from ..plan.effects import Effect, plan_levels
+from ..plan.decision import Decision
+from ..plan.effects import plan_levels
 from ..plan.facts import Facts
 from ..plan.lod_range import View
-from ..plan.pruning import Thinning
+from ..plan.schedule import Schedule
 from ..plan.wind import Wind
 from ..settings.bake import BakeSettings
 from .lighting import BakedLight
@@ -29,7 +30,7 @@ class Planned:
 
     settings: BakeSettings
     facts: Facts
-    effects: tuple[Effect, ...]
+    effects: tuple[Decision, ...]
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Prepared:
     gloss: Gloss
     translucent: Translucent
     facts: Facts
-    effects: tuple[Effect, ...]
+    effects: tuple[Decision, ...]
     warnings: tuple[str, ...]
     materials: tuple[str, ...]
     """Names of the leaves' own materials. Levels with baked light replace these materials."""
@@ -65,17 +66,21 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Baked:
-    """A finished bake: the core's chain and the levels in Blender, LOD 0 first, each with its switch distance."""
+    """A finished bake: the core's chain and the levels in Blender, LOD 0 first, with the distances of each."""
 
     prepared: Prepared
     chain: leafcloud.Chain
     collection: bpy.types.Collection
     levels: tuple[BuiltLevel, ...]
-    switch_distances: tuple[float, ...]
+    schedule: Schedule
     view: View
-    thinning: Thinning
-    effects: tuple[Effect, ...]
+    effects: tuple[Decision, ...]
     costs: Costs
+
+    @property
+    def switch_distances(self) -> tuple[float, ...]:
+        """The switch distance of each level, LOD 0's 0 first, in world units."""
+        return self.schedule.switch_distances
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,16 +23,12 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..levels.build import Costs
+from ..levels.building import Costs
 from .glb_file import (
     ARRAY_BUFFER,
     ELEMENT_ARRAY_BUFFER,
+    Glb,
     accessor_uses,
-    accessor_values,
-    append_view,
-    read_glb,
-    without_unused,
-    write_glb,
 )
 
 MOST_PIECES = 16
@@ -59,50 +54,45 @@ class BlendOrders:
         self._costs = costs
         self._orders: dict[str, leafcloud.BlendOrder] = {}
 
-    def add_to(self, path: Path) -> None:
-        """Cut and sort the clouds' triangles in the GLB file at `path`."""
-        known = len(self._orders)
-        with self._costs.spent_on("blend_order", 0):
-            document, binary = read_glb(path)
-            names = [material["name"] for material in document.get("materials", [])]
+    def add_to(self, glb: Glb) -> None:
+        """Cut and sort the clouds' triangles."""
+        known, document = len(self._orders), glb.document
+        with self._costs.spent_on("blend_order"):
+            names = [material["name"] for material in glb.materials]
             if self._materials.isdisjoint(names):
                 return
+            before = len(glb.content())
             for index, mesh in enumerate(document["meshes"]):
                 toward = _before(document, index)
                 for number, primitive in enumerate(mesh["primitives"]):
                     material = names[primitive["material"]] if "material" in primitive else None
                     if material in self._materials and primitive.get("mode", _TRIANGLES) == _TRIANGLES:
-                        binary = self._cut(document, binary, mesh, number, toward)
-            binary = without_unused(document, binary)
-        before = path.stat().st_size
-        write_glb(path, document, binary)
+                        self._cut(glb, mesh, number, toward)
+            glb.remove_unused()
         if len(self._orders) > known:  # Each cloud is in two files and counts once.
-            self._costs.bytes["blend_order"] += path.stat().st_size - before
+            self._costs.add_bytes("blend_order", len(glb.content()) - before)
 
-    def _cut(
-        self, document: dict[str, Any], binary: bytes, mesh: dict[str, Any], number: int, toward: NDArray[np.float64]
-    ) -> bytes:
+    def _cut(self, glb: Glb, mesh: dict[str, Any], number: int, toward: NDArray[np.float64]) -> None:
         primitive = mesh["primitives"][number]
-        _own_accessors(document, primitive)
-        material = document["materials"][primitive["material"]]["name"]
-        triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
+        _own_accessors(glb.document, primitive)
+        material = glb.materials[primitive["material"]]["name"]
+        triangles = glb.values(primitive["indices"]).reshape(-1, 3)
         if material not in self._orders:
-            positions = accessor_values(document, binary, primitive["attributes"]["POSITION"])
+            positions = glb.values(primitive["attributes"]["POSITION"])
             most = min(MOST_PIECES * len(triangles), max(self._leaves, FEW))
             self._orders[material] = leafcloud.blend_order(positions, triangles, toward=toward.tolist(), most=most)
         order = self._orders[material]
-        binary = _cut_vertices(document, binary, primitive, triangles, order)
+        _cut_vertices(glb, primitive, triangles, order)
         indices = order.triangles.ravel()
         kind, dtype = _SHORT if len(order.sources) < 2**16 - 1 else _LONG
         change = {"componentType": kind, "count": indices.size}
-        binary = _replace(document, binary, primitive["indices"], indices.astype(dtype), change, ELEMENT_ARRAY_BUFFER)
+        _replace(glb, primitive["indices"], indices.astype(dtype), change, ELEMENT_ARRAY_BUFFER)
         extras = mesh.setdefault("extras", {}).setdefault("leafcloud", {})
         trees = extras.setdefault("blend_order", [None] * len(mesh["primitives"]))
         trees[number] = _tree(order)
         if "prefixes" in extras:
             steps = len(extras["prefixes"][number]["triangles"])
             extras["prefixes"][number]["triangles"] = [len(order.triangles)] * steps
-        return binary
 
 
 def _own_accessors(document: dict[str, Any], primitive: dict[str, Any]) -> None:
@@ -130,35 +120,25 @@ def _before(document: dict[str, Any], mesh: int) -> NDArray[np.float64]:
     return _FRONT + 2.0 * (cosine * once + np.cross(back, once))
 
 
-def _cut_vertices(
-    document: dict[str, Any],
-    binary: bytes,
-    primitive: dict[str, Any],
-    triangles: NDArray[Any],
-    order: leafcloud.BlendOrder,
-) -> bytes:
+def _cut_vertices(glb: Glb, primitive: dict[str, Any], triangles: NDArray[Any], order: leafcloud.BlendOrder) -> None:
     """Interpolate all vertex attributes at the corners of the pieces, from the corners of their triangles."""
     vertices, weights = triangles[order.sources], order.weights[:, :, None]
     sets = [primitive["attributes"], *primitive.get("targets", [])]
     for accessor in dict.fromkeys(number for values in sets for number in values.values()):
-        values = accessor_values(document, binary, accessor)
+        values = glb.values(accessor)
         mixed = (values[vertices] * weights).sum(axis=1)
         mixed = (mixed if values.dtype == np.float32 else np.rint(mixed)).astype(values.dtype)
         change: dict[str, Any] = {"count": len(mixed)}
-        if "min" in document["accessors"][accessor]:
+        if "min" in glb.document["accessors"][accessor]:
             change |= {"min": mixed.min(axis=0).tolist(), "max": mixed.max(axis=0).tolist()}
-        binary = _replace(document, binary, accessor, mixed, change, ARRAY_BUFFER)
-    return binary
+        _replace(glb, accessor, mixed, change, ARRAY_BUFFER)
 
 
-def _replace(
-    document: dict[str, Any], binary: bytes, accessor: int, values: NDArray[Any], change: dict[str, Any], target: int
-) -> bytes:
+def _replace(glb: Glb, accessor: int, values: NDArray[Any], change: dict[str, Any], target: int) -> None:
     """Replace the values of an accessor, in a new buffer view."""
-    view, binary = append_view(document, binary, values.tobytes(), target=target)
-    document["accessors"][accessor].pop("byteOffset", None)
-    document["accessors"][accessor] |= {"bufferView": view, **change}
-    return binary
+    replaced = glb.document["accessors"][accessor]
+    replaced.pop("byteOffset", None)
+    replaced |= {"bufferView": glb.append_view(values.tobytes(), target=target), **change}
 
 
 def _tree(order: leafcloud.BlendOrder) -> dict[str, list[Any]]:

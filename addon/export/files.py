@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -16,24 +18,24 @@ import leafcloud
 
 from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
-from ..levels.build import BuiltLevel
+from ..effects.blend_order import blended_leaves
+from ..levels.building import BuiltLevel
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
-from ..material.cut_out import masked
-from ..plan.effects import blended_leaves, is_on
+from ..material.blended import masked
+from ..plan.decision import is_on
+from ..plan.effects import on_effects
 from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
+from .glb_file import Edit
 from .lod_extension import LodChain, add_lods, screen_coverages
-from .plain_materials import materials_of_meshes, plain_colors, untangled
+from .plain_materials import materials_of_meshes, untangled
 from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
-from .unlit import mean_light
 from .vertex_data import VertexData, engine_attributes
-
-_Addition = VertexData | BlendOrders | ktx2.Ktx2Textures
 
 
 def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
@@ -49,7 +51,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     with Staging(directory) as staging:
         seconds: list[float] = []
         with ExitStack() as changes:
-            additions = _additions(trees)
+            edits = _edits(trees)
             for tree in trees:
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))
@@ -58,8 +60,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 progress(f"write {stem}.glb", 0.0)
                 begin = time.perf_counter()
                 file = staging.path(f"{stem}.glb")
-                gltf.export_objects(_objects(trees, number), file, stem)
-                _add(additions, file)
+                gltf.export_objects(_objects(trees, number), file, stem, edits)
                 seconds.append(time.perf_counter() - begin)
             shadows = [(tree, shadow) for tree in trees if (shadow := shadow_proxy_of(tree.collection)) is not None]
             for tree, shadow in shadows:
@@ -69,9 +70,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
-            gltf.export_collection(tree_set.collection, file)
-            _add(additions, file)
-            add_lods(file, map(_lod_chain, trees))
+            chains = [_lod_chain(tree) for tree in trees]
+            gltf.export_collection(tree_set.collection, file, [*edits, lambda glb: add_lods(glb, chains)])
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
@@ -81,8 +81,21 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         reports = {tree.collection.name: report(tree, seconds[: len(tree.levels)], files) for tree in trees}
         content = joint_report(reports) if len(trees) > 1 else reports[name]
         staging.write_json("report.json", content)
-        staging.commit()
+        staging.commit(_levels_in(directory, name))
     return content
+
+
+def _levels_in(directory: Path, name: str) -> set[str]:
+    """Return the files of single levels that an earlier bake of the same name wrote, by its report in the folder.
+
+    A chain with fewer levels must not leave the farther levels of a longer one beside it.
+    """
+    try:
+        files = json.loads((directory / "report.json").read_text(encoding="utf-8"))["files"]
+        of_level = re.compile(rf"{re.escape(name)}_(LOD\d+|shadow)\.glb")
+        return {file for file in files if of_level.fullmatch(file)}
+    except (OSError, ValueError, TypeError, KeyError):  # No report, or none of ours.
+        return set()
 
 
 def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
@@ -97,8 +110,8 @@ def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
     return [trunk(level) for level in baked.levels]
 
 
-def _additions(trees: Sequence[Baked]) -> list[_Addition]:
-    """Return the steps that complete the files after Blender's exporter.
+def _edits(trees: Sequence[Baked]) -> list[Edit]:
+    """Return the edits that complete the files.
 
     All trees share their settings, and blended leaves or none.
     """
@@ -108,14 +121,9 @@ def _additions(trees: Sequence[Baked]) -> list[_Addition]:
     taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine), textures]
+        return [VertexData(engine).add_to, textures.add_to]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine), BlendOrders(clouds, triangles, first.costs), textures]
-
-
-def _add(additions: Sequence[_Addition], file: Path) -> None:
-    for addition in additions:
-        addition.add_to(file)
+    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
 
 
 @contextmanager
@@ -127,9 +135,8 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
         changes.enter_context(untangled(tree.levels))
         changes.enter_context(masked(tree.levels[0].object.data.materials, blended_leaves(settings, facts)))
         changes.enter_context(materials_of_meshes(tree.levels))
-        for effect, change in (("baked_light", mean_light), ("contrast", plain_colors)):
-            if is_on(tree.effects, effect):
-                changes.enter_context(change(tree.levels))
+        for effect in on_effects(tree.effects):
+            changes.enter_context(effect.as_in_files(tree.levels))
         yield
 
 

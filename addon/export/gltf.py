@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ..errors import ExportError
 from ..levels.baked_light import FRONT
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from ..levels.material import TRANSLUCENCY_NODE
 from .errors import reason
+from .glb_file import Edit, Glb
 from .optional_textures import OPTIONAL_NODES, add_optional_textures
 from .tangents import add_tangents
 from .translucency import add_translucency
@@ -37,8 +38,10 @@ _OPTIONS = {
 }
 
 
-def export_collection(collection: bpy.types.Collection, path: Path) -> None:
+def export_collection(collection: bpy.types.Collection, path: Path, edits: Sequence[Edit] = ()) -> None:
     """Write all objects of `collection` and its children as a GLB file. The current scene must contain it.
+
+    `edits` complete the file after Blender's exporter and this module.
 
     Raises `ExportError` if the complete file cannot be written.
     """
@@ -52,13 +55,16 @@ def export_collection(collection: bpy.types.Collection, path: Path) -> None:
     if not _is_whole(path):
         raise ExportError(f"{path.name}: Blender's glTF exporter wrote no complete file")
     nodes = _node_names(collection)
+    glb = Glb.read(path)
     if nodes & set(OPTIONAL_NODES):
-        add_optional_textures(path, collection)
+        add_optional_textures(glb, collection)
     if TRANSLUCENCY_NODE in nodes:
-        add_translucency(path, collection)
+        add_translucency(glb, collection)
     if lit:
-        add_unlit(path, collection)
-    add_tangents(path)
+        add_unlit(glb, collection)
+    for edit in (add_tangents, *edits):
+        edit(glb)
+    glb.write(path)
 
 
 def _node_names(collection: bpy.types.Collection) -> set[str]:
@@ -72,8 +78,10 @@ def export_level(level: BuiltLevel, path: Path) -> None:
     export_objects([obj for obj in (level.object, level.trunk) if obj is not None], path, level.object.name)
 
 
-def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: str) -> None:
-    """Write only these objects as a GLB file with a scene of the given name.
+def export_objects(
+    objects: Sequence[bpy.types.Object], path: Path, scene_name: str, edits: Sequence[Edit] = ()
+) -> None:
+    """Write only these objects as a GLB file with a scene of the given name. `edits`: see `export_collection`.
 
     Raises `ExportError` if the complete file cannot be written.
     """
@@ -82,7 +90,7 @@ def export_objects(objects: Sequence[bpy.types.Object], path: Path, scene_name: 
     try:
         for obj in objects:
             collection.objects.link(obj)
-        export_collection(collection, path)
+        export_collection(collection, path, edits)
     finally:
         bpy.data.collections.remove(collection)
 

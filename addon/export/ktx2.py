@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import leafcloud
 
 from ..plan.pages import KTX2_EXTENSION
-from .glb_file import append_view, read_glb, write_glb
+from .glb_file import Glb
 from .translucency import DIFFUSE_TRANSMISSION
 
 
@@ -36,12 +35,10 @@ class Ktx2Textures:
             self.encoded[key] = self.levels[material].ktx2(channel)
         return self.encoded[key]
 
-    def add_to(self, path: Path) -> None:
-        """Add the KTX2 textures of its materials to a GLB file. Without levels the file does not change."""
-        if not self.levels:
-            return
-        document, binary = read_glb(path)
-        named = [material for material in document.get("materials", []) if material["name"] in self.levels]
+    def add_to(self, glb: Glb) -> None:
+        """Add the KTX2 textures of its materials. Without levels the file does not change."""
+        document = glb.document
+        named = [material for material in glb.materials if material["name"] in self.levels]
         done: dict[int, int] = {}
         """The KTX2 image for each PNG. Several textures may use one image."""
         for material in named:
@@ -51,14 +48,12 @@ class Ktx2Textures:
                     continue
                 texture = document["textures"][number]
                 if texture["source"] not in done:
-                    view, binary = append_view(document, binary, self.get(material["name"], channel))
+                    view = glb.append_view(self.get(material["name"], channel))
                     document["images"].append({"bufferView": view, "mimeType": "image/ktx2"})
                     done[texture["source"]] = len(document["images"]) - 1
                 texture.setdefault("extensions", {})[KTX2_EXTENSION] = {"source": done[texture["source"]]}
         if done:
-            used = document.setdefault("extensionsUsed", [])
-            document["extensionsUsed"] = sorted({*used, KTX2_EXTENSION})
-            write_glb(path, document, binary)
+            glb.use_extension(KTX2_EXTENSION)
 
 
 def _in_surface(name: str) -> Callable[[dict[str, Any]], int | None]:

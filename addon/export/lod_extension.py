@@ -13,10 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from ..plan.lod_range import View
-from .glb_file import read_glb, write_glb
+from .glb_file import Glb
 
 EXTENSION = "MSFT_lod"
 COVERAGE = "MSFT_screencoverage"
@@ -39,9 +38,9 @@ def screen_coverages(switch_distances: Sequence[float], radius: float, view: Vie
     return (*(min(radius / (distance * tangent), 1.0) for distance in switch_distances[1:]), 0.0)
 
 
-def add_lods(path: Path, chains: Iterable[LodChain]) -> None:
-    """Add `MSFT_lod` to level 0 of each tree in the GLB file at `path`, and remove the other levels from its scene."""
-    document, binary = read_glb(path)
+def add_lods(glb: Glb, chains: Iterable[LodChain]) -> None:
+    """Add `MSFT_lod` to level 0 of each tree, and remove the other levels from the scene."""
+    document = glb.document
     numbers = {node["name"]: number for number, node in enumerate(document["nodes"])}
     behind: set[int] = set()
     for chain in chains:
@@ -52,5 +51,5 @@ def add_lods(path: Path, chains: Iterable[LodChain]) -> None:
         behind.update(ids)
     for scene in document["scenes"]:
         scene["nodes"] = [number for number in scene["nodes"] if number not in behind]
-    document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), EXTENSION})
-    write_glb(path, document, binary)
+    glb.use_extension(EXTENSION)
+    glb.align()  # As in files of earlier releases, so that the same tree gives the same bytes.

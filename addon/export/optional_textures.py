@@ -7,20 +7,19 @@ color.
 `lc_sun_share(occlusion, 2 · texel − 1, l)` (shaders/leafcloud.glsl). l is in the axes of tangent, bitangent and normal,
 not flipped on the back. The occlusion is the red channel of `metallicRoughnessTexture`.
 
-`leafUvTexture` and `leafIdTexture`: the leaf that a texel shows, and the place in its texture (see `build.leaf_map`).
+`leafUvTexture` and `leafIdTexture`: the leaf that a texel shows, and the place in its texture (see `levels.leaf_map`).
 The texels are labels, so they need nearest filtering, have no mips, and are stored as PNG only.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..levels.leaf_map import ID_NODE, UV_NODE
 from ..levels.material import VISIBILITY_NODE
-from .glb_file import append_texture, read_glb, write_glb
+from .glb_file import Glb
 
 OPTIONAL_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
 """The key of each optional texture, by the name of its image node."""
@@ -28,22 +27,20 @@ _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}
 
 
-def add_optional_textures(path: Path, collection: bpy.types.Collection) -> None:
-    """Add the optional textures of the materials in `collection` to the GLB file at `path`, written from it."""
+def add_optional_textures(glb: Glb, collection: bpy.types.Collection) -> None:
+    """Add the optional textures of the materials in `collection` to the file that was written from it."""
     waiting = {
         material.name: images
         for obj in collection.all_objects
         for material in obj.data.materials
         if material is not None and (images := _images(material))
     }
-    document, binary = read_glb(path)
-    for material in document.get("materials", []):
+    for material in glb.materials:
         for key, image in waiting.get(material["name"], {}).items():
-            number, binary = append_texture(document, binary, material, image.name, image.packed_file.data)
+            number = glb.append_texture(material, image.name, image.packed_file.data)
             if key in _LABELS:
-                document["textures"][number]["sampler"] = _nearest(document)
+                glb.document["textures"][number]["sampler"] = _nearest(glb.document)
             material.setdefault("extras", {}).setdefault("leafcloud", {})[key] = {"index": number}
-    write_glb(path, document, binary)
 
 
 def _images(material: bpy.types.Material) -> dict[str, bpy.types.Image]:

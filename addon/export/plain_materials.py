@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from ..levels.contrast import CONTRAST_NODE
 from ..material.node_links import Links, tangled_inputs, trees_of
 

@@ -13,9 +13,9 @@ import bpy
 import leafcloud
 
 from ..bake.values import Baked
-from ..levels.build import BuiltLevel
-from ..plan.costs import BYTES_PER_TEXEL
-from ..plan.effects import Effect, is_on
+from ..levels.building import BuiltLevel
+from ..plan.decision import Decision, is_on
+from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
 
 
@@ -138,11 +138,9 @@ def billboard_count(level: leafcloud.Level) -> int:
     return len(level.plane_ids) // 2 if level.two_sided else len(level.plane_ids)
 
 
-def _effect(effect: Effect, baked: Baked) -> dict[str, Any]:
+def _effect(effect: Decision, baked: Baked) -> dict[str, Any]:
     """Return an effect's state and reason, its measured costs, and its estimated costs."""
-    nbytes = baked.costs.bytes.get(effect.name, 0)
-    if effect.name == "back_sides":
-        nbytes = sum(level.texels // 2 for level in baked.chain.levels if level.two_sided) * BYTES_PER_TEXEL
+    nbytes = baked.costs.bytes.get(effect.name, 0) + effect_named(effect.name).texture_bytes(baked.chain)
     return {
         "name": effect.name,
         "on": effect.on,

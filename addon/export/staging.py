@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -67,14 +68,19 @@ class Staging:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         self.path(name).write_text(text + "\n", encoding="utf-8", newline="\n")
 
-    def commit(self) -> None:
-        """Move all files into the directory. Raises `FileNotFoundError`, and moves none, if one is missing."""
+    def commit(self, earlier: Collection[str] = ()) -> None:
+        """Move all files into the directory, and remove those of `earlier` that this commit does not replace.
+
+        Raises `FileNotFoundError`, and changes nothing, if a file is missing.
+        """
         assert self._folder is not None
         with ending.step():
             for name in self._files:
                 (self._folder / name).stat()
             for name in self._files:
                 os.replace(self._folder / name, self._directory / name)
+            for name in set(earlier) - set(self._files):
+                (self._directory / name).unlink(missing_ok=True)
             self._made.clear()
             ending.finish()
 

@@ -6,38 +6,31 @@ validators warn. A billboard is flat and evenly mapped, so its tangent is unambi
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .glb_file import accessor_values, append_accessor, read_glb, write_glb
+from .glb_file import Glb
 
 
-def add_tangents(path: Path) -> None:
-    """Add TANGENT to the primitives of the GLB file at `path` that need tangents.
+def add_tangents(glb: Glb) -> None:
+    """Add TANGENT to the primitives that need tangents.
 
     Their materials have a texture in tangent space: a normal map, or a bent-normal occlusion texture.
     """
-    document, binary = read_glb(path)
-    maps = {number: _map(material) for number, material in enumerate(document.get("materials", []))}
+    maps = {number: _map(material) for number, material in enumerate(glb.materials)}
     mapped = {number: texture for number, texture in maps.items() if texture is not None}
-    primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
-    wanting = [p for p in primitives if p.get("material") in mapped and "TANGENT" not in p["attributes"]]
-    if not wanting:
-        return
+    wanting = [p for p in glb.primitives if p.get("material") in mapped and "TANGENT" not in p["attributes"]]
     for primitive in wanting:
         attributes = primitive["attributes"]
         texture = mapped[primitive["material"]]
         names = ("POSITION", "NORMAL", f"TEXCOORD_{texture.get('texCoord', 0)}")
         if not {*names} <= {*attributes}:
             continue  # without texture coordinates no map is drawn on the mesh
-        positions, normals, uvs = (accessor_values(document, binary, attributes[name]) for name in names)
-        triangles = accessor_values(document, binary, primitive["indices"]).reshape(-1, 3)
-        tangents = _tangents(positions, normals, uvs, triangles)
-        attributes["TANGENT"], binary = append_accessor(document, binary, tangents)
-    write_glb(path, document, binary)
+        positions, normals, uvs = (glb.values(attributes[name]) for name in names)
+        triangles = glb.values(primitive["indices"]).reshape(-1, 3)
+        attributes["TANGENT"] = glb.append_accessor(_tangents(positions, normals, uvs, triangles))
 
 
 def _map(material: dict[str, Any]) -> dict[str, Any] | None:

@@ -7,38 +7,35 @@ does not support the extension. An engine without support reflects the whole bas
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 
 from ..levels.material import SHARE_NODE, TRANSLUCENCY_NODE
-from .glb_file import append_texture, read_glb, write_glb
+from .glb_file import Glb
 
 DIFFUSE_TRANSMISSION = "KHR_materials_diffuse_transmission"
 
 
-def add_translucency(path: Path, collection: bpy.types.Collection) -> None:
-    """Add the translucency of the materials in `collection` to the GLB file at `path`, written from the collection."""
+def add_translucency(glb: Glb, collection: bpy.types.Collection) -> None:
+    """Add the translucency of the materials in `collection` to the file that was written from it."""
     trees = {
         material.name: material.node_tree
         for obj in collection.all_objects
         for material in obj.data.materials
         if material is not None and material.node_tree is not None and TRANSLUCENCY_NODE in material.node_tree.nodes
     }
-    document, binary = read_glb(path)
-    for material in document.get("materials", []):
+    for material in glb.materials:
         tree = trees.get(material["name"])
         image = None if tree is None else tree.nodes[TRANSLUCENCY_NODE].image
         if tree is None or image is None or image.packed_file is None:
             continue
-        number, binary = append_texture(document, binary, material, image.name, image.packed_file.data)
+        number = glb.append_texture(material, image.name, image.packed_file.data)
         extension = material.setdefault("extensions", {})[DIFFUSE_TRANSMISSION] = {
             "diffuseTransmissionFactor": tree.nodes[SHARE_NODE].inputs[1].default_value,
             "diffuseTransmissionColorTexture": {"index": number},
         }
         if tree.nodes[TRANSLUCENCY_NODE].outputs["Alpha"].is_linked:
             # A second texture, because KTX2 may replace the first one and has no alpha here.
-            document["textures"].append(dict(document["textures"][number]))
+            textures = glb.document["textures"]
+            textures.append(dict(textures[number]))
             extension["diffuseTransmissionTexture"] = {"index": number + 1}
-        document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), DIFFUSE_TRANSMISSION})
-    write_glb(path, document, binary)
+        glb.use_extension(DIFFUSE_TRANSMISSION)

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..levels.baked_light import BACK, FRONT
-from ..levels.build import BuiltLevel
-from .glb_file import read_glb, write_glb
+from ..levels.building import BuiltLevel
+from .glb_file import Glb
 
 COLOR_OPTIONS = {"export_vertex_color": "ACTIVE", "export_all_vertex_colors": False}
 """Export options for baked light: write the vertex colors used for rendering, and no others."""
@@ -50,14 +49,13 @@ def mean_light(levels: Sequence[BuiltLevel]) -> Iterator[None]:
         attributes.render_color_index = own
 
 
-def add_unlit(path: Path, collection: bpy.types.Collection) -> None:
-    """Make the leaves' own materials unlit in the GLB file at `path`, written from `collection`."""
+def add_unlit(glb: Glb, collection: bpy.types.Collection) -> None:
+    """Make the leaves' own materials unlit in the file that was written from `collection`."""
     meshes = [obj.data for obj in collection.all_objects if _is_lit(obj.data)]
     names = {material.name for mesh in meshes for material in mesh.materials}
     if not names:
         return
-    document, binary = read_glb(path)
-    for material in document["materials"]:
+    for material in glb.materials:
         if material["name"] not in names:
             continue
         surface = material.get("pbrMetallicRoughness", {})
@@ -65,8 +63,7 @@ def add_unlit(path: Path, collection: bpy.types.Collection) -> None:
         base = {key: value for key, value in surface.items() if key.startswith("baseColor")}
         material.clear()
         material |= {**kept, "pbrMetallicRoughness": base, "extensions": {UNLIT: {}}}
-    document["extensionsUsed"] = sorted({*document.get("extensionsUsed", []), UNLIT})
-    write_glb(path, document, binary)
+    glb.use_extension(UNLIT)
 
 
 def _is_lit(mesh: bpy.types.Mesh) -> bool:

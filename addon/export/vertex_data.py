@@ -14,17 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..levels.build import BuiltLevel
+from ..levels.building import BuiltLevel
 from ..levels.morphs import add_point_attribute
 from ..mesh.baked_levels import EXTRAS
-from .glb_file import accessor_values, append_accessor, read_glb, without_unused, write_glb
+from .glb_file import Glb
 from .gltf import y_up
 
 BY_COORDINATES = ("babylon", "godot", "unity", "unreal")
@@ -53,23 +52,22 @@ class VertexData:
     def __init__(self, engine: str) -> None:
         self._by_coordinates = engine in BY_COORDINATES
 
-    def add_to(self, path: Path) -> None:
-        """Convert the attributes in the file at `path`, unless the engine reads custom attributes."""
+    def add_to(self, glb: Glb) -> None:
+        """Convert the attributes, unless the engine reads custom attributes."""
         if not self._by_coordinates:
             return
-        document, binary = read_glb(path)
         moved = [
             (mesh, primitive)
-            for mesh in document.get("meshes", [])
+            for mesh in glb.document.get("meshes", [])
             for primitive in mesh["primitives"]
             if "_LEAF_PIVOT" in primitive["attributes"]
         ]
         if not moved:
             return
         for mesh, primitive in moved:
-            binary = _move_to_coordinates(document, binary, primitive)
+            _move_to_coordinates(glb, primitive)
             mesh.setdefault("extras", {}).setdefault(EXTRAS, {})["first_texcoord"] = FIRST_SET
-        write_glb(path, document, without_unused(document, binary))
+        glb.remove_unused()
 
 
 def _engine_values(mesh: bpy.types.Mesh) -> dict[str, NDArray[np.float32]]:
@@ -99,24 +97,22 @@ def _vectors(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
     return y_up(vectors.reshape(-1, 3))
 
 
-def _move_to_coordinates(document: dict[str, Any], binary: bytes, primitive: dict[str, Any]) -> bytes:
+def _move_to_coordinates(glb: Glb, primitive: dict[str, Any]) -> None:
     attributes = primitive["attributes"]
     custom = {
-        name: accessor_values(document, binary, attributes.pop(name))
-        for name in [name for name in attributes if name.startswith("_LEAF_")]
+        name: glb.values(attributes.pop(name)) for name in [name for name in attributes if name.startswith("_LEAF_")]
     }
     # All sets of a level are equal: its materials may use one UV map under several names.
     for name in [name for name in attributes if name.startswith("TEXCOORD_") and name != "TEXCOORD_0"]:
         del attributes[name]
     if "material" in primitive:
-        _use_first_set(document["materials"][primitive["material"]])
+        _use_first_set(glb.materials[primitive["material"]])
     numbers = _coordinates(custom)
     for number, pair in enumerate(np.hsplit(numbers, numbers.shape[1] // 2), start=FIRST_SET):
-        attributes[f"TEXCOORD_{number}"], binary = append_accessor(document, binary, pair)
+        attributes[f"TEXCOORD_{number}"] = glb.append_accessor(pair)
     spare = attributes.get("TEXCOORD_0", attributes[f"TEXCOORD_{FIRST_SET}"])
     for number in range(FIRST_SET):
         attributes.setdefault(f"TEXCOORD_{number}", spare)
-    return binary
 
 
 def _coordinates(custom: dict[str, NDArray[Any]]) -> NDArray[np.float32]:

@@ -21,7 +21,7 @@ from ..nodes.laws import NEVER
 from ..nodes.lod import GROUP_NAME
 from ..plan.lod_range import View
 from ..versions import get_modifier_input
-from .build import BuiltLevel
+from .building import BuiltLevel
 
 _ANYWHERE = "with `viewer=anywhere` (if the camera sees only one level, levels need no modifier)"
 """Remedy: the bake setting that turns on the effects that forests and tree sets need."""

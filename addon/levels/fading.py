@@ -12,9 +12,25 @@ from typing import cast
 
 import bpy
 
+from ..mesh.baked_levels import level_number
 from ..nodes.laws import HIDDEN_SHARE
 
 RENDERERS = ("CYCLES", "EEVEE")
+
+
+def let_fade(obj: bpy.types.Object) -> None:
+    """Make a level or a trunk fade by `leaf_hidden_share`.
+
+    Clouds have materials of their own. Leaves and trunks get copies, linked to the object: other objects and files use
+    the artist's materials of their meshes.
+    """
+    if level_number(obj):
+        for material in obj.data.materials:
+            add_fade(material.node_tree)
+        return
+    for slot in obj.material_slots:
+        material = slot.material
+        slot.link, slot.material = "OBJECT", fading_copy(material)
 
 
 def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | None:

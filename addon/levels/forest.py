@@ -1,4 +1,4 @@
-"""Creation of the tree variants for the forests of `forest_nodes`, from the levels of a bake.
+"""Creation of the tree variants for the forests of `nodes.forest`, from the levels of a bake.
 
     LOD 0 with all its leaves, with ½ of them, ¼, ⅛ …; LOD 1 … k; the cross impostor
 
@@ -25,7 +25,7 @@ from ..nodes.laws import NEVER
 from ..nodes.sides import add_side_modifier
 from ..nodes.wind import WindSettings, add_wind_modifier
 from ..plan.pruning import halvings
-from .build import BuiltLevel
+from .building import BuiltLevel
 from .rollback import removed_on_failure
 
 _LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot")

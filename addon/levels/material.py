@@ -28,6 +28,7 @@ SHARE_NODE = "Leafcloud Translucent Share"
 class Page:
     """Images and values of a level's material.
 
+    name: of the level, with which the names of its images begin.
     normal: tangent-space normal map. gloss: occlusion, roughness and metallic in red, green and blue.
     visibility: bent-normal occlusion in the billboards' axes (`leafcloud.Level.visibility`).
     """
@@ -48,6 +49,7 @@ class Page:
     """Roughness and metallic are used if `gloss` is None."""
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
+    name: str = ""
 
 
 def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
@@ -80,7 +82,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     Normals become `normalTexture`, roughness and metallic `metallicRoughnessTexture`.
 
     A Mix Shader adds translucency: (1 − share) · Principled BSDF + share · Translucent BSDF. Leaf materials are read
-    the same way (`scene.translucency`). Highlights become weaker by the same fraction.
+    the same way (`material.translucency`). Highlights become weaker by the same fraction.
     """
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.

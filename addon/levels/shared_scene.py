@@ -1,4 +1,4 @@
-"""Tree sets for `scene_nodes`: copies of the leaves and trunks of all baked trees.
+"""Tree sets for `nodes.scene`: copies of the leaves and trunks of all baked trees.
 
 The copies share the levels' meshes, have no modifiers, and are in a collection outside all scenes. So the node group
 reads the original leaves from any camera position.

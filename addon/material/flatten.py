@@ -1,9 +1,8 @@
-"""Renderer of base color and alpha to an image over the UV map, for materials that are not simple products.
+"""Renderer of a material over its UV map, for what cannot be read from its nodes.
 
-On a copy of the material, nodes that compute color and alpha replace the shaders: a Mix Shader mixes both, a
-Transparent BSDF has alpha 0, all other shaders give their color, or its reflected or transmitted part. Cycles then
-renders a flat square that covers the whole UV map, from above. So image textures, ramps, mixes, curves and node groups
-look as they do in Cycles.
+On a copy of the material, an emission replaces the shaders: of base color and alpha (see `shader_sums`), of roughness
+and metallic, or of normals (see `shading`). Cycles renders a flat square that covers the whole UV map, from above. So
+image textures, ramps, mixes, curves and node groups look as they do in Cycles.
 
 Inputs that vary per leaf have one value on the square; `tints` measures how the leaves differ from it.
 """
@@ -11,19 +10,23 @@ Inputs that vary per leaf have one value on the square; `tints` measures how the
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from .node_links import output_of, shown_nodes
+from .node_links import output_of, shown_nodes, trees_of
 from .shader_sums import Builder, Light, shining
 from .textures import ACTIVE, Texture, uv_maps
+
+Codes = Callable[[bpy.types.Material], tuple[Any, Any]]
+"""Adds nodes to a material, and returns a color and an alpha in its own tree, as sockets or constants."""
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Side of the rendering in texels: that of the material's largest image, within these limits; else `USUAL`."""
@@ -41,26 +44,27 @@ WHITE = "leafcloud_white"
 """The white color attribute that replaces the render-active one."""
 
 
-_RANDOM: dict[str, set[str] | None] = {"OBJECT_INFO": {"Random"}}
-
-_PLACE: dict[str, set[str] | None] = {
-    "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
-    "TEX_COORD": {"Generated", "Normal", "Object"},
+_VARYING: dict[str, dict[str, set[str] | None]] = {
+    "random": {"OBJECT_INFO": {"Random"}},
+    "place": {
+        "NEW_GEOMETRY": {"Position", "Normal", "True Normal", "Random Per Island"},
+        "TEX_COORD": {"Generated", "Normal", "Object"},
+    },
+    "side": {"NEW_GEOMETRY": {"Backfacing"}},
+    "lost": {
+        "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
+        "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
+        "TEX_COORD": {"Camera", "Window", "Reflection"},
+        "PARTICLE_INFO": None,
+        "HAIR_INFO": None,
+        "VERTEX_COLOR": None,
+        "ATTRIBUTE": {"Color", "Fac", "Alpha"},
+    },
 }
-"""Outputs that vary per object (`_RANDOM`), or by position or island (`_PLACE`). `tints` measures their effect."""
+"""Outputs by node type that vary with the object's random number, the position or island, or the side of a leaf.
 
-_SIDES: dict[str, set[str] | None] = {"NEW_GEOMETRY": {"Backfacing"}}
-
-_LOST = {
-    "OBJECT_INFO": {"Location", "Color", "Alpha", "Object Index", "Material Index"},
-    "NEW_GEOMETRY": {"Tangent", "Parametric", "Incoming", "Pointiness"},
-    "TEX_COORD": {"Camera", "Window", "Reflection"},
-    "PARTICLE_INFO": None,
-    "HAIR_INFO": None,
-    "VERTEX_COLOR": None,
-    "ATTRIBUTE": {"Color", "Fac", "Alpha"},
-}
-"""Outputs by node type that vary per leaf but get one value for all leaves; `None` for all outputs of the node."""
+`tints` measures their effect. Those that are lost vary per leaf but get one value for all. `None`: all outputs.
+"""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,7 @@ USUAL_LOOK = Look()
 class Flattened:
     """A rendering of a material. pixels: (h, w, 4) linear base color, premultiplied by alpha, row 0 on top."""
 
+    material: bpy.types.Material
     pixels: NDArray[np.float32]
     by_random: bool
     """Whether leaves vary with the random number of their object."""
@@ -107,32 +112,52 @@ def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USU
     Raises `SceneError` if Cycles fails.
     """
     nodes = shown_nodes(material.node_tree)
-    with cycles_errors(material), flat_material(material, light) as flat, scratch_scene() as scene:
-        mesh = square(nodes, look=look)
-        mesh.materials.append(flat)
-        try:
-            pixels = rendered(scene, mesh, min(side_of(nodes), look.largest))
-        finally:
-            bpy.data.meshes.remove(mesh)
-    lost = sorted({node.bl_label for node in nodes if _gives(node, _LOST)})
-    by_random = any(_gives(node, _RANDOM) for node in nodes)
-    by_place = any(_gives(node, _PLACE) or _is_generated(node) for node in nodes)
-    by_side = any(_gives(node, _SIDES) for node in nodes)
-    return Flattened(pixels, by_random, by_place, by_side, tuple(lost), light, look)
+    pixels = render(material, nodes, lambda copy: color_and_alpha(copy, light), look=look)
+    random, place, side, lost = (_labels(nodes, kind) for kind in ("random", "place", "side", "lost"))
+    return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, look)
+
+
+def color_and_alpha(copy: bpy.types.Material, light: Light = "all") -> tuple[Any, Any]:
+    """Add nodes that compute a material's premultiplied color, or a part of its light, and its alpha."""
+    output = output_of(copy.node_tree)
+    assert output is not None  # `can_render` holds
+    return Builder(copy.node_tree, light).color_and_alpha(output.inputs["Surface"])
+
+
+def render(
+    material: bpy.types.Material,
+    nodes: Sequence[bpy.types.Node],
+    codes: Codes,
+    *,
+    transform: Sequence[float] = Texture.transform,
+    size: float = 1.0,
+    look: Look = USUAL_LOOK,
+) -> NDArray[np.float32]:
+    """Render what `codes` builds on a copy of a material. Return (h, w, 4), premultiplied, row 0 on top.
+
+    `nodes`: those that the result depends on. `transform`: see `Texture`; the rendering covers [0, 1]² of the image.
+    `size`: the side of the square in the world. Raises `SceneError` if Cycles fails.
+    """
+    with emitting(material, codes) as shown, cycles_scene(material) as scene:
+        mesh = _square(nodes, transform, look)
+        mesh.materials.append(shown)
+        return rendered(scene, mesh, min(_side_of(nodes), look.largest), size)
 
 
 def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
     """Return the labels of nodes with per-leaf variation, sorted and without repeats."""
-    known = (_LOST, _RANDOM, _PLACE)
-    apart = (node for node in nodes if any(_gives(node, each) for each in known) or _is_generated(node))
-    return sorted({node.bl_label for node in apart})
+    return _labels(nodes, "lost", "random", "place")
 
 
-def _gives(node: bpy.types.Node, outputs: Mapping[str, set[str] | None]) -> bool:
-    """Return whether any of these outputs of a node is linked."""
-    if node.type not in outputs:
-        return False
-    names = outputs[node.type]
+def _labels(nodes: Iterable[bpy.types.Node], *kinds: str) -> list[str]:
+    return sorted({node.bl_label for node in nodes for kind in kinds if _varies(node, kind)})
+
+
+def _varies(node: bpy.types.Node, kind: str) -> bool:
+    """Return whether a node has a linked output of this kind of variation."""
+    if kind == "place" and _is_generated(node):
+        return True
+    names = _VARYING[kind].get(node.type, set())
     return any(output.is_linked for output in node.outputs if names is None or output.name in names)
 
 
@@ -143,64 +168,34 @@ def _is_generated(node: bpy.types.Node) -> bool:
 
 
 @contextmanager
-def cycles_errors(material: bpy.types.Material) -> Iterator[None]:
-    """Convert errors that Blender raises in rendering to `SceneError`."""
-    try:
-        yield
-    except (RuntimeError, TypeError) as error:
-        raise SceneError(
-            f"material {material.name!r} has to be rendered, but Cycles failed ({error}); enable the add-on Cycles "
-            f"Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
-        ) from error
+def emitting(material: bpy.types.Material, codes: Codes) -> Iterator[bpy.types.Material]:
+    """Yield a copy that emits the color that `codes` builds on it, and transmits 1 − alpha.
 
-
-@contextmanager
-def flat_material(
-    material: bpy.types.Material, light: Light = "all", *, opaque: bool = False
-) -> Iterator[bpy.types.Material]:
-    """Yield a copy that emits its premultiplied color and transmits 1 − alpha.
-
-    `opaque`: emit the color without premultiplication, and transmit nothing.
+    Attributes `RANDOM` and `SIDE` replace node outputs.
     """
-    with own_copy(material) as copy:
-        _replace_shaders(copy.node_tree, light, opaque=opaque)
-        yield copy
-
-
-@contextmanager
-def own_copy(material: bpy.types.Material) -> Iterator[bpy.types.Material]:
-    """Yield a copy with its own groups, free to change. Attributes `RANDOM` and `SIDE` replace node outputs."""
-    copy = material.copy()
-    groups: list[bpy.types.NodeTree] = []
+    copy, groups = _copied(material)
     try:
-        _own_groups(copy.node_tree, groups)
         for tree in (copy.node_tree, *groups):
-            _read_randoms(tree)
+            _read(tree, "OBJECT_INFO", "Random", RANDOM)
             _read(tree, "NEW_GEOMETRY", "Backfacing", SIDE)
+        color, alpha = codes(copy)
+        _show(copy.node_tree, shining(Builder(copy.node_tree), color, alpha))
         yield copy
     finally:
-        bpy.data.materials.remove(copy)
-        for group in groups:
-            bpy.data.node_groups.remove(group)
+        bpy.data.batch_remove([copy, *groups])
 
 
 def asks_for_random(tree: bpy.types.NodeTree) -> bool:
     """Return whether a tree, or a group in it, uses the random number of objects."""
-    return any(
-        _gives(node, _RANDOM)
-        or (node.type == "GROUP" and node.node_tree is not None and asks_for_random(node.node_tree))
-        for node in tree.nodes
-    )
+    return any(_varies(node, "random") for each in trees_of(tree) for node in each.nodes)
 
 
 def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
     """Return a copy for leaves joined to one object. It reads each leaf's random number from the attribute `RANDOM`."""
-    copy = material.copy()
+    copy, groups = _copied(material)
     copy.name = f"{material.name}_joined"
-    groups: list[bpy.types.NodeTree] = []
-    _own_groups(copy.node_tree, groups)
     for tree in (copy.node_tree, *groups):
-        _read_randoms(tree)
+        _read(tree, "OBJECT_INFO", "Random", RANDOM)
     return copy
 
 
@@ -212,9 +207,8 @@ def shining_copy(
     Cycles and EEVEE each get an output of their own. The output for all renderers stays unchanged, for exporters and
     other readers.
     """
-    copy = material.copy()
+    copy, _ = _copied(material)
     tree = copy.node_tree
-    _own_groups(tree, [])
     output = output_of(tree)
     assert output is not None  # materials that show anything have one
     for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
@@ -231,8 +225,11 @@ def shining_copy(
 
 
 @contextmanager
-def scratch_scene() -> Iterator[bpy.types.Scene]:
-    """Yield a scene for Cycles. Remove it at the end, with its objects and render results."""
+def cycles_scene(material: bpy.types.Material) -> Iterator[bpy.types.Scene]:
+    """Yield a scene for Cycles. Remove it at the end, with its objects, their data and render results.
+
+    Raises `SceneError` for errors of Blender in rendering the material.
+    """
     seen = {image.name for image in bpy.data.images if image.type == "RENDER_RESULT"}
     scene = bpy.data.scenes.new("leafcloud flatten")
     try:
@@ -240,29 +237,28 @@ def scratch_scene() -> Iterator[bpy.types.Scene]:
         scene.cycles.device = "CPU"
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         yield scene
+    except (RuntimeError, TypeError) as error:
+        raise SceneError(
+            f"material {material.name!r} has to be rendered, but Cycles failed ({error}); enable the add-on Cycles "
+            f"Render Engine, wait for other renders to end, or connect an Image Texture to a Principled BSDF"
+        ) from error
     finally:
-        for image in [i for i in bpy.data.images if i.type == "RENDER_RESULT" and i.name not in seen]:
-            bpy.data.images.remove(image)
-        for obj in list(scene.collection.objects):
-            data = obj.data
-            bpy.data.objects.remove(obj)
-            if isinstance(data, bpy.types.Camera):
-                bpy.data.cameras.remove(data)
-        bpy.data.scenes.remove(scene)
+        results = [image for image in bpy.data.images if image.type == "RENDER_RESULT" and image.name not in seen]
+        objects = list(scene.collection.objects)
+        bpy.data.batch_remove([*results, *(obj.data for obj in objects), *objects, scene])
 
 
-def _own_groups(tree: bpy.types.NodeTree, groups: list[bpy.types.NodeTree]) -> None:
-    """Give each group node of a tree its own copy of the group, and append the copies to `groups`."""
-    for node in tree.nodes:
-        if node.type == "GROUP" and node.node_tree is not None:
-            node.node_tree = node.node_tree.copy()
-            groups.append(node.node_tree)
-            _own_groups(node.node_tree, groups)
-
-
-def _read_randoms(tree: bpy.types.NodeTree) -> None:
-    """Read the random numbers of objects from the attribute `RANDOM`, because all leaves are one object here."""
-    _read(tree, "OBJECT_INFO", "Random", RANDOM)
+def _copied(material: bpy.types.Material) -> tuple[bpy.types.Material, list[bpy.types.NodeTree]]:
+    """Return a copy of a material in which each group node has a copy of its group of its own, and these groups."""
+    copy, groups = material.copy(), list[bpy.types.NodeTree]()
+    waiting = [copy.node_tree]
+    while waiting:
+        for node in waiting.pop().nodes:
+            if node.type == "GROUP" and node.node_tree is not None:
+                node.node_tree = node.node_tree.copy()
+                groups.append(node.node_tree)
+                waiting.append(node.node_tree)
+    return copy, groups
 
 
 def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
@@ -274,19 +270,14 @@ def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
             tree.links.new(attribute.outputs["Fac"], link.to_socket)
 
 
-def side_of(nodes: list[bpy.types.Node]) -> int:
+def _side_of(nodes: Sequence[bpy.types.Node]) -> int:
     """Return the side in texels of a rendering of these nodes."""
     sides = [max(node.image.size) for node in nodes if node.type == "TEX_IMAGE"]
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def square(
-    nodes: list[bpy.types.Node], transform: Sequence[float] = Texture.transform, look: Look = USUAL_LOOK
-) -> bpy.types.Mesh:
-    """Return a square that covers [0, 1]² of the image, with UV maps under all names that the nodes use.
-
-    With `transform` (see `Texture.transform`) its UVs are those that the transform maps to [0, 1]².
-    """
+def _square(nodes: Sequence[bpy.types.Node], transform: Sequence[float], look: Look) -> bpy.types.Mesh:
+    """Return a square with the UVs that the transform maps to [0, 1]², under all names that the nodes use."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
     mesh.from_pydata([(x, y, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
@@ -298,10 +289,9 @@ def square(
     return mesh
 
 
-def add_layers(mesh: bpy.types.Mesh, nodes: Iterable[bpy.types.Node], places: NDArray[np.float32]) -> None:
+def add_layers(mesh: bpy.types.Mesh, nodes: Sequence[bpy.types.Node], places: NDArray[np.float32]) -> None:
     """Add UV maps with `places` (corners, 2), and white color attributes, under all names that the nodes use."""
-    nodes = list(nodes)
-    names = uv_maps(nodes) | {node.uv_map for node in nodes if node.type in {"NORMAL_MAP", "TANGENT"}}
+    names = {*uv_maps(nodes)} | {node.uv_map for node in nodes if node.type in {"NORMAL_MAP", "TANGENT"}}
     names -= {ACTIVE}
     for name in sorted(names) or ["UVMap"]:
         mesh.uv_layers.new(name=name).uv.foreach_set("vector", places.ravel())
@@ -342,17 +332,7 @@ def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: floa
     return values.reshape(side, side, 4)[::-1]
 
 
-def _replace_shaders(tree: bpy.types.NodeTree, light: Light, *, opaque: bool) -> None:
-    builder = Builder(tree, light)
-    output = output_of(tree)
-    assert output is not None  # `can_render` holds
-    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
-    if opaque:
-        color, alpha = builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
-    show(tree, shining(builder, color, alpha))
-
-
-def show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
+def _show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
     """Connect the shader to the material's output, and remove its volume and displacement."""
     output = output_of(tree)
     assert output is not None  # `can_render` holds

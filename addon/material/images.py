@@ -1,7 +1,8 @@
-"""Reader of images as arrays of 8-bit values, with checks that their pixels exist."""
+"""Reader of images as arrays of 8-bit values, and of the image that shows a surface's color and alpha."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import bpy
@@ -9,11 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from .surface import Rgb, Surface
 
 Pixels = NDArray[np.uint8]
 
 _BAND = 1 << 16
 """Number of pixels converted at a time."""
+
+_FEW = 0.01
+"""Share of an image's texels that may be clipped without a warning."""
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights for linear Rec. 709 colors. Blender uses them to convert a color to a value."""
 
 
 def check_readable(image: bpy.types.Image, material_name: str) -> None:
@@ -25,6 +33,13 @@ def check_readable(image: bpy.types.Image, material_name: str) -> None:
             f"texture {image.name!r} of material {material_name!r} cannot be read: {missing}; "
             f"put the file there, or pack it into the .blend"
         )
+
+
+def check_images(nodes: Iterable[bpy.types.Node], material_name: str) -> None:
+    """Raise `SceneError` if an image of nodes has no pixels."""
+    for node in nodes:
+        if node.type == "TEX_IMAGE":
+            check_readable(node.image, material_name)
 
 
 def _missing_tile(image: bpy.types.Image) -> str | None:
@@ -119,6 +134,8 @@ def resized(pixels: Pixels, height: int, width: int) -> Pixels:
 
     An axis of equal size stays unchanged.
     """
+    if pixels.shape[:2] == (height, width):
+        return pixels
     values = pixels.astype(np.float32)
     for axis, count in ((0, height), (1, width)):
         before = values.shape[axis]
@@ -128,3 +145,52 @@ def resized(pixels: Pixels, height: int, width: int) -> Pixels:
             share = np.expand_dims((at - first).astype(np.float32), tuple({0, 1, 2} - {axis}))
             values = (1.0 - share) * values.take(first % before, axis) + share * values.take((first + 1) % before, axis)
     return np.rint(values).astype(np.uint8)
+
+
+def image_of(surface: Surface) -> Pixels | None:
+    """Return (h, w, 4) the colors of one image with the alpha of the same or another; `None` without images.
+
+    A missing color is white, a missing alpha opaque. The result has the larger size of both, so that a mask keeps its
+    detail over a small palette. Raises `SceneError` for a missing image.
+    """
+    color, alpha = surface.color_texture, surface.alpha_texture
+    images = dict.fromkeys(texture.image for texture in (color, alpha) if texture is not None)
+    pixels = {image: pixels_of(image, surface.name) for image in images}
+    if not pixels:
+        return None
+    height, width = (max(sides) for sides in zip(*(each.shape[:2] for each in pixels.values()), strict=True))
+    result = np.full((height, width, 4), 255, np.uint8)
+    if color is not None:
+        result[..., :3] = resized(pixels[color.image], height, width)[..., :3]
+    if alpha is not None:
+        values = pixels[alpha.image][..., 3:]
+        if surface.alpha_channel == "luminance":
+            linear = decoded(pixels[alpha.image][..., :3].astype(np.float32) / 255.0)
+            values = as_bytes(linear @ _LUMINANCE)[..., None]
+        result[..., 3:] = resized(values, height, width)
+    return result
+
+
+def opacity_of(surface: Surface) -> NDArray[np.float64]:
+    """Return (h, w) a surface's alpha times that of its image; (1, 1) without an image.
+
+    Raises `SceneError` for a missing image.
+    """
+    image = image_of(surface)
+    return surface.alpha * (np.ones((1, 1)) if image is None else image[..., 3] / 255.0)
+
+
+def brightened(factor: Sequence[float], image: Pixels | None, by: float) -> tuple[Rgb, Pixels | None, bool]:
+    """Brighten factor · image, and return both, and whether more than `_FEW` of the texels were clipped at 1.
+
+    Neither may exceed 1, so the excess of the factor goes into the image.
+    """
+    red, green, blue = (by * part for part in factor)
+    most = max(red, green, blue)
+    if most <= 1.0 + 1e-6 or image is None:
+        return (min(red, 1.0), min(green, 1.0), min(blue, 1.0)), image, most > 1.0 + 1e-6
+    rest = (red / most, green / most, blue / most)
+    color, alpha = most * decoded(image[..., :3].astype(np.float32) / 255.0), image[..., 3:]
+    drawn = alpha[..., 0] > 0
+    cut = bool((color[drawn] * rest > 1.0).any(axis=1).mean() > _FEW) if drawn.any() else False
+    return rest, np.concatenate([as_bytes(encoded(color)), alpha], axis=2), cut

@@ -9,9 +9,9 @@ Python's stack allows, so no traversal is recursive.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import bpy
 
@@ -72,10 +72,16 @@ class Output:
 
 
 def folded(
-    start: _Part, parts: Callable[[_Part], Sequence[_Part]], value: Callable[[_Part, list[_Value]], _Value]
+    start: _Part,
+    parts: Callable[[_Part], Sequence[_Part]],
+    value: Callable[[_Part, list[_Value]], _Value],
+    known: dict[_Part, _Value] | None = None,
 ) -> _Value:
-    """Return `value` of `start` and of the values of its parts, computed bottom-up, once for each part."""
-    known: dict[_Part, _Value] = {}
+    """Return `value` of `start` and of the values of its parts, computed bottom-up, once for each part.
+
+    `known`: values from earlier calls; new ones are added.
+    """
+    known = {} if known is None else known
     waiting = [start]
     while waiting:
         current = waiting[-1]
@@ -105,11 +111,8 @@ def follow(target: Input) -> Output | Input:
 def number_at(target: Input) -> float | None:
     """Return the number at a value input; `None` if it varies."""
     source = follow(target)
-    if isinstance(source, Input) and source.socket.type == "VALUE":
-        return float(source.socket.default_value)
-    if isinstance(source, Output) and source.node.type == "VALUE":
-        return float(source.socket.default_value)
-    return None
+    known = source.node.type == "VALUE" if isinstance(source, Output) else source.socket.type == "VALUE"
+    return float(source.socket.default_value) if known else None
 
 
 def _enter(source: Output) -> Output | Input:
@@ -122,11 +125,11 @@ def _enter(source: Output) -> Output | Input:
         return Input(node.inputs[0], source.groups, source.links)
     if _pulls_to_mean(source):
         return source.input("A_Color")
-    if node.type == "GROUP" and node.node_tree is not None:
-        return _into_group(source)
+    end = group_end(node.node_tree) if node.type == "GROUP" and node.node_tree is not None else None
+    if end is not None:
+        return Input(like(end.inputs, source.socket), (*source.groups, node), source.links)
     if node.type == "GROUP_INPUT" and source.groups:
-        entry = _with_identifier(source.groups[-1].inputs, source.socket.identifier)
-        return Input(entry, source.groups[:-1], source.links)
+        return Input(like(source.groups[-1].inputs, source.socket), source.groups[:-1], source.links)
     return source
 
 
@@ -138,16 +141,9 @@ def _pulls_to_mean(source: Output) -> bool:
     return link is not None and getattr(link.from_node, "attribute_name", None) == MEAN_SHARE
 
 
-def _into_group(source: Output) -> Output | Input:
-    end = group_end(source.node.node_tree)
-    if end is None:
-        return source
-    inside = _with_identifier(end.inputs, source.socket.identifier)
-    return Input(inside, (*source.groups, source.node), source.links)
-
-
-def _with_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket:
-    return next(socket for socket in sockets if socket.identifier == identifier)
+def like(sockets: Iterable[bpy.types.NodeSocket], other: Any) -> bpy.types.NodeSocket:
+    """Return the socket with the same identifier as another one, or as an item of a group's interface."""
+    return next(socket for socket in sockets if socket.identifier == other.identifier)
 
 
 def group_end(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
@@ -210,51 +206,44 @@ def output_of(tree: bpy.types.NodeTree, renderer: str = "CYCLES") -> bpy.types.N
 
 
 def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """Return the nodes on which color and alpha of a material depend, including nodes in groups."""
+    """Return the nodes on which color, alpha and translucency of a material depend, including nodes in groups."""
     output = output_of(tree)
-    return [] if output is None else _upstream(output.inputs["Surface"])
+    return [] if output is None else nodes_behind([Input(output.inputs["Surface"])])
 
 
 def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
-    """Return the nodes on which inputs depend, including nodes in groups."""
-    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], None] = {}
-    waiting = list(targets)
+    """Return the nodes on which inputs depend, including nodes in groups, each once."""
+    return list(dict.fromkeys(source.node for source in sources_behind(targets)))
+
+
+def sources_behind(targets: Sequence[Input]) -> list[Output]:
+    """Return an output of each node on which inputs depend, depth first. Groups, reroutes and muted nodes are skipped.
+
+    A node in a group comes once for each use of the group. Of shaders only `_OF_SHADERS` count.
+    """
+    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], Output] = {}
+    waiting = list(reversed(targets))
     while waiting:
         source = follow(waiting.pop())
         if isinstance(source, Output) and (key := (source.node, source.groups)) not in found:
-            found[key] = None
-            waiting += source.inputs()
-    return list(dict.fromkeys(node for node, _ in found))
-
-
-def can_render(tree: bpy.types.NodeTree) -> bool:
-    """Return whether a tree has a surface, and all its image nodes have an image."""
-    nodes = shown_nodes(tree)
-    return bool(nodes) and not any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)
+            found[key] = source
+            waiting += reversed(_inputs_shown(source))
+    return list(found.values())
 
 
 _OF_SHADERS = {"Base Color", "Color", "Alpha", "Transmission Weight", "Subsurface Weight"}
 """Inputs of a shader, other than mixes, that determine its color, alpha and translucency."""
 
 
-def _upstream(target: bpy.types.NodeSocket) -> list[bpy.types.Node]:
-    """Return the nodes upstream of an input, each once, depth first."""
-    links, found, waiting = Links(), dict[bpy.types.Node, None](), [target]
-    while waiting:
-        link = links.to(waiting.pop())
-        if link is None or link.from_node in found:
-            continue
-        node = link.from_node
-        found[node] = None
-        end = group_end(node.node_tree) if node.type == "GROUP" and node.node_tree is not None else None
-        inside = [] if end is None else list(end.inputs)
-        waiting += reversed([*inside, *_inputs_shown(node)])
-    return list(found)
+def _inputs_shown(source: Output) -> list[Input]:
+    """Return the linked inputs of a node that count."""
+    node, linked = source.node, [target for target in source.inputs() if target.socket.is_linked]
+    if node.type in {"MIX_SHADER", "ADD_SHADER"} or all(socket.type != "SHADER" for socket in node.outputs):
+        return linked
+    return [target for target in linked if target.socket.name in _OF_SHADERS]
 
 
-def _inputs_shown(node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
-    """Return the inputs of a node on which color and alpha depend."""
-    mixes = node.type in {"MIX_SHADER", "ADD_SHADER", "GROUP", "REROUTE", "GROUP_INPUT"}
-    if mixes or all(socket.type != "SHADER" for socket in node.outputs):
-        return list(node.inputs)
-    return [socket for socket in node.inputs if socket.name in _OF_SHADERS]
+def can_render(tree: bpy.types.NodeTree) -> bool:
+    """Return whether a tree has a surface, and all its image nodes have an image."""
+    nodes = shown_nodes(tree)
+    return bool(nodes) and not any(node.type == "TEX_IMAGE" and node.image is None for node in nodes)

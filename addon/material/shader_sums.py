@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import bpy
 
-from .node_links import Links, folded, group_end
+from .node_links import Links, folded, group_end, like
 
 SHINE = "Leafcloud Shine"
 """Name of the Emission node."""
@@ -32,6 +32,7 @@ def shining(builder: Builder, color: Any, alpha: Any, strength: float = 1.0) -> 
 
 
 _BLACK = (0.0, 0.0, 0.0, 1.0)
+_NOTHING: tuple[Any, Any] = (_BLACK, 0.0)
 
 _SHADERS = {"REROUTE": (0, 1), "MIX_SHADER": (1, 3), "ADD_SHADER": (0, 2)}
 """By node type: the slice of inputs with the shaders that a node passes on or mixes."""
@@ -48,50 +49,44 @@ class Builder:
         self.outside = outside
         """For a group's tree: the builder of the outer tree, and the group's node in it."""
         self._links = Links()  # Links of the original shaders; added nodes read from them.
-        self._sums: dict[bpy.types.NodeSocket, tuple[Any, Any]] = {}
+        self._sums: dict[bpy.types.NodeSocket | None, tuple[Any, Any]] = {None: _NOTHING}
 
     def color_and_alpha(self, target: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Return color and alpha of the shader that feeds an input."""
-        return folded(target, self._shaders_before, self._sum)
+        return folded(self._source(target), self._mixed_by, self._sum, self._sums)
 
-    def _shaders_before(self, target: bpy.types.NodeSocket) -> list[bpy.types.NodeSocket]:
-        """Return the shader inputs, in this tree, of the node that feeds an input."""
+    def _source(self, target: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
         link = self._links.to(target)
-        if link is None:
+        return None if link is None else link.from_socket
+
+    def _mixed_by(self, source: bpy.types.NodeSocket | None) -> list[bpy.types.NodeSocket | None]:
+        """Return the outputs of the shaders, in this tree, that a shader's node passes on or mixes."""
+        if source is None:
             return []
-        node = link.from_node
+        node = source.node
         if node.mute:
-            return [inner.from_socket for inner in node.internal_links if inner.to_socket == link.from_socket]
-        return list(node.inputs[slice(*_SHADERS.get(node.type, (0, 0)))])
+            inputs = [link.from_socket for link in node.internal_links if link.to_socket == source]
+        else:
+            inputs = list(node.inputs[slice(*_SHADERS.get(node.type, (0, 0)))])
+        return [self._source(target) for target in inputs]
 
-    def _sum(self, target: bpy.types.NodeSocket, before: list[tuple[Any, Any]]) -> tuple[Any, Any]:
-        link = self._links.to(target)
-        if link is None:
-            return _BLACK, 0.0
-        if link.from_socket not in self._sums:
-            self._sums[link.from_socket] = self._new_sum(link.from_node, link.from_socket, before)
-        return self._sums[link.from_socket]
-
-    def _new_sum(
-        self, node: bpy.types.Node, source: bpy.types.NodeSocket, before: list[tuple[Any, Any]]
-    ) -> tuple[Any, Any]:
-        """Return color and alpha of a node's output, from those of the shaders before it."""
-        if node.mute:
-            return before[0] if before else (_BLACK, 0.0)
+    def _sum(self, source: bpy.types.NodeSocket, mixed: list[tuple[Any, Any]]) -> tuple[Any, Any]:
+        """Return color and alpha of a node's output, from those of the shaders that it mixes."""
+        node = source.node
+        if node.mute or node.type == "REROUTE":
+            return mixed[0] if mixed else _NOTHING
         match node.type:
-            case "REROUTE":
-                return before[0]
             case "GROUP":
                 return self._of_group(node, source)
             case "GROUP_INPUT":
                 return self._from_outside(node, source)
             case "MIX_SHADER":
-                return self._mixed(node, *before)
+                return self._mixed(node, *mixed)
             case "ADD_SHADER":
-                (c1, a1), (c2, a2) = before
+                (c1, a1), (c2, a2) = mixed
                 return self.vector("ADD", c1, c2), self.math("MINIMUM", self.math("ADD", a1, a2), 1.0)
             case "BSDF_TRANSPARENT" | "HOLDOUT":
-                return _BLACK, 0.0
+                return _NOTHING
         return self._of_shader(node)
 
     def _mixed(self, node: bpy.types.Node, first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -128,36 +123,34 @@ class Builder:
 
     def _of_group(self, node: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Return color and alpha from inside a group, by two additional outputs."""
-        if node.node_tree is None:
-            return _BLACK, 0.0
-        end = group_end(node.node_tree)
+        end = None if node.node_tree is None else group_end(node.node_tree)
         if end is None:
-            return _BLACK, 0.0
+            return _NOTHING
         inside = Builder(node.node_tree, self.light, (self, node))
-        inner = next(socket for socket in end.inputs if socket.identifier == source.identifier)
-        color, alpha = inside.color_and_alpha(inner)
-        return inside.handed_out(node, color, "NodeSocketColor"), inside.handed_out(node, alpha, "NodeSocketFloat")
+        color, alpha = inside.color_and_alpha(like(end.inputs, source))
+        return inside.handed_out(node, color, "Color"), inside.handed_out(node, alpha, "Float")
 
     def handed_out(self, group: bpy.types.Node, value: Any, kind: str) -> bpy.types.NodeSocket:
         """Return an additional output of the node `group`, this tree's group node, for a value in this tree."""
-        identifier = self.tree.interface.new_socket("leafcloud", in_out="OUTPUT", socket_type=kind).identifier
+        socket = self._new_socket("OUTPUT", kind)
         end = group_end(self.tree)
         assert end is not None  # a visible group has one
-        self.connect(value, next(socket for socket in end.inputs if socket.identifier == identifier))
-        return next(socket for socket in group.outputs if socket.identifier == identifier)
+        self.connect(value, like(end.inputs, socket))
+        return like(group.outputs, socket)
 
     def _from_outside(self, start: bpy.types.Node, source: bpy.types.NodeSocket) -> tuple[Any, Any]:
         """Return color and alpha of a shader outside this group, by two additional group inputs."""
         if self.outside is None:
-            return _BLACK, 0.0
+            return _NOTHING
         outer, group = self.outside
-        entry = next(socket for socket in group.inputs if socket.identifier == source.identifier)
-        handed = []
-        for value, kind in zip(outer.color_and_alpha(entry), ("NodeSocketColor", "NodeSocketFloat"), strict=True):
-            identifier = self.tree.interface.new_socket("leafcloud", in_out="INPUT", socket_type=kind).identifier
-            outer.connect(value, next(socket for socket in group.inputs if socket.identifier == identifier))
-            handed.append(next(socket for socket in start.outputs if socket.identifier == identifier))
-        return handed[0], handed[1]
+        color, alpha = outer.color_and_alpha(like(group.inputs, source))
+        sockets = self._new_socket("INPUT", "Color"), self._new_socket("INPUT", "Float")
+        for value, socket in zip((color, alpha), sockets, strict=True):
+            outer.connect(value, like(group.inputs, socket))
+        return like(start.outputs, sockets[0]), like(start.outputs, sockets[1])
+
+    def _new_socket(self, way: str, kind: str) -> bpy.types.NodeTreeInterfaceSocket:
+        return self.tree.interface.new_socket("leafcloud", in_out=way, socket_type=f"NodeSocket{kind}")
 
     def read(self, target: bpy.types.NodeSocket) -> Any:
         """Return the socket that feeds an input, or the input's own value."""
@@ -182,6 +175,13 @@ class Builder:
 
     def vector(self, operation: str, first: Any, second: Any) -> bpy.types.NodeSocket:
         return self._operation("ShaderNodeVectorMath", operation, first, second)
+
+    def combined(self, *parts: Any) -> bpy.types.NodeSocket:
+        """Return three values as one vector."""
+        node = self.tree.nodes.new("ShaderNodeCombineXYZ")
+        for target, part in zip(node.inputs, parts, strict=True):
+            self.connect(part, target)
+        return node.outputs[0]
 
     def scaled(self, color: Any, factor: Any) -> bpy.types.NodeSocket:
         node = self.tree.nodes.new("ShaderNodeVectorMath")

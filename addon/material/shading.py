@@ -1,25 +1,39 @@
-"""Reader of roughness, metallic and normals from a material's Principled BSDF.
+"""Reader and renderer of roughness, metallic and normals of a material's Principled BSDF.
 
 Reads constants, one occlusion-roughness-metallic image split by a Separate Color node (as Blender's glTF importer
-builds it), and a tangent-space Normal Map that no Mapping node rotates. Everything else is rendered (see
-`rendered_shading`). If rendering is impossible, a warning says so, and roughness 1, metallic 0 or mesh normals are
-used.
+builds it), and a tangent-space Normal Map that no Mapping node rotates. Everything else is rendered, with the UV
+mapping of the base color. If rendering is impossible, a warning says so, and roughness 1, metallic 0 or mesh normals
+are used.
+
+Cycles renders the square of `flatten`, which emits the inputs encoded as colors. The square is in the XY plane with U
+along X and V along Y, so world-space normals equal tangent-space normals there: red points right, green up. Its side is
+the world size of one UV unit on the leaves, because a Bump node gets steeper with smaller sizes. Normals that depend on
+the leaf's orientation (object space, vectors from positions) have no meaning on the square and are refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
-from .node_links import Input, Output, follow, number_at, shown_nodes
-from .rendered_shading import GLOSS, NORMAL, is_of_tangent_space, rendering_of
+from .flatten import of_single_leaves, render
+from .images import Pixels, as_bytes, check_images
+from .node_links import Input, Output, folded, follow, nodes_behind, number_at, shown_nodes
+from .shader_sums import Builder
 from .surface import principled_of, read_surface
-from .textures import NotUnderstoodError, Texture, laid_alike, texture_of, transform_matrix
+from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, texture_of, transform_matrix
 
 USUAL_SPECULAR = 0.5
 """The Specular IOR Level for an index of refraction of 1.5, the default of glTF."""
+
+_GLOSS, _NORMAL = ("Roughness", "Metallic"), ("Normal",)
+"""Inputs of a Principled BSDF that share one rendering."""
 
 
 @dataclass(frozen=True)
@@ -62,28 +76,23 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     """Return the roughness and metallic shared by all materials, or a material that differs."""
     shadings = [read_shading(material, read_surface(material).texture) for material in materials]
     first = shadings[0]
-    alike = {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}
-    warnings = tuple(dict.fromkeys(warning for shading in shadings for warning in shading.warnings))
+    warnings = list(dict.fromkeys(warning for shading in shadings for warning in shading.warnings))
     specular = sum(s.specular for s in shadings) / len(shadings)
+    levels = sorted({f"{s.specular:.3g}" for s in shadings})
     if any(s.specular != first.specular for s in shadings):
-        shown = ", ".join(sorted({f"{s.specular:.3g}" for s in shadings}))
-        said = (
-            f"the leaf materials' Specular IOR Levels ({shown}) differ: the billboards use their mean, {specular:.3g}"
-        )
-        warnings = (*warnings, said)
-    if alike:
-        return Gloss(first.roughness, first.metallic, None, warnings, specular)
-    names = [
-        material.name for material, s in zip(materials, shadings, strict=True) if material is not None and s.glossy
-    ]
-    return Gloss(1.0, 0.0, next(iter(names), None), warnings, specular)
+        differ = f"the leaf materials' Specular IOR Levels ({', '.join(levels)}) differ"
+        warnings.append(f"{differ}: the billboards use their mean, {specular:.3g}")
+    if {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}:
+        return Gloss(first.roughness, first.metallic, None, tuple(warnings), specular)
+    glossy = (material.name for material, s in zip(materials, shadings, strict=True) if material and s.glossy)
+    return Gloss(1.0, 0.0, next(glossy, None), tuple(warnings), specular)
 
 
 def read_shading(material: bpy.types.Material | None, colors: Texture | None) -> Shading:
     """Read a material's nodes. Images must have the same mapping as `colors`, if the material has color textures."""
-    principled = None if material is None else principled_of(material)
     if material is None:
         return Shading()
+    principled = principled_of(material)
     if principled is None:
         return Shading(warnings=tuple(_unread(material)))
     shading = Shading()
@@ -116,24 +125,20 @@ def _with_specular(shading: Shading, principled: Output, _: Texture | None) -> S
 
 
 def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
-    rough, metal = (principled.input(name) for name in ("Roughness", "Metallic"))
+    rough, metal = (principled.input(name) for name in _GLOSS)
     roughness, metallic = (_within(number_at(target)) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
-    found = {
-        _channel_of(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None
-    }
-    image = found.pop()
+    channels = [(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None]
+    images = {_image_of_channel(target, name) for target, name in channels}
+    image = images.pop()
     # The image multiplies both factors, so an input without a link to it can only be 0.
     scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
-    if found or image is None or scaled or not laid_like(colors, image):
-        return replace(shading, roughness=1.0, metallic=1.0, gloss=_rendered_gloss(principled, colors))
-    return replace(
-        shading,
-        roughness=1.0 if roughness is None else roughness,
-        metallic=1.0 if metallic is None else metallic,
-        gloss=image,
-    )
+    if images or image is None or scaled or not laid_alike(colors, image):
+        image = _rendering(principled, _GLOSS, colors, "roughness or metallic", "roughness 1 and metallic 0 are used")
+        return replace(shading, roughness=1.0, metallic=1.0, gloss=image)
+    roughness, metallic = (1.0 if factor is None else factor for factor in (roughness, metallic))
+    return replace(shading, roughness=roughness, metallic=metallic, gloss=image)
 
 
 def _within(number: float | None) -> float | None:
@@ -141,26 +146,17 @@ def _within(number: float | None) -> float | None:
     return None if number is None else min(max(number, 0.0), 1.0)
 
 
-def _rendered_gloss(principled: Output, colors: Texture | None) -> Texture:
-    try:
-        return rendering_of(principled, GLOSS, colors)
-    except NotUnderstoodError as reason:
-        raise NotUnderstoodError(
-            f"roughness or metallic {reason}; roughness 1 and metallic 0 are used instead"
-        ) from reason
-
-
-def _channel_of(target: Input, channel: str) -> Texture | None:
+def _image_of_channel(target: Input, channel: str) -> Texture | None:
     """Return the image behind a Separate Color node if the input reads its output `channel`; else `None`."""
     source = follow(target)
     if not isinstance(source, Output) or source.node.type != "SEPARATE_COLOR" or source.socket.name != channel:
         return None
-    image = follow(source.inputs()[0])
-    return _understood(image)
+    return _image(source.inputs()[0])
 
 
-def _understood(source: Input | Output) -> Texture | None:
-    """Return the image whose Color output this is; `None` for another source or unsupported texture coordinates."""
+def _image(target: Input) -> Texture | None:
+    """Return the image that feeds an input with its color; `None` for anything else."""
+    source = follow(target)
     if not isinstance(source, Output) or source.node.type != "TEX_IMAGE" or source.socket.name != "Color":
         return None
     try:
@@ -175,22 +171,14 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
         return shading
     node = source.node
     if node.type == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
-        image = _understood(follow(source.input("Color")))
-        if image is not None and laid_like(colors, image) and _is_upright(image):
+        image = _image(source.input("Color"))
+        if image is not None and laid_alike(colors, image) and _is_upright(image):
             return replace(shading, normal=image)
-    return replace(shading, normal=_rendered_normal(principled, node, colors))
-
-
-def _rendered_normal(principled: Output, node: bpy.types.Node, colors: Texture | None) -> Texture:
-    if not is_of_tangent_space(principled.input("Normal")):
-        raise NotUnderstoodError(
-            f"normals come from the node {node.name!r}, not from tangent-space maps and bumps; mesh normals are used "
-            f"instead"
-        )
-    try:
-        return rendering_of(principled, NORMAL, colors)
-    except NotUnderstoodError as reason:
-        raise NotUnderstoodError(f"normal {reason}; mesh normals are used instead") from reason
+    instead = "mesh normals are used"
+    if not folded(principled.input("Normal"), _normals_mixed, _is_of_tangent_space):
+        reason = f"normals come from the node {node.name!r}, not from tangent-space maps and bumps"
+        raise NotUnderstoodError(f"{reason}; {instead} instead")
+    return replace(shading, normal=_rendering(principled, _NORMAL, colors, "normal", instead))
 
 
 def _is_upright(image: Texture) -> bool:
@@ -199,6 +187,90 @@ def _is_upright(image: Texture) -> bool:
     return bool(along_u > 0.0 and along_v > 0.0 and across_u == across_v == 0.0)
 
 
-def laid_like(colors: Texture | None, texture: Texture) -> bool:
-    """Return whether a texture has the same mapping as the color texture; without one, the default mapping."""
-    return laid_alike(texture, colors or Texture(texture.image))
+def _normals_mixed(target: Input) -> list[Input]:
+    """Return the inputs from which a node computes a normal."""
+    source = follow(target)
+    if isinstance(source, Output) and source.node.type == "BUMP":
+        return [source.input("Normal")]
+    if isinstance(source, Output) and source.node.type in {"MIX", "VECT_MATH"}:
+        return [each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"}]
+    return []
+
+
+def _is_of_tangent_space(target: Input, mixed: list[bool]) -> bool:
+    """Return whether a normal mixes only surface normals, tangent-space Normal Maps and Bumps."""
+    source = follow(target)
+    if isinstance(source, Input):
+        return source.socket.hide_value  # an unlinked input without a value uses the surface normal
+    match source.node.type:
+        case "NORMAL_MAP":
+            return str(source.node.space) == "TANGENT"
+        case "NEW_GEOMETRY":
+            return source.socket.name in {"Normal", "True Normal"}
+    return bool(mixed) and all(mixed)
+
+
+def _rendering(principled: Output, names: Sequence[str], colors: Texture | None, what: str, instead: str) -> Texture:
+    """Return the UV mapping of a rendering of these inputs. Raises `NotUnderstoodError` if they cannot be rendered."""
+    try:
+        return layout_with(colors, nodes_behind([principled.input(name) for name in names]))
+    except NotUnderstoodError as reason:
+        raise NotUnderstoodError(f"{what} {reason}; {instead} instead") from reason
+
+
+def render_gloss(material: bpy.types.Material, layout: Texture, size: float) -> tuple[Pixels, str]:
+    """Render roughness to green and metallic to blue. Otherwise like `render_normals`."""
+    values, said = _render(material, _GLOSS, layout, size)
+    said = f"its roughness and metallic are neither constants nor channels of one image; they are rendered {said}"
+    return as_bytes(values), f"material {material.name!r}: {said}"
+
+
+def render_normals(material: bpy.types.Material, layout: Texture, size: float) -> tuple[Pixels, str]:
+    """Render normals to a tangent-space normal map (h, w, 4). Return also a sentence for the report.
+
+    `layout`: the texture that `read_shading` found. `size`: the world size of one UV unit.
+    Raises `SceneError` for an image without pixels, or when Cycles fails.
+    """
+    values, said = _render(material, _NORMAL, layout, size)
+    normals = 2.0 * values[..., :3] - 1.0  # means of a texel's samples, so not of unit length
+    length = np.linalg.norm(normals, axis=2, keepdims=True)
+    normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), (0.0, 0.0, 1.0))
+    codes = np.concatenate([0.5 * normals + 0.5, values[..., 3:]], axis=2)
+    said = f"its normals are more than a tangent-space map of strength 1; they are rendered {said}"
+    return as_bytes(codes), f"material {material.name!r}: {said}"
+
+
+def _render(
+    material: bpy.types.Material, names: Sequence[str], layout: Texture, size: float
+) -> tuple[NDArray[np.float32], str]:
+    """Return (h, w, 4) inputs of the Principled BSDF encoded as a color, and a description of the rendering."""
+    principled = principled_of(material)
+    assert principled is not None  # without one there is no layout
+    nodes = nodes_behind([principled.input(name) for name in names])
+    check_images(nodes, material.name)
+    values = render(material, nodes, partial(_codes, names=names), transform=layout.transform, size=size)
+    said = f"to an image of {len(values)} × {len(values)} texels"
+    if layout.extension != "REPEAT":
+        said += ", which repeats outside [0, 1]"
+    if lost := of_single_leaves(nodes):
+        said += f", so per-leaf variation from {' and '.join(lost)} is dropped"
+    return values, f"{said}; glTF level 0 uses Blender's own material export"
+
+
+def _codes(copy: bpy.types.Material, names: Sequence[str]) -> tuple[Any, float]:
+    """Add nodes that encode inputs of the Principled BSDF, which may be inside groups, as an opaque color."""
+    principled = principled_of(copy)
+    assert principled is not None  # the original has one
+    builder = Builder(principled.socket.id_data)
+    values = [builder.read(principled.node.inputs[name]) for name in names]
+    if names == _NORMAL:
+        halved = builder.scaled(builder.vector("NORMALIZE", values[0], 0.0), 0.5)
+        color = builder.vector("ADD", halved, (0.5, 0.5, 0.5))
+    else:
+        # Clamp before averaging: Cycles clamps roughness and metallic to [0, 1] at each sample.
+        clamped = [builder.math("MINIMUM", builder.math("MAXIMUM", value, 0.0), 1.0) for value in values]
+        color = builder.combined(1.0, *clamped)
+    for group in reversed(principled.groups):
+        color = builder.handed_out(group, color, "Color")
+        builder = Builder(group.id_data)
+    return color, 1.0

@@ -9,20 +9,22 @@ Than, 1 − Less Than), and a Mix Shader with a Transparent BSDF. Everything els
 from __future__ import annotations
 
 import warnings
-from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeGuard
 
 import bpy
 
 from ..errors import SceneError
-from .node_links import Input, Output, can_render, follow, node_count, output_of, shown_nodes
-from .products import Product, Rgb, alpha_product, color_product
-from .textures import ACTIVE, NotUnderstoodError, Texture, laid_alike, map_behind, repeats
+from .node_links import Input, Output, can_render, follow, node_count, number_at, output_of, sources_behind
+from .textures import NotUnderstoodError, Texture, laid_alike, layout_of, texture_of
+
+Rgb = tuple[float, float, float]
 
 MOST_NODES = 5_000
 """Greatest number of nodes of a material, including its groups. Blender needs minutes for more."""
+
+_MOST_FACTORS = 8
+"""Greatest number of factors of a color or alpha that is read. Importers multiply three."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
         output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
         principled, opacity, shader = _find_principled(output)
         mixed = principled.node != shader.node
-        if mixed and not as_exported and not _lets_light_through(shader) and can_render(material.node_tree):
+        if mixed and not as_exported and not _is_translucent(shader) and can_render(material.node_tree):
             raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "surface", reason, material.node_tree)
@@ -96,11 +98,17 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
 
 
 def principled_of(material: bpy.types.Material) -> Output | None:
-    """Return the Principled BSDF of the material's surface; None without one."""
-    if not _has_nodes(material):
-        return None
+    """Return the first Principled BSDF of the material's surface; None without one."""
     try:
-        return _find_principled(output_of(material.node_tree))[0]
+        return _find_principled(output_of(material.node_tree))[0] if _has_nodes(material) else None
+    except NotUnderstoodError:
+        return None
+
+
+def shader_of(material: bpy.types.Material) -> Output | None:
+    """Return the shader of the material's surface behind cutouts; None without one."""
+    try:
+        return _behind_cut_outs(output_of(material.node_tree))[0] if _has_nodes(material) else None
     except NotUnderstoodError:
         return None
 
@@ -111,77 +119,55 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
-def shader_of(material: bpy.types.Material) -> Output | None:
-    """Return the shader of the material's surface behind cutouts; None without one."""
-    if not _has_nodes(material):
-        return None
-    try:
-        return _behind_cut_outs(output_of(material.node_tree))[0]
-    except NotUnderstoodError:
-        return None
-
-
 def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input], Output]:
     """Return the Principled BSDF upstream of a material output, inputs that multiply its alpha, and the cut-out shader.
 
     The cut-out shader is the Principled BSDF itself, or a mix of it with others. Raises `NotUnderstoodError`.
     """
     shader, opacity = _behind_cut_outs(output)
-    for found in _shaders(shader):
+    if shader.node.type == "BSDF_PRINCIPLED":
+        return shader, opacity, shader
+    for found in sources_behind(shaders_mixed(shader)):
         if found.node.type == "BSDF_PRINCIPLED":
             return found, opacity, shader
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
 def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]]:
-    """Return the shader upstream of a material output, and the inputs that cut it out. Raises `NotUnderstoodError`."""
-    shader = follow(Input(output.inputs["Surface"])) if output is not None else None
+    """Return the shader upstream of a material output, and the inputs that cut it out. Raises `NotUnderstoodError`.
+
+    A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1).
+    """
+    opacity: list[Input] = []
+    shader = None if output is None else follow(Input(output.inputs["Surface"]))
+    while isinstance(shader, Output) and shader.node.type == "MIX_SHADER":
+        factor, first, second = shader.inputs()
+        clear = follow(first)
+        if not isinstance(clear, Output) or clear.node.type != "BSDF_TRANSPARENT":
+            break
+        opacity.append(factor)
+        shader = follow(second)
     if not isinstance(shader, Output):
         raise NotUnderstoodError("has no shader")
-    opacity: list[Input] = []
-    while _is_cut_out(shader):
-        factor, _, opaque = shader.inputs()
-        opacity.append(factor)
-        behind = follow(opaque)
-        if not isinstance(behind, Output):
-            raise NotUnderstoodError("has no shader")
-        shader = behind
     return shader, opacity
 
 
-def _is_cut_out(shader: Output) -> bool:
-    """Return whether a Mix Shader blends a Transparent BSDF (factor 0) with another shader (factor 1)."""
-    if shader.node.type != "MIX_SHADER":
-        return False
-    clear = follow(shader.inputs()[1])
-    return isinstance(clear, Output) and clear.node.type == "BSDF_TRANSPARENT"
+def shaders_mixed(shader: Output) -> list[Input]:
+    """Return the inputs with the shaders that a Mix Shader or an Add Shader mixes; none of other shaders."""
+    mixes = shader.node.type in {"MIX_SHADER", "ADD_SHADER"}
+    return [target for target in shader.inputs() if target.socket.type == "SHADER"] if mixes else []
 
 
-def _lets_light_through(shader: Output) -> bool:
+def _is_translucent(shader: Output) -> bool:
     """Return whether a shader mixes a Principled and a Translucent BSDF. The former gives the base color."""
-    behind = [follow(target) for target in shader.inputs() if target.socket.type == "SHADER"]
+    behind = [follow(target) for target in shaders_mixed(shader)]
     types = sorted(source.node.type for source in behind if isinstance(source, Output))
     return types == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
-def _shaders(shader: Output) -> Iterator[Output]:
-    """Yield the shader and those that it mixes, nearest first."""
-    found = {shader}
-    waiting = deque(found)
-    while waiting:
-        current = waiting.popleft()
-        yield current
-        if current.node.type in {"MIX_SHADER", "ADD_SHADER"}:
-            behind = (follow(target) for target in current.inputs() if target.socket.type == "SHADER")
-            for source in behind:
-                if isinstance(source, Output) and source not in found:
-                    found.add(source)
-                    waiting.append(source)
-
-
 def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
     try:
-        product = color_product(principled.input("Base Color"))
+        product = product_of(principled.input("Base Color"))
         _check_factor(product)
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "base color", reason, tree)
@@ -190,26 +176,140 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
 
 def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
     try:
-        product, cutoff = alpha_product(targets)
+        product, cutoff = _alpha_product(targets)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base color use different texture coordinates")
     except NotUnderstoodError as reason:
         return _with_gap(surface, "alpha", reason, tree)
     alpha = product.factor[0]
-    if cutoff is not None:
-        mode: Literal["OPAQUE", "MASK", "BLEND"] = "MASK"
-    else:
-        mode = "OPAQUE" if product.constant and alpha == 1.0 else "BLEND"
+    opaque = product.texture is None and product.attribute is None and alpha == 1.0
     return replace(
         surface,
         alpha=alpha,
         alpha_texture=product.texture,
         alpha_channel="alpha" if product.channel == "Alpha" else "luminance",
         alpha_attribute=product.attribute,
-        alpha_mode=mode,
+        alpha_mode="MASK" if cutoff is not None else "OPAQUE" if opaque else "BLEND",
         alpha_cutoff=0.5 if cutoff is None else cutoff,
     )
+
+
+def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
+    layout = None
+    if can_render(tree) and (output := output_of(tree)) is not None:
+        layout = layout_of([Input(output.inputs["Surface"])])
+    return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
+
+
+@dataclass(frozen=True)
+class Product:
+    """Product of a factor (three equal numbers for alpha), a channel of an image and a color attribute."""
+
+    factor: Rgb = (1.0, 1.0, 1.0)
+    texture: Texture | None = None
+    channel: str = "Color"
+    attribute: str | None = None
+
+    def times(self, other: Product) -> Product:
+        if (self.texture and other.texture) or (self.attribute is not None and other.attribute is not None):
+            raise NotUnderstoodError("multiplies two images or two color attributes")
+        textured = self if self.texture else other
+        red, green, blue = (a * b for a, b in zip(self.factor, other.factor, strict=True))
+        attribute = other.attribute if self.attribute is None else self.attribute
+        return Product((red, green, blue), textured.texture, textured.channel, attribute)
+
+
+def product_of(target: Input) -> Product:
+    """Return the product behind a color or value input. Raises `NotUnderstoodError`."""
+    product, waiting = Product(), [target]
+    for _ in range(2 * _MOST_FACTORS):
+        if not waiting:
+            return product
+        source = follow(waiting.pop())
+        factors = _factors(source, target.socket.type)
+        waiting += factors
+        product = product if factors else product.times(_single(source, target.socket.type))
+    raise NotUnderstoodError(f"is a product of more than {_MOST_FACTORS} factors")
+
+
+def _factors(source: Output | Input, kind: str) -> list[Input]:
+    """Return the inputs that a node multiplies, as colors or as values; none for other nodes."""
+    if isinstance(source, Input):
+        return []
+    node = source.node
+    if kind == "VALUE":
+        return source.inputs()[:2] if _is_math(source, "MULTIPLY") else []
+    if node.type != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
+        return []
+    if number_at(source.input("Factor_Float")) != 1.0:
+        raise NotUnderstoodError(f"is multiplied by the node {node.name!r}, whose Factor is not 1")
+    return [source.input("A_Color"), source.input("B_Color")]
+
+
+def _single(source: Output | Input, kind: str) -> Product:
+    """Return the product of a constant, an image or a color attribute alone."""
+    node, name = source.socket.node, source.socket.name
+    if isinstance(source, Input) or node.type in {"VALUE", "RGB"}:
+        if source.socket.type == "VALUE":
+            return Product((float(source.socket.default_value),) * 3)
+        if kind == "VALUE":
+            raise NotUnderstoodError(f"is a color at the input {name!r} of {node.name!r}")
+        red, green, blue, *_ = source.socket.default_value
+        return Product((red, green, blue))
+    values = {"Alpha", "Color"} if node.type == "TEX_IMAGE" else {"Alpha"}
+    if name not in (values if kind == "VALUE" else {"Color"}):
+        raise NotUnderstoodError(f"comes from the output {name!r} of the node {node.name!r}")
+    if node.type == "TEX_IMAGE":
+        return Product(texture=texture_of(source), channel=name)
+    if node.type == "VERTEX_COLOR":
+        return Product(attribute=node.layer_name)
+    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
+        return Product(attribute=node.attribute_name)
+    raise NotUnderstoodError(f"comes from the node {node.name!r}")
+
+
+def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
+    """Return the product behind the alpha inputs, and its cutoff (`None` without one). Raises `NotUnderstoodError`."""
+    product, cutoffs, rest = Product(), list[float](), list[float | None]()
+    for target in targets:
+        behind, cutoff = _cut(target)
+        product = product.times(product_of(behind))
+        if cutoff is None:
+            rest.append(number_at(target))
+        else:
+            cutoffs.append(cutoff)
+    if not cutoffs:
+        return product, None
+    if len(cutoffs) > 1 or any(factor != 1.0 for factor in rest):
+        raise NotUnderstoodError("is multiplied after the cutoff")
+    return product, cutoffs[0]
+
+
+def _cut(target: Input) -> tuple[Input, float | None]:
+    """Return the input before a cutoff node, and the cutoff. Alpha is 1 from the cutoff up, 0 below it.
+
+    The glTF importer builds Round and 1 − Less Than, artists and Leafcloud Greater Than.
+    """
+    source = follow(target)
+    if isinstance(source, Input) or source.node.type != "MATH":
+        return target, None
+    first, second, *_ = source.inputs()
+    limit = number_at(second)
+    if source.node.operation == "ROUND":
+        return first, 0.5
+    if source.node.operation == "GREATER_THAN" and limit is not None:
+        return first, max(limit, 0.5 / 255.0)  # At least half an 8-bit step, so 0 stays transparent.
+    below = follow(second)
+    if source.node.operation == "SUBTRACT" and number_at(first) == 1.0 and _is_math(below, "LESS_THAN"):
+        first, second, *_ = below.inputs()
+        limit = number_at(second)
+        return (target, None) if limit is None else (first, limit)
+    return target, None
+
+
+def _is_math(source: Output | Input, operation: str) -> TypeGuard[Output]:
+    return isinstance(source, Output) and source.node.type == "MATH" and source.node.operation == operation
 
 
 def _check_factor(product: Product) -> None:
@@ -217,17 +317,3 @@ def _check_factor(product: Product) -> None:
     if not all(0.0 <= part <= 1.0 for part in product.factor):
         shown = ", ".join(f"{part:.3g}" for part in product.factor)
         raise NotUnderstoodError(f"has the factor ({shown}), which is outside [0, 1]")
-
-
-def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
-    layout = _layout(tree) if can_render(tree) else None
-    return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
-
-
-def _layout(tree: bpy.types.NodeTree) -> Texture:
-    """Return the UV mapping of a rendering: that of its first image, else that of its first UV Map node."""
-    nodes = shown_nodes(tree)
-    images = [node for node in nodes if node.type == "TEX_IMAGE"]
-    maps = [map_behind(node) for node in images] or [node.uv_map for node in nodes if node.type == "UVMAP"]
-    plain = repeats(nodes) and not any(node.type == "MAPPING" for node in nodes)
-    return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Links, Output, follow
+from .node_links import Input, Output, follow, nodes_behind, sources_behind
 
 ACTIVE = ""
 """Name for the render-active UV map or color attribute."""
@@ -42,9 +42,9 @@ def transform_matrix(texture: Texture | None) -> NDArray[np.float64]:
     return np.array(Texture.transform if texture is None else texture.transform).reshape(2, 3)
 
 
-def laid_alike(first: Texture, second: Texture) -> bool:
-    """Return whether two images have the same UV mapping."""
-    return replace(first, image=second.image) == second
+def laid_alike(colors: Texture | None, texture: Texture) -> bool:
+    """Return whether a texture has the same UV mapping as the colors; without colors, the default mapping."""
+    return replace(colors or Texture(None), image=texture.image) == texture
 
 
 def texture_of(source: Output) -> Texture:
@@ -113,7 +113,50 @@ def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[floa
     return tuple(float(value) for value in (second @ first)[:2].ravel())
 
 
-def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
+def layout_of(targets: Sequence[Input]) -> Texture:
+    """Return the UV mapping of a rendering of what feeds inputs: the UV map of the first image, else the first map."""
+    sources = sources_behind(targets)
+    nodes = [source.node for source in sources]
+    image = next((source for source in sources if source.node.type == "TEX_IMAGE"), None)
+    maps = uv_maps(nodes if image is None else nodes_behind([image.input("Vector")]))
+    plain = _repeats(nodes) and not any(node.type == "MAPPING" for node in nodes)
+    return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")
+
+
+def layout_with(colors: Texture | None, nodes: Sequence[bpy.types.Node]) -> Texture:
+    """Return the UV mapping of a rendering of nodes. It equals that of the colors, because a mesh has only one.
+
+    Raises `NotUnderstoodError` for nodes that cannot be rendered, or that use another mapping.
+    """
+    layout = replace(colors or Texture(None), image=None)
+    images = [node for node in nodes if node.type == "TEX_IMAGE"]
+    missing = [node.name for node in images if node.image is None]
+    if missing:
+        raise NotUnderstoodError(f"depends on the node {missing[0]!r}, which has no image")
+    others = sorted({*uv_maps(nodes)} - {layout.uv_map})
+    if others:
+        raise NotUnderstoodError(f"uses {_named(others[0])}, but the base color uses {_named(layout.uv_map)}")
+    moved = layout.transform != Texture.transform
+    if moved and not all(_is_moved_like(node, layout) for node in images):
+        raise NotUnderstoodError("and the base color use different Mapping nodes")
+    if np.linalg.det(np.reshape(layout.transform, (2, 3))[:, :2]) == 0.0:
+        raise NotUnderstoodError("uses a Mapping node with scale 0")
+    plain = _repeats(nodes) and (moved or not any(node.type == "MAPPING" for node in nodes))
+    return replace(layout, extension="REPEAT" if plain else "MIXED")
+
+
+def _named(uv_map: str) -> str:
+    return f"the UV map {uv_map!r}" if uv_map else "the active UV map"
+
+
+def _is_moved_like(image: bpy.types.Node, layout: Texture) -> bool:
+    try:
+        return texture_of(Output(image.outputs["Color"])).transform == layout.transform
+    except NotUnderstoodError:
+        return False
+
+
+def _repeats(nodes: Sequence[bpy.types.Node]) -> bool:
     """Return whether the nodes' result over [0, 1]² repeats outside it, before Mapping nodes apply."""
     images = all(node.extension == "REPEAT" for node in nodes if node.type == "TEX_IMAGE")
     return images and all(
@@ -125,13 +168,13 @@ def repeats(nodes: Sequence[bpy.types.Node]) -> bool:
     )
 
 
-def uv_maps(nodes: Iterable[bpy.types.Node]) -> set[str]:
-    """Return the names of the UV maps that nodes use; `ACTIVE` for the render-active one."""
-    nodes = list(nodes)
-    linked = (output for node in nodes for output in node.outputs if output.is_linked)
-    names = {name for output in linked if (name := uv_map_of(output)) is not None}
-    unlinked = any(node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked for node in nodes)
-    return names | {ACTIVE} if unlinked else names
+def uv_maps(nodes: Iterable[bpy.types.Node]) -> list[str]:
+    """Return the names of the UV maps that nodes use, in their order; `ACTIVE` for the render-active one."""
+    names: list[str | None] = []
+    for node in nodes:
+        names += [uv_map_of(output) for output in node.outputs if output.is_linked]
+        names += [ACTIVE] if node.type == "TEX_IMAGE" and not node.inputs["Vector"].is_linked else []
+    return list(dict.fromkeys(name for name in names if name is not None))
 
 
 def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
@@ -145,17 +188,3 @@ def uv_map_of(output: bpy.types.NodeSocket) -> str | None:
         case "ATTRIBUTE" if output.name == "Vector" and node.attribute_type == "GEOMETRY":
             return str(node.attribute_name)
     return None
-
-
-def map_behind(image: bpy.types.Node) -> str:
-    """Return the UV map of an image node, looking through Mapping and Reroute nodes."""
-    links = Links()
-    link = links.to(image.inputs["Vector"])
-    while link is not None:
-        node, name = link.from_node, uv_map_of(link.from_socket)
-        if name is not None:
-            return name
-        if node.type not in {"MAPPING", "REROUTE"}:
-            break
-        link = links.to(node.inputs[0])
-    return ACTIVE

@@ -17,15 +17,27 @@ Known limits:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .flatten import RANDOM, SIDE, Flattened, Look, add_layers, cycles_errors, flat_material, scratch_scene
+from ..mesh.extract import Geometry, world_positions
+from .flatten import (
+    RANDOM,
+    SIDE,
+    Flattened,
+    Look,
+    add_layers,
+    color_and_alpha,
+    cycles_scene,
+    emitting,
+    flatten,
+)
 from .node_links import shown_nodes
-from .shader_sums import Light
+from .shader_sums import Builder
 
 GREATEST = 8.0
 """Upper limit of tints. A ratio to a nearly black rendering has no meaning."""
@@ -57,14 +69,58 @@ class Islands:
     triangles: NDArray[np.int32]
     randoms: NDArray[np.float32]
 
+    @staticmethod
+    def of_geometry(geometry: Geometry, matrix: NDArray[np.float64]) -> Islands:
+        """Return all leaves of a geometry with this world matrix (4, 4)."""
+        count = len(geometry.triangles)
+        randoms = np.full(count, 0.5, np.float32) if geometry.randoms is None else geometry.randoms
+        return Islands(world_positions(geometry, matrix).astype(np.float32), geometry.triangles, randoms)
+
     def of(self, chosen: NDArray[np.generic]) -> Islands:
         """Return only the triangles chosen by a mask or by indices."""
         return Islands(self.positions, self.triangles[chosen], self.randoms[chosen])
 
 
-def tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> NDArray[np.float32]:
-    """Return (t, 3, 3) factors of the rendering's linear colors, by corner."""
-    return nearest_tints(material, [flat], leaves).front
+def looks_of(flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
+    """Return the looks to render a material for, and messages. Tints cover the remaining variation."""
+    flat, messages = _between_sides(flat)
+    said = f"material {flat.material.name!r}:"
+    if not flat.varies or _are_tints(flat, leaves):
+        return [flat.look], messages
+    if not flat.by_random:
+        return [flat.look], [
+            *messages,
+            f"{said} islands or positions change its leaves by more than a tint, and only the tint is kept; vary them "
+            f"by Object Info > Random, which is rendered for several values",
+        ]
+    numbers = np.unique(leaves.randoms)
+    count = len(numbers)
+    if count > MOST_LOOKS:
+        numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
+    largest = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
+    side = min(largest, len(flat.pixels))
+    return [Look(float(number), flat.look.side, largest) for number in numbers], [
+        *messages,
+        f"{said} Object Info > Random changes its leaves by more than a tint, so it is rendered for {len(numbers)} of "
+        f"{count} random numbers, to images of {side} × {side} texels",
+    ]
+
+
+def _between_sides(front: Flattened) -> tuple[Flattened, list[str]]:
+    """Return a rendering that both sides of the leaves are tints of, and messages.
+
+    Tries the front, then a rendering halfway between front and back. If both fail, returns the front and a warning.
+    """
+    if not front.by_side:
+        return front, []
+    back = flatten(front.material, front.light, replace(front.look, side=1.0))
+    if _is_tint(back, front):
+        return front, []
+    between = flatten(front.material, front.light, replace(front.look, side=0.5))
+    if _is_tint(back, between) and _is_tint(front, between):
+        return between, []
+    said = f"material {front.material.name!r}: its back is more than a tint of its front, and only the tint is kept"
+    return front, [f"{said}; give both sides the same pattern"]
 
 
 @dataclass(frozen=True)
@@ -76,12 +132,10 @@ class Tints:
     back: NDArray[np.float32]
 
 
-def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands) -> Tints:
+def nearest_tints(flats: Sequence[Flattened], leaves: Islands) -> Tints:
     """Return the leaves' tints of the most similar renderings. Leaves with equal random numbers share a rendering."""
-    first = flats[0]
-    place, _ = _places(first.pixels)
-    seen = _seen(material, first.light, leaves, place)
-    shown = _shown(material, flats, leaves, place)
+    place, _ = _places(flats[0].pixels)
+    seen, shown = _seen(flats[0], leaves, place), _shown(flats, leaves, place)
     randoms = np.array([flat.look.random for flat in flats], np.float32)
     numbers, of_triangle = np.unique(leaves.randoms, return_inverse=True)
     counts = np.bincount(of_triangle)
@@ -90,12 +144,12 @@ def nearest_tints(material: bpy.types.Material, flats: Sequence[Flattened], leav
     apart = np.abs(colors[:, None] - shown).sum(axis=2) + np.abs(numbers[:, None] - randoms)
     which = np.argmin(apart, axis=1)[of_triangle]
     front = _ratio(seen, shown[which][:, None])
-    if not first.by_side:
+    if not flats[0].by_side:
         return Tints(which, front, front)
-    return Tints(which, front, _ratio(_seen(material, first.light, leaves, place, side=1.0), shown[which][:, None]))
+    return Tints(which, front, _ratio(_seen(flats[0], leaves, place, side=1.0), shown[which][:, None]))
 
 
-def is_tint(other: Flattened, flat: Flattened) -> bool:
+def _is_tint(other: Flattened, flat: Flattened) -> bool:
     """Return whether one rendering of a material equals another one times a tint."""
     colors, shown = (each.pixels[..., :3].mean(axis=(0, 1)) for each in (other, flat))
     opacity = max(float(flat.pixels[..., 3].mean()), 1e-9)
@@ -105,26 +159,14 @@ def is_tint(other: Flattened, flat: Flattened) -> bool:
     return bool((off <= SAME * colors.max() + LEAST * opacity).all())
 
 
-def are_tints(material: bpy.types.Material, flat: Flattened, leaves: Islands) -> bool:
+def _are_tints(flat: Flattened, leaves: Islands) -> bool:
     """Return whether tints explain the variation of the leaves, judging by a sample of them at two UV points."""
-    few = _some(leaves)
-    first, second = _places(flat.pixels)
-    shown, shown_there = (_shown(material, [flat], leaves, place) for place in (first, second))
-    seen = _seen(material, flat.light, few, first)
-    if not _reaches(shown, seen):
-        return False
-    other = _seen(material, flat.light, few, second)
-    off = np.abs(other - _ratio(seen, shown) * shown_there)
-    return bool((off <= SAME * other.max(axis=2, keepdims=True) + LEAST).all())
-
-
-def typical_looks(leaves: Islands, side: float) -> list[Look]:
-    """Return looks for all random numbers of the leaves, or for `MOST_LOOKS` quantiles of them."""
-    numbers = np.unique(leaves.randoms)
-    if len(numbers) > MOST_LOOKS:
-        numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
-    largest = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
-    return [Look(float(number), side, largest) for number in numbers]
+    few, places = _some(leaves), _places(flat.pixels)
+    shown, shown_there = (_shown([flat], leaves, place) for place in places)
+    seen, seen_there = (_seen(flat, few, place) for place in places)
+    off = np.abs(seen_there - _ratio(seen, shown) * shown_there)
+    close = off <= SAME * seen_there.max(axis=2, keepdims=True) + LEAST
+    return _reaches(shown, seen) and bool(close.all())
 
 
 def _reaches(shown: NDArray[np.float32], seen: NDArray[np.float32]) -> bool:
@@ -164,9 +206,7 @@ def _places(pixels: NDArray[np.float32]) -> tuple[Place, Place]:
     return first, best(bad - np.abs(pixels[..., :3] - _texel(pixels, first)).sum(axis=2))
 
 
-def _shown(
-    material: bpy.types.Material, flats: Sequence[Flattened], leaves: Islands, place: Place
-) -> NDArray[np.float32]:
+def _shown(flats: Sequence[Flattened], leaves: Islands, place: Place) -> NDArray[np.float32]:
     """Return (k, 3) the colors of the renderings at a UV point, clipped to 1 as in an image.
 
     If leaves do not vary by position, the colors are sampled at the point itself, as for leaves; else they are texels.
@@ -177,7 +217,7 @@ def _shown(
     randoms = np.array([flat.look.random for flat in flats], np.float32)
     corners = np.arange(3 * len(randoms), dtype=np.int32).reshape(-1, 3)
     copies = Islands(np.tile(leaves.positions[leaves.triangles[0]], (len(randoms), 1)), corners, randoms)
-    return np.minimum(_seen(material, first.light, copies, place, first.look.side).mean(axis=1), 1.0)
+    return np.minimum(_seen(first, copies, place, first.look.side).mean(axis=1), 1.0)
 
 
 def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
@@ -187,18 +227,18 @@ def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
     return texel[:3] / max(float(texel[3]), 1e-3)
 
 
-def _seen(
-    material: bpy.types.Material, light: Light, leaves: Islands, place: Place, side: float = 0.0
-) -> NDArray[np.float32]:
+def _seen(flat: Flattened, leaves: Islands, place: Place, side: float = 0.0) -> NDArray[np.float32]:
     """Return (t, 3, 3) the colors that the leaves' corners have with this UV, on this side (0: front, 1: back)."""
-    mesh = _mesh(leaves, shown_nodes(material.node_tree), place, side)
-    try:
-        shines = flat_material(material, light, opaque=True)
-        with cycles_errors(material), shines as shown, scratch_scene() as scene:
-            mesh.materials.append(shown)
-            return _baked(scene, mesh).reshape(-1, 3, 3)
-    finally:
-        bpy.data.meshes.remove(mesh)
+
+    def opaque(copy: bpy.types.Material) -> tuple[Any, float]:
+        color, alpha = color_and_alpha(copy, flat.light)
+        builder = Builder(copy.node_tree)
+        return builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
+
+    with emitting(flat.material, opaque) as shown, cycles_scene(flat.material) as scene:
+        mesh = _mesh(leaves, shown_nodes(flat.material.node_tree), place, side)
+        mesh.materials.append(shown)
+        return _baked(scene, mesh).reshape(-1, 3, 3)
 
 
 def _mesh(leaves: Islands, nodes: list[bpy.types.Node], place: Place, side: float) -> bpy.types.Mesh:

@@ -1,7 +1,7 @@
 """Reader of the light that a material transmits.
 
 Reads a Principled BSDF with Transmission or Subsurface, and a Mix or Add Shader of a Principled BSDF and a Translucent
-BSDF. Their shares must be constants, and their colors must be readable as base colors are (see `products`). If base
+BSDF. Their shares must be constants, and their colors must be readable as base colors are (see `surface`). If base
 color or translucency cannot be read, both are rendered (see `flatten`). If rendering is impossible, a warning says so,
 and the leaf counts as opaque.
 
@@ -29,11 +29,8 @@ from dataclasses import dataclass, replace
 import bpy
 
 from .node_links import Input, Output, folded, follow, number_at, shown_nodes
-from .products import Product, Rgb, color_product
-from .rendered_shading import rendering_over
-from .shading import laid_like
-from .surface import Surface, read_surface, shader_of
-from .textures import NotUnderstoodError, Texture
+from .surface import Rgb, Surface, product_of, read_surface, shader_of, shaders_mixed
+from .textures import NotUnderstoodError, Texture, laid_alike, layout_with
 
 GREATEST_SHARE = 0.9
 """Upper limit of the share. The rest has to suffice for the reflected light."""
@@ -81,126 +78,89 @@ def read_translucency(material: bpy.types.Material | None, surface: Surface) -> 
     share = 0.0 if shader is None else _share(shader)
     if material is None or shader is None or share == 0.0:
         return Translucency()
+    rendered = Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), surface.layout)
     if surface.gaps:
-        rendered = Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), surface.layout)
         return Translucency() if surface.layout is None else rendered
     try:
-        read = _read(shader)
-        if read.texture is not None and not laid_like(surface.texture, read.texture):
+        read = _read(shader, share)
+        if read.texture is not None and not laid_alike(surface.texture, read.texture):
             raise NotUnderstoodError("and its base color use different texture coordinates")
+        shines = read.texture is not None or any(read.color)
+        return replace(read, share=min(read.share, GREATEST_SHARE)) if shines else Translucency()
     except NotUnderstoodError as reason:
-        return _rendered(material, surface, share, f"its translucency {reason}")
-    if read.texture is None and not any(read.color):
-        return Translucency()
-    return replace(read, share=min(read.share, GREATEST_SHARE))
-
-
-def _rendered(material: bpy.types.Material, surface: Surface, share: float, gap: str) -> Translucency:
+        gap = f"its translucency {reason}"
     try:
-        layout = rendering_over(shown_nodes(material.node_tree), surface.texture)
+        layout = layout_with(surface.texture, shown_nodes(material.node_tree))
         if layout.transform != Texture.transform:
             raise NotUnderstoodError("and its base color use a Mapping node")
     except NotUnderstoodError as reason:
         said = f"material {material.name!r}: {gap}; rendering fails because it {reason}; its leaves count as opaque"
         return Translucency(warnings=(said,))
-    return Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), layout, gap=gap)
+    return replace(rendered, texture=layout, gap=gap)
 
 
-def _read(shader: Output) -> Translucency:
-    match shader.node.type:
-        case "BSDF_PRINCIPLED":
-            return _of_principled(shader)
-        case "MIX_SHADER":
-            return _of_mix(shader)
-        case "ADD_SHADER":
-            return _of(0.5, 1.0, _translucent_color([_behind(target) for target in shader.inputs()]))
-    raise NotUnderstoodError(f"comes from the node {shader.node.name!r}")
+def _read(shader: Output, share: float) -> Translucency:
+    """Read a Principled BSDF, or an opaque one mixed with a Translucent BSDF. Raises `NotUnderstoodError`."""
+    node = shader.node
+    if node.type == "BSDF_PRINCIPLED":
+        if _weight(shader) is None:
+            raise NotUnderstoodError(f"varies at the node {node.name!r}, whose weights have to be constants")
+        return _with_color(shader.input("Base Color"), share, 1.0 - share, share)
+    parts = {part.node.type: part for part in map(follow, shaders_mixed(shader)) if isinstance(part, Output)}
+    if set(parts) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"} or _weight(parts["BSDF_PRINCIPLED"]) != 0.0:
+        raise NotUnderstoodError(f"at the node {node.name!r} does not come from a Translucent BSDF alone")
+    color = parts["BSDF_TRANSLUCENT"].input("Color")
+    if node.type == "ADD_SHADER":
+        return _with_color(color, 0.5, 1.0, 1.0)
+    if number_at(shader.inputs()[0]) is None:
+        raise NotUnderstoodError(f"varies at the node {node.name!r}, whose factor has to be a constant")
+    return _with_color(color, share, 1.0 - share, share)
 
 
-def _of_principled(shader: Output) -> Translucency:
-    clear, inside = (number_at(shader.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
-    if clear is None or inside is None:
-        raise NotUnderstoodError(f"varies at the node {shader.node.name!r}, whose weights have to be constants")
-    share = _through(clear, inside)
-    color = color_product(shader.input("Base Color"))
-    return _of(share, 1.0 - share, replace(color, attribute=None), share)
-
-
-def _of_mix(shader: Output) -> Translucency:
-    factor, *targets = shader.inputs()
-    second = number_at(factor)
-    if second is None:
-        raise NotUnderstoodError(f"varies at the node {shader.node.name!r}, whose factor has to be a constant")
-    parts = [_behind(target) for target in targets]
-    share = _cut(second) if parts[1].node.type == "BSDF_TRANSLUCENT" else 1.0 - _cut(second)
-    return _of(share, 1.0 - share, _translucent_color(parts), share)
-
-
-def _translucent_color(parts: Sequence[Output]) -> Product:
-    """Return the color of a Translucent BSDF mixed with an opaque Principled BSDF."""
-    types = {part.node.type: part for part in parts}
-    if set(types) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"}:
-        names = " and ".join(repr(part.node.name) for part in parts)
-        raise NotUnderstoodError(f"comes from a mix of the nodes {names}, not of a Principled and a Translucent BSDF")
-    if _share(types["BSDF_PRINCIPLED"]) > 0.0:
-        raise NotUnderstoodError("comes from the Translucent BSDF and from the Principled BSDF's weights")
-    color = color_product(types["BSDF_TRANSLUCENT"].input("Color"))
-    if color.attribute is not None:
+def _with_color(target: Input, share: float, reflected: float, scale: float) -> Translucency:
+    color = product_of(target)
+    if color.attribute is not None and target.socket.node.type == "BSDF_TRANSLUCENT":
         raise NotUnderstoodError(f"is multiplied by the color attribute {color.attribute!r}")
-    return color
-
-
-def _of(share: float, reflected: float, color: Product, scale: float = 1.0) -> Translucency:
     red, green, blue = (scale * part for part in color.factor)
     return Translucency(share, (red, green, blue), color.texture, reflected)
 
 
-def _behind(target: Input) -> Output:
-    source = follow(target)
-    if isinstance(source, Output):
-        return source
-    raise NotUnderstoodError(f"is mixed with nothing at the node {target.socket.node.name!r}")
-
-
 def _share(shader: Output) -> float:
     """Return the share of a shader's light that is transmitted, with ½ for shares that are not constant."""
-    start: Input | Output = shader
+    start: Output | Input = shader
     return folded(start, _mixed, _share_of)
 
 
-def _mixed(part: Input | Output) -> list[Input]:
-    """Return the inputs of the shaders that a shader mixes."""
+def _mixed(part: Output | Input) -> list[Input]:
     shader = follow(part) if isinstance(part, Input) else part
-    if isinstance(shader, Input) or shader.node.type not in {"MIX_SHADER", "ADD_SHADER"}:
-        return []
-    return [target for target in shader.inputs() if target.socket.type == "SHADER"]
+    return shaders_mixed(shader) if isinstance(shader, Output) else []
 
 
-def _share_of(part: Input | Output, mixed: list[float]) -> float:
+def _share_of(part: Output | Input, mixed: list[float]) -> float:
     shader = follow(part) if isinstance(part, Input) else part
     if isinstance(shader, Input):
         return 0.0
     match shader.node.type:
-        case "BSDF_TRANSLUCENT":
-            return 1.0
-        case "SUBSURFACE_SCATTERING":
-            return 0.5
         case "BSDF_PRINCIPLED":
-            clear, inside = (number_at(shader.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
-            return 0.5 if clear is None or inside is None else _through(clear, inside)
+            weight = _weight(shader)
+            return 0.5 if weight is None else weight
         case "MIX_SHADER":
-            first, second = mixed
             number = number_at(shader.inputs()[0])
-            share = 0.5 if number is None else _cut(number)
-            return (1.0 - share) * first + share * second
+            factor = 0.5 if number is None else _cut(number)
+            return (1.0 - factor) * mixed[0] + factor * mixed[1]
         case "ADD_SHADER":
-            return 0.5 if any(share > 0.0 for share in mixed) else 0.0
-    return 0.0
+            return 0.5 if any(mixed) else 0.0
+        case kind:
+            return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(kind, 0.0)
 
 
-def _through(clear: float, inside: float) -> float:
-    """Return the share of a Principled BSDF: all of its transmission, and half of its subsurface light beneath that."""
-    return 1.0 - (1.0 - _cut(clear)) * (1.0 - 0.5 * _cut(inside))
+def _weight(principled: Output) -> float | None:
+    """Return the share of a Principled BSDF: all of its transmission, and half of its subsurface light beneath that.
+
+    `None` if it varies.
+    """
+    clear, inside = (number_at(principled.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
+    return None if clear is None or inside is None else 1.0 - (1.0 - _cut(clear)) * (1.0 - 0.5 * _cut(inside))
 
 
 def _cut(share: float) -> float:

@@ -1,7 +1,7 @@
 """The node group *Leafcloud Scene*. It draws all trees of a collection and prunes them within the scene's budget.
 
 Farther trees lose more of their leaves (after Gomez). dᵢ is the distance from the scene's active camera to the i-th
-tree's center. λᵢ is its fraction of leaves kept as in `lod_nodes`, from the distance in the tree's own coordinates:
+tree's center. λᵢ is its fraction of leaves kept as in `nodes.lod`, from the distance in the tree's own coordinates:
 
     ωᵢ = smooth step from 1 at ¾·z to 0 at z                     weight of the tree; z = far
     n = Σ ωᵢ,  d_min = min(dᵢ, z),  R = max ωᵢ·(dᵢ − d_min)      weighted count, nearest tree, depth range behind it
@@ -21,7 +21,7 @@ while there is room, at size 0. So the triangle count never exceeds the budget, 
 
     r = clamp((1 − key/f) / min(0.05, 1 − f·λ′ᵢ), 0, 1)           ramp, by leaf
     s = √(ΣA / Σ(A·r²))                                           by tree, A the areas of its leaves in its coordinates
-    p' = pivot + (p − pivot)·s·γ·r                                γ, and 1 − κ for colors, as in `lod_nodes`
+    p' = pivot + (p − pivot)·s·γ·r                                γ, and 1 − κ for colors, as in `nodes.lod`
 
 Leaves of a negative rank, and meshes without ranks (trunks), are protected: never pruned, never grown, in no sum of
 areas. They count in the budget, but it cannot remove them.

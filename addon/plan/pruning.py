@@ -19,7 +19,7 @@ CUT_OFF = 0.005
 
 
 @dataclass(frozen=True)
-class Thinning:
+class PruneDistances:
     """The constants of the pruning law: d₀ (`start`; infinite: no pruning) and h (`half`, in (0, ½])."""
 
     start: float = math.inf

@@ -6,11 +6,11 @@ The command line's flags, Blender's properties and the checks are made from thes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Literal, TypedDict, get_type_hints
 
+from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Described, Limits, Setting
 
 Method = Literal["stochastic", "density", "kmeans"]
@@ -27,33 +27,6 @@ CHAINS = {
     "pruning": "fewer leaves with distance, then the cross impostor, without clouds",
     "both": "fewer leaves with distance, then a first cloud made of the remaining leaves",
 }
-EFFECTS = (
-    "transitions",
-    "pruning",
-    "back_sides",
-    "trunk_levels",
-    "far_levels",
-    "normals",
-    "gloss",
-    "translucency",
-    "blend_order",
-    "occlusion",
-    "self_shadowing",
-    "shadow_proxy",
-    "leaf_map",
-    "contrast",
-    "wind",
-    "baked_light",
-)
-MOVING_LIGHT = tuple(name for name in EFFECTS if name not in ("baked_light", "blend_order"))
-"""Effects that `all` turns on. They are for moving light, so `baked_light` is not among them. The plan still decides on
-`blend_order`, from the transparency of the leaves."""
-CHANNELS = ("normals", "gloss", "translucency")
-"""Effects that are texture channels read from the leaves' own materials."""
-PAGE_EFFECTS = ("normals", "gloss", "translucency", "occlusion", "self_shadowing", "leaf_map")
-"""Effects that are textures of the clouds. Levels that share an atlas page must have the same ones."""
-EFFECT_CHOICES = ("auto", "all", "none")
-"""Words that may begin a list of effects in place of names."""
 
 SMALLEST_TEXTURE = 64
 
@@ -390,13 +363,12 @@ class BakeSettings:
 
     def _check_effects(self) -> None:
         asked = asked_effects(self.effects)
-        known = asked.known and {*asked.names, *asked.forced} <= set(EFFECTS)
         choices = (
             f"{', '.join(EFFECT_CHOICES)}, or names separated by commas from {', '.join(EFFECTS)}, each with "
             "an optional + or -"
         )
-        self._require("effects", known, choices)
-        if self.chain != "billboards" and asked.state("pruning") is False:
+        self._require("effects", asked.known, choices)
+        if self.chain != "billboards" and asked.listed("pruning") is False:
             raise SettingsError(
                 f"`chain={self.chain}` needs the effect pruning, which is off: turn it on, or choose `chain=billboards`"
             )
@@ -461,46 +433,3 @@ class FitOptions(TypedDict):
 def flag(name: str) -> str:
     """Return the command line's flag for the setting `name`."""
     return "--" + name.replace("_", "-")
-
-
-@dataclass(frozen=True)
-class AskedEffects:
-    """A parsed list of effects.
-
-    base: the word of `EFFECT_CHOICES` in the list, or None.
-    names: the effects listed without a sign.
-    forced: the effects listed with a sign: True for +, False for -.
-    """
-
-    base: str | None
-    names: tuple[str, ...]
-    forced: Mapping[str, bool]
-
-    @property
-    def known(self) -> bool:
-        """True unless the list has both a base and names without a sign."""
-        return self.base is None or not self.names
-
-    def state(self, name: str) -> bool | None:
-        """Return whether the effect is requested; None leaves the decision to the plan.
-
-        `far_levels` is on in every list but auto: settings of their own choose the levels.
-        """
-        if name in self.forced:
-            return self.forced[name]
-        if self.base == "auto":
-            return None
-        if name == "far_levels":
-            return True
-        if name == "blend_order" and self.base == "all":
-            return None
-        return name in (MOVING_LIGHT if self.base == "all" else self.names)
-
-
-def asked_effects(effects: str) -> AskedEffects:
-    """Parse a list of effects separated by commas, without checking the names."""
-    words = [word.strip() for word in effects.split(",")]
-    forced = {word[1:].strip(): word[0] == "+" for word in words if word[:1] in ("+", "-")}
-    plain = [word for word in words if word[:1] not in ("+", "-")]
-    base = next((word for word in plain if word in EFFECT_CHOICES), None if plain else "auto")
-    return AskedEffects(base, tuple(word for word in plain if word != base), forced)

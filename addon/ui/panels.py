@@ -6,8 +6,8 @@ import textwrap
 
 import bpy
 
-from ..settings.bake import EFFECTS
-from .properties import AUTO, OFF, ON, effect_property
+from ..settings.effects import EFFECTS
+from .properties import AUTO, OFF, ON, effect_label, effect_property
 from .viewport import is_previewed
 
 _MARGINS, _LETTER = 80.0, 6.6
@@ -75,7 +75,7 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
             row = planned.get(name)
             column = layout.column(align=True)
             line = column.row(align=True)
-            line.label(text=name.replace("_", " ").title(), icon="BLANK1" if row is None else _ICONS[row.state])
+            line.label(text=effect_label(name), icon="BLANK1" if row is None else _ICONS[row.state])
             line.prop(settings, effect_property(name), text="")
             if row is None:
                 continue

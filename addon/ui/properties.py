@@ -14,8 +14,11 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..plan.effects import CameraNote, Effect
-from ..settings.bake import EFFECTS, BakeSettings, asked_effects, described
+from ..plan.decision import Decision
+from ..plan.effects import CameraNote
+from ..plan.registry import effect_named
+from ..settings.bake import BakeSettings, described
+from ..settings.effects import EFFECTS, asked_effects
 from ..settings.naming import with_names
 from ..settings.setting import Described
 from ..versions import blend_relative_path
@@ -166,7 +169,7 @@ for _each in described():
 for _name in EFFECTS:
     LeafcloudSettings.__annotations__[effect_property(_name)] = EnumProperty(
         name=effect_label(_name),
-        description="Add this effect to the levels, leave it out, or let the plan decide",
+        description=effect_named(_name).about,
         items=_EFFECT_ITEMS,
         default=AUTO,
     )
@@ -200,7 +203,7 @@ def show_nothing(status: LeafcloudStatus) -> None:
     status.stage, status.fraction = "", 0.0
 
 
-def show_plan(status: LeafcloudStatus, effects: Sequence[Effect], notes: Sequence[CameraNote]) -> None:
+def show_plan(status: LeafcloudStatus, effects: Sequence[Decision], notes: Sequence[CameraNote]) -> None:
     """Show the planned effects and the first note about the camera."""
     first = next(iter(notes), CameraNote("", ""))
     status.note, status.viewer = _sentence(with_labels(first.text)), first.viewer

@@ -15,7 +15,7 @@ _RAMP = 0.05
 
 @dataclass(frozen=True)
 class LevelInputs:
-    """The inputs of a level's node group (`build.lod_nodes.LodSettings`), and its table of areas (mesh extras).
+    """The inputs of a level's node group (`nodes.lod.LodSettings`), and its table of areas (mesh extras).
 
     Distances are in the object's own units. `area_shares`: 65 numbers that rise from 0 to 1; if empty, the scale s of
     kept leaves stays 1.

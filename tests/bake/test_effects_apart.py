@@ -23,7 +23,7 @@ from scenes import add_mesh, bake, read
 
 from addon.bake.values import TreeSet
 from addon.export.files import write
-from addon.export.glb_file import read_glb
+from addon.export.glb_file import Glb
 from addon.settings.bake import EFFECTS, BakeSettings
 
 
@@ -51,6 +51,7 @@ EFFECTS_APART = {
             "addon.levels.morphs:Transition",
             "addon.levels.fading:add_fade",
             "addon.levels.fading:fading_copy",
+            "addon.levels.fading:let_fade",
         ),
         ("attributes leaf_target", "attributes leaf_pivot_target", "key_blocks Billboards", "vertex_groups LC_000"),
     ),
@@ -66,10 +67,8 @@ EFFECTS_APART = {
         without=("wind",),
         chain="billboards",
     ),
-    # The core alone decides whether sides differ; what is left here settles what it found.
-    "back_sides": Own(
-        ("addon.plan.effects:_settled", "addon.nodes.sides"), ("materials tree_LOD1 use_backface_culling = True",)
-    ),
+    # The core alone decides whether sides differ.
+    "back_sides": Own(("addon.nodes.sides",), ("materials tree_LOD1 use_backface_culling = True",)),
     "trunk_levels": Own(
         ("addon.levels.trunk:simplified", "addon.levels.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
         ("meshes tree_trunk_1 is there",),
@@ -86,7 +85,7 @@ EFFECTS_APART = {
         (
             "addon.export.translucency",
             "addon.levels.material:_shine_through",
-            "addon.levels.build:with_opaque_parts",
+            "addon.levels.material:with_opaque_parts",
             "addon.material.describe:_part_light",
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
@@ -106,7 +105,7 @@ EFFECTS_APART = {
         ("objects tree_shadow is there", "images tree_shadow is there", "visible_shadow = False"),
     ),
     "leaf_map": Own(
-        ("addon.levels.leaf_map", "addon.levels.build:_add_leaf_map"),
+        ("addon.levels.leaf_map",),
         ("images tree_LOD1_leaf_uv is there", "node_groups Leafcloud Leaf Map is there", "leafUvTexture"),
     ),
     "contrast": Own(
@@ -115,7 +114,9 @@ EFFECTS_APART = {
     ),
     "wind": Own(
         (
-            "addon.levels.wind_attributes",
+            "addon.levels.wind:WindAttributes",
+            "addon.levels.wind:add_wind",
+            "addon.levels.wind:add_wind_attributes",
             "addon.nodes.wind:add_wind_modifier",
             "addon.nodes.wind:wind_group",
         ),
@@ -177,7 +178,7 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
     report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
-    documents = [json.dumps(read_glb(path)[0]) for path in paths]
+    documents = [json.dumps(Glb.read(path).document) for path in paths]
     return Written({path.name: path.read_bytes() for path in paths}, documents, dump(), report)
 
 

@@ -19,11 +19,12 @@ from scenes import add_mesh, bake, read
 
 import leafcloud
 from addon.bake.values import Baked
+from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.levels.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
 from addon.levels.material import Page, atlas_image, atlas_material
-from addon.material.flatten import flat_material
+from addon.material.flatten import color_and_alpha, emitting
 from addon.settings.bake import BakeSettings
 
 GREEN, OLIVE, RED, YELLOW = (0.2, 0.5, 0.1), (0.4, 0.4, 0.1), (0.7, 0.1, 0.05), (0.8, 0.6, 0.1)
@@ -116,7 +117,7 @@ def show(material: bpy.types.Material, color: bpy.types.NodeSocket) -> None:
 def seen(obj: bpy.types.Object, folder: Path, width: float = 3.0) -> Pixels:
     """(SIDE, SIDE, 4) the base colour of an object's one material, unlit, seen along y; lowest row first."""
     materials, own = obj.data.materials, obj.data.materials[0]
-    with flat_material(own) as flat:
+    with emitting(own, color_and_alpha) as flat:
         materials[0], obj.hide_render = flat, False
         pixels = render(
             folder,
@@ -281,7 +282,9 @@ def test_gltf_has_the_labels_as_they_are(tmp_path: Path, gltf_issues: Callable[.
     export_level(result.levels[1], file)
     export_level(plain.levels[1], other)
     assert gltf_issues(file) == []
-    Ktx2Textures({material_of(result, 1).name: result.chain.levels[0]}).add_to(file)
+    glb = Glb.read(file)
+    Ktx2Textures({material_of(result, 1).name: result.chain.levels[0]}).add_to(glb)
+    glb.write(file)
     (document, binary), (without, _) = document_of(file), document_of(other)
     [material], [known] = document["materials"], without["materials"]
     extras = material.pop("extras")["leafcloud"]

@@ -272,3 +272,13 @@ def test_another_file_brings_nothing_of_the_last(sources: list[bpy.types.Object]
         assert (len(status.plan), status.note, status.viewer, status.stage) == (0, "", "", ""), opened
         assert measured.last() is None
         assert measured.told() == ""
+
+
+def test_a_shorter_chain_in_the_same_folder_leaves_no_level_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
+    out, quick = tmp_path / "out", ("--input", shrub, "--out", tmp_path / "out", "--texture-size", 64, "--samples", 1)
+    assert run(*quick, "--levels", 2).returncode == 0
+    (out / "shrub_LOD9.glb").write_bytes(b"not listed in a report: somebody else's")
+    (out / "other_LOD3.glb").write_bytes(b"another tree's")
+    assert run(*quick, "--levels", 1, "--no-cross").returncode == 0
+    listed = set(json.loads((out / "report.json").read_text(encoding="utf-8"))["files"])
+    assert {file.name for file in out.iterdir()} == listed | {"shrub_LOD9.glb", "other_LOD3.glb"}

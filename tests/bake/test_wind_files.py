@@ -25,7 +25,8 @@ from addon.bake.pipeline import wind_settings
 from addon.bake.values import TreeSet
 from addon.export.files import write
 from addon.export.gltf import y_up
-from addon.levels import build as built_levels
+from addon.levels import shape
+from addon.levels import wind as level_wind
 from addon.levels.forest import build_forest
 from addon.nodes import wind as wind_nodes
 from addon.scene.load import load
@@ -239,9 +240,10 @@ def test_off_means_absent(shrub: Path, tmp_path: Path, monkeypatch: pytest.Monke
         "wind_extras",
         "add_wind_modifier",
     ):
-        monkeypatch.setattr(built_levels, name, touched)
+        monkeypatch.setattr(level_wind, name, touched)
     for name in ("stature", "WindSettings"):
         monkeypatch.setattr(pipeline, name, touched)
+    monkeypatch.setattr(shape, "add_wind_attributes", touched)
     monkeypatch.setattr(wind_nodes, "wind_group", touched)
     assert bake_still(tmp_path / "after", shrub) == before
     assert [group.name for group in bpy.data.node_groups] == ["Leafcloud LOD"]

@@ -19,7 +19,7 @@ from addon.bake.lighting import BakedLight, light_of
 from addon.bake.pipeline import prepare
 from addon.bake.values import Baked
 from addon.errors import SceneError
-from addon.export.glb_file import read_glb
+from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.report import report
 from addon.export.unlit import mean_light
@@ -234,8 +234,8 @@ def test_what_is_left_out_of_the_view_layer_casts_no_shadow() -> None:
 def test_baked_light_is_asked_for_by_name() -> None:
     facts = Facts("generic", 2)
     for choice, words in (("auto", "asked for by name"), ("all", "not by `effects=all`")):
-        effect = plan_effects(BakeSettings(effects=choice), facts)[-1]
-        assert (effect.name, effect.on) == ("baked_light", False)
+        [effect] = [each for each in plan_effects(BakeSettings(effects=choice), facts) if each.name == "baked_light"]
+        assert effect.on is False
         assert words in effect.reason
     assert is_on(plan_effects(BakeSettings(effects="baked_light"), facts), "baked_light")
 
@@ -243,9 +243,9 @@ def test_baked_light_is_asked_for_by_name() -> None:
 def test_what_is_for_moving_light_is_left_out_beside_it() -> None:
     settings = BakeSettings(effects=",".join(EFFECTS))
     effects = plan_effects(settings, Facts("generic", 2))
-    on = [effect.name for effect in effects if effect.on]
-    kept = ["transitions", "pruning", "back_sides", "trunk_levels", "far_levels"]
-    assert on == [*kept, "blend_order", "wind", "baked_light"]
+    on = {effect.name for effect in effects if effect.on}
+    kept = {"transitions", "pruning", "back_sides", "trunk_levels", "far_levels"}
+    assert on == {*kept, "blend_order", "wind", "baked_light"}
     assert all("the light is baked in" in effect.reason for effect in effects if not effect.on)
     assert plan_channels(settings, Facts("generic", 2)) == ()
     assert is_on(plan_effects(BakeSettings(effects="baked_light"), Facts("generic", 2)), "back_sides")
@@ -356,7 +356,8 @@ def documents(result: Baked, folder: Path) -> list[tuple[dict[str, Any], bytes]]
     with mean_light(result.levels):
         for level in result.levels:
             export_level(level, folder / f"{level.number}.glb")
-    return [read_glb(folder / f"{level.number}.glb") for level in result.levels]
+    files = [Glb.read(folder / f"{level.number}.glb") for level in result.levels]
+    return [(glb.document, bytes(glb.binary)) for glb in files]
 
 
 def values(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
@@ -455,5 +456,5 @@ def test_the_command_line_bakes_the_light_of_a_file(tmp_path: Path) -> None:
     said = bake_file(source, tmp_path / "out", *quick, "--effects", "baked_light")
     assert said["input"]["materials"] == ["m"]
     assert said["warnings"] == []
-    document, _ = read_glb(tmp_path / "out" / "tree.glb")
+    document = Glb.read(tmp_path / "out" / "tree.glb").document
     assert [{*material["extensions"]} for material in document["materials"]] == [{"KHR_materials_unlit"}] * 2

@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.levels import build as built_levels
-from addon.levels.build import Costs, Plan, build_levels
+from addon.levels import clouds
+from addon.levels.build import build_levels
+from addon.levels.building import Build, BuiltLevel, Costs
 from addon.levels.mesh import Surface, create_mesh, fans, split_vertices
 from addon.levels.prune_tables import area_shares, prefix_table
 from addon.mesh.extract import Geometry, Tree
 from addon.mesh.placement import Placement
 from addon.plan.lod_range import lod_ranges
+from addon.plan.registry import effect_named
+from addon.plan.schedule import Schedule
 from addon.versions import get_modifier_input
 
 IDENTITY = Placement(np.eye(4))
@@ -109,7 +112,7 @@ def tree(*, with_trunk: bool = True) -> Tree:
     return Tree("tree", matrix, leaves(), trunk() if with_trunk else None, "", [], [])
 
 
-FOLIAGE = SimpleNamespace(leaf_ids=np.array([0, 0, 1, 2], np.uint32))
+FOLIAGE = SimpleNamespace(leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([5.5, 6.0, 7.5]), radius=1.0)
 RANKS = np.array([0.5, 0.25, 0.0], np.float32)
 """Of the three leaves."""
 
@@ -141,22 +144,23 @@ def chain() -> SimpleNamespace:
     return SimpleNamespace(levels=[first, second, cross], ranks=RANKS, pivots=first.pivots, kept=None)
 
 
-def plan(placement: Placement, *, transitions: bool = True, pruning: bool = True) -> Plan:
+def context(source: Tree, made: SimpleNamespace, *, transitions: bool = True, pruning: bool = True) -> Build:
     distances = (0.0, 10.0, 40.0, 100.0)
-    return Plan(
+    on = {"far_levels": True, "pruning": pruning, "transitions": transitions}
+    return Build(
         name="tree",
-        placement=placement,
-        centre=(0.5, 0.0, 0.5),
-        radius=1.0,
-        transitions=transitions,
-        pruning=pruning,
-        switch_distances=distances,
-        lod_ranges=lod_ranges(distances, (False, True, True, False), transitions=transitions),
+        tree=source,
+        foliage=FOLIAGE,
+        chain=made,
+        placement=Placement(source.matrix),
+        schedule=Schedule(distances, lod_ranges(distances, (False, True, True, False), transitions=transitions)),
+        effects=tuple(effect_named(name) for name, wanted in on.items() if wanted),
+        costs=Costs(),
     )
 
 
-def build(source: Tree, **effects: bool) -> list[built_levels.BuiltLevel]:
-    return build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix), **effects), Costs())[1]
+def build(source: Tree, **effects: bool) -> list[BuiltLevel]:
+    return build_levels(context(source, chain(), **effects))[1]
 
 
 def values(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
@@ -409,7 +413,9 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     trunk = levels[1].trunk.modifiers[0]
     assert get_modifier_input(trunk, "Appear") == get_modifier_input(cloud, "Appear")
     assert get_modifier_input(trunk, "Start") > 1e8
-    assert get_modifier_input(leaf, "Centre") == pytest.approx((0.5, 0.0, 0.5))
+    assert get_modifier_input(leaf, "Centre") == pytest.approx(
+        (0.25, 0.0, 0.25)
+    )  # Half a world unit at twice the size.
 
 
 # Effects
@@ -444,8 +450,10 @@ def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
 
 
 def test_effects_tell_what_they_cost() -> None:
-    source, costs, made = tree(), Costs(), chain()
-    build_levels(source, FOLIAGE, made, plan(Placement(source.matrix)), costs)
+    made = chain()
+    asked = context(tree(), made)
+    build_levels(asked)
+    costs = asked.costs
     vertices = 12 + 10
     assert costs.bytes == {
         "pruning": vertices * 16,
@@ -470,9 +478,9 @@ def test_a_build_that_fails_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     def fail(*arguments: object, **keywords: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(built_levels, "atlas_material", fail)
+    monkeypatch.setattr(clouds, "atlas_material", fail)
     with pytest.raises(MemoryError):
-        build_levels(source, FOLIAGE, chain(), plan(Placement(source.matrix)), Costs())
+        build_levels(context(source, chain()))
     assert count_data() == before
 
 

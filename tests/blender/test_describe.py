@@ -57,12 +57,9 @@ def test_without_nodes_the_viewport_colour_is_the_material() -> None:
     [
         (lambda tree, alpha: math_node(tree, "ROUND", alpha), 0.5),
         (lambda tree, alpha: math_node(tree, "GREATER_THAN", alpha, 0.25), 0.25),
-        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.75, alpha), 0.75),
         (lambda tree, alpha: math_node(tree, "GREATER_THAN", alpha, 0.0), 0.5 / 255.0),
-        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.0, alpha), 0.5 / 255.0),
         (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.0)), 0.0),
         (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.125)), 0.125),
-        (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "GREATER_THAN", 0.875, alpha)), 0.875),
     ],
 )
 def test_ways_to_cut_off(build: Any, cutoff: float) -> None:
@@ -74,6 +71,31 @@ def test_ways_to_cut_off(build: Any, cutoff: float) -> None:
     assert description["image"] is not None
     # White, because the base colour does not use the image.
     assert description["image"].tolist() == [[[255, 255, 255, 128]]]
+
+
+@pytest.mark.parametrize(
+    ("build", "hidden", "seen"),
+    [
+        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.75, alpha), 0.5, 1.0),
+        (lambda tree, alpha: math_node(tree, "LESS_THAN", 0.0, alpha), 0.0, 0.25),
+        (
+            lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "GREATER_THAN", 0.875, alpha)),
+            0.75,
+            1.0,
+        ),
+    ],
+)
+def test_other_cutoffs_are_rendered(build: Any, hidden: float, seen: float) -> None:
+    """The left half has an alpha below the cutoff, the right half one above."""
+    material, principled, tree = new_material()
+    image = texture_node(tree, new_image("i", [[(1, 1, 1, hidden)] * 32 + [(1, 1, 1, seen)] * 32] * 64))
+    image.interpolation = "Closest"
+    tree.links.new(build(tree, image.outputs["Alpha"]), principled.inputs["Alpha"])
+    description, (message,) = describe_material(material)
+    assert "; it is rendered to an image of 64 × 64 texels;" in message
+    assert (description["alpha_mode"], description["alpha_cutoff"]) == ("MASK", 0.5)
+    assert description["image"] is not None
+    assert description["image"][0, :, 3].tolist() == [0] * 32 + [255] * 32
 
 
 def test_constant_alpha() -> None:

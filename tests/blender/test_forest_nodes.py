@@ -20,7 +20,7 @@ from lod_scenes import Floats, Leaves, add_camera, build, many_leaves, place, po
 from mathutils import Euler, Matrix, Quaternion, Vector
 from scenes import TRIANGLE, add_mesh, bake, read
 
-from addon.levels.build import BuiltLevel
+from addon.levels.building import BuiltLevel
 from addon.levels.forest import Forest, build_forest, pruned_mesh
 from addon.nodes.forest import GROUP_NAME, ForestSettings, add_forest_modifier, forest_group
 from addon.settings.bake import BakeSettings

@@ -195,7 +195,7 @@ def test_a_forest_has_pruned_variants_where_the_tree_was_baked_to_be_pruned() ->
     baked, found = distances("billboards")
     assert found == pytest.approx(baked.switch_distances[1:], rel=0.01)
     baked, found = distances("both")
-    halves = [baked.thinning.start / baked.thinning.half**number for number in (1, 2, 3)]
+    halves = [baked.schedule.pruning.start / baked.schedule.pruning.half**number for number in (1, 2, 3)]
     expected = sorted([*(half for half in halves if half < baked.switch_distances[1]), *baked.switch_distances[1:]])
     assert len(expected) > len(baked.switch_distances[1:])
     assert found == pytest.approx(expected, rel=0.01)

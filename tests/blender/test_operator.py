@@ -53,7 +53,7 @@ def test_effects_and_leaves_can_be_chosen() -> None:
     settings.leaves = "needles, twig cards ,"
     assert leaf_names(settings) == ["needles", "twig cards"]
     settings.effect_pruning, settings.effect_normals = "OFF", "ON"
-    assert bake_settings(settings).effects == "auto,-pruning,+normals"
+    assert bake_settings(settings).effects == "auto,+normals,-pruning"
     settings.effect_pruning = settings.effect_normals = "AUTO"
     assert bake_settings(settings).effects == "auto"
 

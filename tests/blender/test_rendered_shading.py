@@ -11,8 +11,7 @@ import pytest
 from node_trees import math_node, new_image, new_material, texture_node
 from scenes import SQUARE, add_mesh
 
-from addon.material.describe import describe_material, describe_materials
-from addon.material.rendered_shading import unit_sizes
+from addon.material.describe import describe_material, describe_materials, unit_sizes
 from addon.material.shading import gloss_of, read_shading
 from addon.material.surface import read_surface
 from addon.mesh.extract import extract
@@ -300,7 +299,6 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: Any, **__: Any) -> None:
         raise AssertionError("nothing has to be rendered")
 
-    monkeypatch.setattr("addon.material.rendered_shading.rendered", refused)
     monkeypatch.setattr("addon.material.flatten.rendered", refused)
 
 

@@ -18,14 +18,15 @@ from scenes import add_mesh, bake, read
 from addon.bake.values import Baked, TreeSet
 from addon.export.files import write
 from addon.levels.shadow_proxy import shadow_proxy_of
-from addon.plan.effects import Effect, plan_effects
+from addon.plan.decision import Decision
+from addon.plan.effects import plan_effects
 from addon.plan.facts import Facts
 from addon.settings.bake import BakeSettings
 
 MANY_LEAVES = Facts("three", leaves=5000, triangles=20_000)
 
 
-def planned(settings: BakeSettings, facts: Facts) -> Effect:
+def planned(settings: BakeSettings, facts: Facts) -> Decision:
     [effect] = [each for each in plan_effects(settings, facts) if each.name == "shadow_proxy"]
     return effect
 

@@ -94,6 +94,13 @@ def constant(tree: Any, value: float = 1.0) -> Any:
     return node.outputs[0]
 
 
+def shown(material: bpy.types.Material) -> tuple[str, list[int]]:
+    """The alpha mode of a material that has to be rendered, and a texel of its image. sRGB's code of 0.8 is 231."""
+    description, _ = describe_material(material)
+    assert description["image"] is not None
+    return description["alpha_mode"], description["image"][3, 3].tolist()
+
+
 def nested(times: int, levels: int) -> bpy.types.NodeTree:
     """A group that has the next one within it so many times, and multiplies what comes out by itself."""
     inner = None
@@ -132,8 +139,7 @@ def test_a_row_may_be_longer_than_the_stack_is_deep() -> None:
 def test_alpha_multiplied_by_itself() -> None:
     material, principled, tree = new_material()
     tree.links.new(multiplied(tree, constant(tree)), principled.inputs["Alpha"])
-    surface = within_calls(lambda: read_surface(material))
-    assert (surface.alpha, surface.alpha_mode, surface.gaps) == (1.0, "OPAQUE", ())
+    assert within_calls(lambda: shown(material)) == ("OPAQUE", [231, 231, 231, 255])
 
 
 def test_alpha_behind_cut_outs_in_a_row() -> None:
@@ -155,8 +161,7 @@ def test_colors_multiplied_by_themselves() -> None:
     white = tree.nodes.new("ShaderNodeRGB").outputs[0]
     white.default_value = (1.0, 1.0, 1.0, 1.0)
     tree.links.new(mixed_colors(tree, white, "MULTIPLY"), principled.inputs["Base Color"])
-    surface = within_calls(lambda: read_surface(material))
-    assert (surface.color, surface.gaps) == ((1.0, 1.0, 1.0), ())
+    assert within_calls(lambda: shown(material)) == ("OPAQUE", [255, 255, 255, 255])
 
 
 def test_colors_mixed_with_themselves_are_what_they_were() -> None:
@@ -199,8 +204,7 @@ def test_groups_within_groups() -> None:
     node.node_tree = nested(1, LEVELS)
     tree.links.new(constant(tree), node.inputs[0])
     tree.links.new(node.outputs[0], principled.inputs["Alpha"])
-    surface = within_calls(lambda: read_surface(material))
-    assert (surface.alpha, surface.gaps) == (1.0, ())
+    assert within_calls(lambda: shown(material)) == ("OPAQUE", [231, 231, 231, 255])
 
 
 def test_more_groups_within_groups_than_can_be_rendered_are_refused() -> None:

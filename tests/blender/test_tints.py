@@ -18,7 +18,7 @@ from addon.levels.mesh import read_own_randoms
 from addon.levels.trunk import geometry_mesh
 from addon.material.describe import Described, describe_materials
 from addon.material.flatten import RANDOM, flatten
-from addon.material.tints import Islands, tints
+from addon.material.tints import Islands, nearest_tints
 from addon.mesh.extract import Geometry, extract
 from addon.mesh.placement import Placement
 from addon.scene.light import Light
@@ -45,7 +45,7 @@ def test_an_object_has_its_random_number() -> None:
     material = grey_material("ShaderNodeObjectInfo", "Random")
     flat = flatten(material)
     assert flat.varies
-    factors = tints(material, flat, islands([0.25, 0.25, 0.75, 0.75]))
+    factors = nearest_tints([flat], islands([0.25, 0.25, 0.75, 0.75])).front
     brightness = factors * flat.pixels[0, 0, :3]
     np.testing.assert_allclose(brightness[:2], 0.25, atol=1e-3)
     np.testing.assert_allclose(brightness[2:], 0.75, atol=1e-3)
@@ -208,7 +208,7 @@ def test_a_back_of_another_pattern_is_told() -> None:
 
 def test_an_island_has_one_random_number() -> None:
     material = grey_material("ShaderNodeNewGeometry", "Random Per Island")
-    first, second = np.split(tints(material, flatten(material), islands([0.5] * 4)), 2)
+    first, second = np.split(nearest_tints([flatten(material)], islands([0.5] * 4)).front, 2)
     assert np.ptp(first) < 1e-6
     assert np.ptp(second) < 1e-6
     assert abs(first.mean() - second.mean()) > 0.01
@@ -227,7 +227,7 @@ def test_places_differ() -> None:
     tree.links.new(grey.outputs[0], principled.inputs["Base Color"])
     flat = flatten(material)
     middle = flat.pixels[..., 0].mean()
-    brightness = tints(material, flat, islands([0.5] * 4))[..., 0] * middle
+    brightness = nearest_tints([flat], islands([0.5] * 4)).front[..., 0] * middle
     np.testing.assert_allclose(brightness, TWO_SQUARES[TRIANGLES][..., 0] / 4.0, atol=5e-3)
 
 
@@ -240,7 +240,7 @@ def test_colour_attributes_count_as_white() -> None:
     tree.links.new(scale.outputs[0], principled.inputs["Base Color"])
     for name in ("tint", ""):
         color.layer_name = name
-        factors = tints(material, flatten(material), islands([0.25, 0.25, 0.75, 0.75]))
+        factors = nearest_tints([flatten(material)], islands([0.25, 0.25, 0.75, 0.75])).front
         np.testing.assert_allclose(factors[:2], 0.5, atol=1e-3)
         np.testing.assert_allclose(factors[2:], 1.5, atol=1e-3)
 
@@ -250,7 +250,7 @@ def test_alpha_is_no_tint() -> None:
     info = tree.nodes.new("ShaderNodeObjectInfo")
     principled.inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1.0)
     tree.links.new(info.outputs["Random"], principled.inputs["Alpha"])
-    factors = tints(material, flatten(material), islands([0.25, 0.25, 0.75, 0.75]))
+    factors = nearest_tints([flatten(material)], islands([0.25, 0.25, 0.75, 0.75])).front
     np.testing.assert_allclose(factors, 1.0, atol=1e-3)
 
 
@@ -372,5 +372,5 @@ def test_nothing_is_left_behind() -> None:
     material = grey_material("ShaderNodeObjectInfo", "Random")
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
     before = {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds}
-    tints(material, flatten(material), islands([0.5] * 4))
+    nearest_tints([flatten(material)], islands([0.5] * 4))
     assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before

@@ -17,6 +17,7 @@ from renders import LUMINANCE, render
 from scenes import add_mesh, bake, read
 
 from addon.bake.values import Baked
+from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.material.describe import describe_material
@@ -399,7 +400,9 @@ def test_ktx2_has_the_colours_alone(tmp_path: Path) -> None:
     result = baked(leaf(), "translucency", trunk(), cross=True)
     file = tmp_path / "cross.glb"
     export_level(result.levels[2], file)
-    Ktx2Textures({"tree_LOD2": result.chain.levels[1]}).add_to(file)
+    glb = Glb.read(file)
+    Ktx2Textures({"tree_LOD2": result.chain.levels[1]}).add_to(glb)
+    glb.write(file)
     document = document_of(file)
     said = document["materials"][0]["extensions"][EXTENSION]
     colors, opaque = (

@@ -1,4 +1,4 @@
-"""The laws of transition, pruning and wind in f64, as addon/nodes/lod.py and wind_nodes.py state them."""
+"""The laws of transition, pruning and wind in f64, as addon/nodes/lod.py and wind.py state them."""
 
 from __future__ import annotations
 

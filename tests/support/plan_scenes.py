@@ -10,7 +10,8 @@ from mathutils import Matrix, Vector
 from scenes import add_mesh, material, read, use_nodes
 
 from addon.bake.pipeline import describe, layer_of
-from addon.plan.effects import Effect, plan_effects
+from addon.plan.decision import Decision
+from addon.plan.effects import plan_effects
 from addon.plan.facts import Facts
 from addon.settings.bake import BakeSettings
 
@@ -106,10 +107,10 @@ def facts_of(crown: bpy.types.Object, settings: BakeSettings | None = None) -> F
     return describe(read([crown]), settings, layer_of(bpy.context.scene))
 
 
-def plan_of(crown: bpy.types.Object, settings: BakeSettings | None = None) -> dict[str, Effect]:
+def plan_of(crown: bpy.types.Object, settings: BakeSettings | None = None) -> dict[str, Decision]:
     settings = settings or BakeSettings()
     return {effect.name: effect for effect in plan_effects(settings, facts_of(crown, settings))}
 
 
-def on(plan: dict[str, Effect]) -> set[str]:
+def on(plan: dict[str, Decision]) -> set[str]:
     return {name for name, effect in plan.items() if effect.on}

@@ -8,11 +8,14 @@ from dataclasses import replace
 import pytest
 
 from addon.plan.camera_visibility import camera_visibility, expected_switches, pixels_of
-from addon.plan.costs import BYTES_PER_TEXEL, with_costs
-from addon.plan.effects import Effect, is_on, plan_effects, plan_levels
+from addon.plan.costs import with_costs
+from addon.plan.decision import Decision, is_on
+from addon.plan.effects import plan_effects, plan_levels
 from addon.plan.facts import Camera, Facts, Lights
 from addon.plan.lod_range import View
-from addon.settings.bake import EFFECTS, BakeSettings
+from addon.plan.rates import BYTES_PER_TEXEL
+from addon.settings.bake import BakeSettings
+from addon.settings.effects import EFFECTS
 
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
 """At the distance d a length of 2 d is seen 1000 pixels large."""
@@ -114,7 +117,7 @@ def test_light_is_baked_where_nothing_is_lit_and_no_light_moves() -> None:
     assert not is_on(forced, "baked_light")
 
 
-def costs(settings: BakeSettings) -> dict[str, Effect]:
+def costs(settings: BakeSettings) -> dict[str, Decision]:
     return {effect.name: effect for effect in with_costs(settings, FACTS, plan_effects(settings, FACTS))}
 
 

@@ -4,18 +4,35 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from addon.plan.effects import Effect, first_on, is_on, plan_channels, plan_effects, settle_back_sides
+import addon.effects
+from addon.effects.back_sides import EFFECT as BACK_SIDES
+from addon.plan.decision import Decision, first_on, is_on
+from addon.plan.effects import camera_note, plan_channels, plan_effects
 from addon.plan.facts import Facts
 from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
-from addon.settings.bake import MOVING_LIGHT, BakeSettings, SettingsError
+from addon.plan.registry import all_effects
+from addon.settings.bake import BakeSettings, SettingsError
+from addon.settings.effects import EFFECTS
 
 FACTS = Facts(engine="generic", leaves=672)
 
 
-def states(effects: tuple[Effect, ...]) -> dict[str, bool | None]:
+BY_ALL = set(EFFECTS) - {"baked_light", "blend_order"}
+"""The effects that the list `all` turns on: light may move, and the leaves decide on blending."""
+
+
+def chain_with_sides(*two_sided: bool) -> Any:
+    """A stand-in for a chain: only whether each level has two sides."""
+    return SimpleNamespace(levels=[SimpleNamespace(two_sided=each) for each in two_sided])
+
+
+def states(effects: tuple[Decision, ...]) -> dict[str, bool | None]:
     return {effect.name: effect.on for effect in effects}
 
 
@@ -47,7 +64,7 @@ def test_glossy_leaves_call_for_gloss() -> None:
     effects = plan_effects(BakeSettings(), facts)
     assert is_on(effects, "gloss") is True
     assert "'laurel'" in next(effect.reason for effect in effects if effect.name == "gloss")
-    assert plan_channels(BakeSettings(), facts) == ("normals", "gloss")
+    assert plan_channels(BakeSettings(), facts) == ("gloss", "normals")
     assert plan_channels(BakeSettings(effects="gloss,pruning"), FACTS) == ("gloss",)
     assert plan_channels(BakeSettings(effects="none"), facts) == ()
 
@@ -78,7 +95,7 @@ def test_one_leaf_is_not_pruned() -> None:
 @pytest.mark.parametrize(
     ("asked", "on"),
     [
-        ("all", set(MOVING_LIGHT)),
+        ("all", BY_ALL),
         ("none", {"far_levels"}),
         ("pruning", {"pruning", "far_levels"}),
         ("back_sides, transitions", {"back_sides", "transitions", "far_levels"}),
@@ -113,7 +130,7 @@ def test_names_and_all_may_be_followed_by_exceptions() -> None:
     some = states(plan_effects(BakeSettings(effects="pruning,+gloss,-far_levels"), FACTS))
     assert {name for name, on in some.items() if on} == {"pruning", "gloss"}
     most = states(plan_effects(BakeSettings(effects="all,-leaf_map"), FACTS))
-    assert {name for name, on in most.items() if on} == set(MOVING_LIGHT) - {"leaf_map"}
+    assert {name for name, on in most.items() if on} == BY_ALL - {"leaf_map"}
 
 
 def test_a_chain_that_prunes_wants_pruning() -> None:
@@ -124,16 +141,17 @@ def test_a_chain_that_prunes_wants_pruning() -> None:
 
 def test_back_sides_are_settled_by_what_the_levels_kept() -> None:
     planned = plan_effects(BakeSettings(), FACTS)
-    assert is_on(settle_back_sides(planned, []), "back_sides") is False
-    kept = settle_back_sides(planned, [1, 3])
-    assert is_on(kept, "back_sides") is True
-    assert "1, 3" in kept[2].reason
-    assert (kept[:2], kept[3:]) == (planned[:2], planned[3:])
+    [decision] = [each for each in planned if each.name == "back_sides"]
+    assert BACK_SIDES.settled(decision, chain_with_sides(False, False)).on is False
+    kept = BACK_SIDES.settled(decision, chain_with_sides(True, False, True))
+    assert kept.on is True
+    assert "1, 3" in kept.reason
 
 
 def test_a_forced_effect_is_not_settled_again() -> None:
     planned = plan_effects(BakeSettings(effects="all"), FACTS)
-    assert settle_back_sides(planned, []) == planned
+    [decision] = [each for each in planned if each.name == "back_sides"]
+    assert BACK_SIDES.settled(decision, chain_with_sides(False)) == decision
 
 
 def test_an_effect_that_is_not_planned_has_no_state() -> None:
@@ -183,3 +201,19 @@ def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
     leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
     assert leaves.appear < first.appear < first.whole < leaves.vanish < second.appear <= 12.5
+
+
+def test_every_effect_is_a_file_with_a_tooltip() -> None:
+    folder = Path(addon.effects.__file__).parent
+    assert set(EFFECTS) == {file.stem for file in folder.glob("*.py")} - {"__init__"}
+    assert [effect.name for effect in all_effects()] == list(EFFECTS)
+    assert all(effect.about and not effect.about.endswith(".") for effect in all_effects())
+    assert len({effect.about for effect in all_effects()}) == len(EFFECTS)
+
+
+def test_a_viewer_at_a_camera_that_is_missing_is_told() -> None:
+    settings = BakeSettings(viewer="camera")
+    note = camera_note(settings, FACTS, plan_effects(settings, FACTS))
+    assert note is not None
+    assert note.text == "no camera of the scene sees the tree, so all levels are made"
+    assert camera_note(BakeSettings(), FACTS, plan_effects(BakeSettings(), FACTS)) is None

@@ -1,8 +1,8 @@
-"""Wind attributes of vertices, and the wind's custom properties for engines. Both exist only with the effect wind."""
+"""The effect wind on a level: attributes of its vertices, the modifier, and custom properties for engines."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..mesh.baked_levels import EXTRAS, level_number
 from ..mesh.placement import y_up
-from ..nodes.wind import WindSettings
+from ..nodes.laws import NEVER
+from ..nodes.wind import WindSettings, add_wind_modifier
+from ..plan.lod_range import LodRange
 from ..plan.wind import GOLDEN
+from .building import Build
+from .leaf_moves import LeafMoves
 from .morphs import add_point_attribute
 
 
@@ -44,6 +49,63 @@ class WindAttributes:
     @property
     def nbytes(self) -> int:
         return sum(values.nbytes for values in self.attributes.values())
+
+
+def add_wind(obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
+    """Add the modifier to a level's object or to its trunk; to the former also the custom properties for engines."""
+    assert build.wind is not None
+    start, end = (min(distance / build.placement.scale, NEVER) for distance in (lod_range.start, lod_range.end))
+    wind = replace(build.wind, start=start, end=end, centre=build.centre)
+    add_wind_modifier(obj, wind)
+    if level_number(obj) is not None:
+        obj[EXTRAS]["wind"] = wind_extras(wind)
+
+
+def leaf_wind_attributes(
+    leaf_ids: NDArray[np.integer[Any]], moves: LeafMoves | None, of_vertex: NDArray[np.integer[Any]], build: Build
+) -> WindAttributes | None:
+    """Return the wind attributes for vertices of the triangles `of_vertex` (v,); None without wind.
+
+    Leaves without a billboard keep swaying with their own branch.
+    """
+    if build.wind is None:
+        return None
+    to_tree, chain = build.placement.to_tree, build.chain
+    pivots = chain.pivots[of_vertex]
+    carriers = None
+    if moves is not None:
+        billboards = moves.billboards[of_vertex][:, None]
+        carriers = to_tree(np.where(billboards < 0, pivots, plane_pivots(chain.levels[0])[billboards[:, 0]]))
+    return WindAttributes(
+        pivot=None if build.has("pruning") else to_tree(pivots),
+        billboard_pivot=carriers,
+        phase=phases(leaf_ids[of_vertex]),
+        flutter=freedom(to_tree(chain.pivots))[of_vertex],
+    )
+
+
+def cloud_wind_attributes(
+    level: leafcloud.Level,
+    following: leafcloud.Level | None,
+    billboards: NDArray[np.integer[Any]],
+    parents: NDArray[np.integer[Any]],
+    build: Build,
+) -> WindAttributes | None:
+    """Return the wind attributes for vertices of `billboards` (v,) that morph to the planes `parents` (v,) of the next
+    level.
+
+    None without wind and for the cross impostor, which has no pivots: it stands on the ground and bends as the trunk.
+    """
+    if build.wind is None or level.cloud is None:
+        return None
+    to_tree = build.placement.to_tree
+    own = to_tree(plane_pivots(level)[level.plane_ids[billboards]])
+    if following is None:
+        return WindAttributes(own)
+    return WindAttributes(
+        pivot=None if build.has("pruning") else own,
+        billboard_pivot=to_tree(plane_pivots(following)[parents]) if build.has("transitions") else None,
+    )
 
 
 def add_wind_attributes(mesh: bpy.types.Mesh, wind_attributes: WindAttributes) -> None:

@@ -1,0 +1,63 @@
+"""Back sides: a texture of its own for the back of each billboard, on levels whose two sides differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ..plan.decision import Decision
+from ..plan.effect import Effect, Rule
+from ..plan.rates import BYTES_PER_TEXEL, Rate
+from ..plan.situation import Situation
+from ..settings.bake import BakeSettings
+
+if TYPE_CHECKING:
+    import leafcloud
+
+    from ..levels.building import Build, BuiltLevel
+
+
+class BackSides(Effect):
+    about = (
+        "Give billboards a second texture for the back. Wanted where the two sides of the leaves differ. Doubles the "
+        "billboards and their texels"
+    )
+
+    def rule(self, situation: Situation) -> Rule:
+        if situation.only_leaves:
+            return False, situation.before_level_1
+        return None, "each level keeps a second texture for the back if its two sides differ"
+
+    def under_baked_light(self, decision: Decision) -> Rule:
+        return True, "the light is baked in, and differs on the two sides of a leaf"
+
+    def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
+        return (Rate(lambda known: known.texels, 1.64),)
+
+    def core_options(self, on: bool | None, settings: BakeSettings) -> dict[str, Any]:
+        return {"back_sides": on}
+
+    def settled(self, decision: Decision, chain: leafcloud.Chain) -> Decision:
+        if decision.on is not None:
+            return decision
+        two_sided = [str(number) for number, level in enumerate(chain.levels, start=1) if level.two_sided]
+        if not two_sided:
+            return replace(decision, on=False, reason="the two sides of every level look alike")
+        return replace(decision, on=True, reason=f"the two sides differ on level {', '.join(two_sided)}")
+
+    def texture_bytes(self, chain: leafcloud.Chain) -> int:
+        return sum(level.texels // 2 for level in chain.levels if level.two_sided) * BYTES_PER_TEXEL
+
+    def add_to_cloud(self, built: BuiltLevel, level: leafcloud.Level, build: Build) -> BuiltLevel:
+        """Move front and back apart in Blender, where a ray tracer's rays meet both."""
+        from ..nodes.sides import add_side_modifier, apart
+
+        if not level.two_sided:
+            return built
+        offset = apart(level.corners, built.number) / build.placement.scale
+        add_side_modifier(built.object, offset)
+        return replace(built, apart=offset)
+
+
+EFFECT = BackSides()

@@ -1,0 +1,50 @@
+"""Transitions: each leaf morphs onto its billboard, and levels cross-fade where one takes over from another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..plan.decision import Decision
+from ..plan.effect import Effect, Rule
+from ..plan.rates import Rate
+from ..plan.situation import Situation
+from ..settings.bake import BakeSettings
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..levels.building import Build
+    from ..plan.lod_range import LodRange
+
+
+class Transitions(Effect):
+    about = (
+        "Morph the leaves onto their billboards and cross-fade the levels, so that no change of level is visible. "
+        "Wanted where a camera moves past the distance of such a change. Costs memory for each vertex"
+    )
+
+    def rule(self, situation: Situation) -> Rule:
+        seen = situation.seen
+        if seen is None:
+            return True, f"{situation.free_camera}, so it may see one level take over from another"
+        where, takes_over = situation.where, situation.takes_over
+        if seen.passed:
+            return True, f"{where}, and {takes_over(seen.passed[0])}"
+        if seen.first != seen.last:
+            return False, f"{where}, and no tree is seen changing levels"
+        if seen.last + 1 < len(seen.switches):
+            return False, f"{where}, and {takes_over(seen.last + 1)}"
+        return False, f"{where}, past the last change of level: {takes_over(seen.last)}"
+
+    def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
+        return (Rate(lambda known: known.all_vertices, 41.0, seconds=1.0e-7),)
+
+    def add_to_member(self, obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
+        from ..levels.fading import let_fade
+
+        if lod_range.fades:
+            let_fade(obj)
+
+
+EFFECT = Transitions()

@@ -1,0 +1,35 @@
+"""Trunk levels: a simplified trunk for each cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..plan.decision import Decision
+from ..plan.effect import Effect, Rule
+from ..plan.rates import Rate
+from ..plan.situation import Situation
+from ..settings.bake import BakeSettings
+
+
+class TrunkLevels(Effect):
+    about = (
+        "Simplify trunk and branches for each cloud. Wanted where a tree with a trunk is seen from far away. Off: all "
+        "clouds have the trunk of LOD 0"
+    )
+
+    def rule(self, situation: Situation) -> Rule:
+        trunk = situation.facts.trunk
+        if trunk == 0:
+            return False, "the tree has no trunk or branches"
+        if situation.only_leaves:
+            return False, f"{situation.where}, and {situation.takes_over(1)}: only LOD 0's trunk is seen"
+        if situation.seen is not None:
+            return True, f"{situation.where}, and sees {trunk} trunk triangles beside billboards"
+        return True, f"{situation.free_camera}, so it may see {trunk} trunk triangles from far away"
+
+    def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
+        simplify = Rate(lambda known: known.trunk, fixed=0.04, seconds=2.8e-5)
+        return simplify, Rate(lambda known: known.trunk_left, 87.0)
+
+
+EFFECT = TrunkLevels()

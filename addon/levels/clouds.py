@@ -1,0 +1,96 @@
+"""The billboard clouds and the cross impostor: one mesh, one atlas page and one material each."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from .baked_light import unlit_material
+from .building import Build, own_bytes
+from .material import Page, atlas_image, atlas_material
+from .mesh import create_mesh, fan_surface, fans
+from .shape import Shape, object_of, pruning_of, transition_of
+from .wind import cloud_wind_attributes
+
+
+def cloud_object(
+    level: leafcloud.Level, following: leafcloud.Level | None, number: int, build: Build
+) -> bpy.types.Object:
+    """Create the object of the level `number`. `following`: the next level, None after the last."""
+    name, schedule = f"{build.name}_LOD{number}", build.schedule
+    material = _material(name, level, number, build)
+    shape = _shape(level, _cloud_or_none(following), build)
+    mesh = create_mesh(name, shape.surface, [material])
+    extras = {
+        "level": number,
+        "switch_distance": schedule.switch_distances[number],
+        "max_deviation": level.max_deviation_leaves,
+    }
+    return object_of(mesh, shape, extras, schedule.lod_ranges[number], build)
+
+
+def _cloud_or_none(level: leafcloud.Level | None) -> leafcloud.Level | None:
+    """Return the level if it is a cloud, else None. The cross impostor has no parents, so nothing morphs to it."""
+    return level if level is not None and level.cloud is not None else None
+
+
+def _material(name: str, level: leafcloud.Level, number: int, build: Build) -> bpy.types.Material:
+    cutoff, double = level.alpha_cutoff, not level.two_sided
+    page = _page(name, level, number, build)
+    if build.light is None:
+        return atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
+    strength = build.light_strength
+    return unlit_material(name, page.base_color, alpha_cutoff=cutoff, double_sided=double, strength=strength)
+
+
+def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
+    """Create the images of the level with this number."""
+    nbytes, shading = own_bytes(level, level.base_color), build.shading
+    # Level 1 belongs to every bake, so its base color is charged to no effect.
+    with build.costs.spent_on("far_levels", nbytes) if number > 1 else nullcontext():
+        image = atlas_image(name, level.base_color)
+    page = Page(image, roughness=shading.roughness, metallic=shading.metallic, specular=shading.specular, name=name)
+    for effect in build.charged():
+        page = effect.add_to_page(page, level, build)
+    return page
+
+
+def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Build) -> Shape:
+    """Return the billboards sorted by rank. `following`: the cloud that they morph to; None without one."""
+    placement, morphs = build.placement, following is not None and build.has("transitions")
+    order = np.argsort(level.ranks, kind="stable")
+    count = level.corners.shape[1] - 2
+    keys = np.zeros((len(order), count), np.int32)
+    if following is not None and morphs:
+        keys = _parents(following).reshape(-1, count)[order]
+    faces = fans(keys, placement)
+    surface = fan_surface(placement.to_tree(level.corners[order]), level.uvs[order], faces)
+    ranks = level.ranks[order]
+    billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
+    parents = keys.ravel()[faces.first // 3]
+    wind = cloud_wind_attributes(level, following, order[billboards], parents, build)
+    if following is None:
+        return Shape(surface, ranks[faces.billboards], wind=wind)
+    of_vertex = count * order[billboards] + corners // 3
+    transition = None
+    if morphs:
+        targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
+        transition = transition_of(parents, targets[faces.first], following.pivot_targets[of_vertex], build)
+    return Shape(
+        surface=surface,
+        ranks=ranks[faces.billboards],
+        pruning=pruning_of(ranks[billboards], following.pivots[of_vertex], build),
+        transition=transition,
+        wind=wind,
+    )
+
+
+def _parents(level: leafcloud.Level) -> NDArray[np.int32]:
+    """Return (t,) the plane of the cloud `level` for each triangle of the level before."""
+    assert level.cloud is not None
+    return level.cloud.parents.astype(np.int32)

@@ -1,0 +1,97 @@
+"""The schedule of a chain: at which distances each level is drawn, morphs, fades and prunes. World units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import leafcloud
+
+from ..settings.bake import BakeSettings
+from .camera_visibility import camera_visibility, far_off, level_at
+from .decision import Decision, is_on
+from .facts import Facts
+from .lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
+from .pruning import PruneDistances, cut_off_distance, share_left, start_for
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Switch distances and LOD ranges of all levels, the leaves first.
+
+    drawn: the levels that the camera sees. A single one is always shown if no level follows the camera.
+    trunk_errors: maximum deviation of the trunk from the input for each level after LOD 0; empty: no simplification.
+    """
+
+    switch_distances: tuple[float, ...]
+    lod_ranges: tuple[LodRange, ...]
+    drawn: range = range(1)
+    pruning: PruneDistances = field(default_factory=PruneDistances)
+    trunk_errors: tuple[float, ...] = ()
+
+
+def schedule(
+    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], levels: Sequence[leafcloud.Level], view: View
+) -> Schedule:
+    """Return the schedule of a finished chain. `view` sets the switch distances."""
+    deviations = [level.max_deviation_leaves * facts.radius for level in levels]
+    # A level takes over where its deviation appears smaller than `pixels` pixels and its texels smaller than one.
+    distances = [
+        max(far_off(deviation, settings.pixels, view), far_off(level.texel_size, 1.0, view))
+        for level, deviation in zip(levels, deviations, strict=True)
+    ]
+    start = far_off(facts.leaf_size, settings.prune_pixels, view)
+    if settings.chain == "pruning":
+        distances = [max(*distances, cut_off_distance(start, settings.prune_half))]
+    switch_distances = rising([0.0, *distances])
+    clouds = [False, *(level.cloud is not None for level in levels)]
+    ranges = lod_ranges(switch_distances, clouds, transitions=bool(is_on(effects, "transitions")))
+    simplified = is_on(effects, "trunk_levels")
+    return Schedule(
+        switch_distances,
+        ranges,
+        _drawn(settings, facts, ranges),
+        _prune_distances(settings, facts, effects, start, ranges[1].appear),
+        trunk_errors(deviations, ranges, far_off(1.0, TRUNK_PIXELS, view)) if simplified else (),
+    )
+
+
+def keep_at_switch(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> float | None:
+    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before.
+
+    λ is independent of the camera: both distances scale with the same factor.
+    """
+    if settings.chain == "billboards" or not is_on(effects, "pruning"):
+        return None
+    if settings.chain == "pruning":
+        return 1.0
+    start = facts.leaf_size / settings.prune_pixels
+    switch = settings.epsilon * facts.radius / settings.pixels
+    return share_left(start, switch, settings.prune_half)
+
+
+def _drawn(settings: BakeSettings, facts: Facts, ranges: Sequence[LodRange]) -> range:
+    """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
+
+    The range never begins or ends at a coarser level than camera visibility estimated before the bake.
+    """
+    seen, camera = camera_visibility(settings, facts), facts.camera
+    if seen is None or camera is None:
+        return range(1)
+    first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
+    return range(min(first, seen.first), min(last, seen.last) + 1)
+
+
+def _prune_distances(
+    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], start: float, hand_over: float
+) -> PruneDistances:
+    """Return the distances of pruning: infinite without pruned leaves.
+
+    start: distance where a leaf appears `prune_pixels` long. hand_over: distance where level 1 appears. If level 1 was
+    made of kept leaves, exactly these remain at `hand_over`.
+    """
+    half, keep = settings.prune_half, keep_at_switch(settings, facts, effects)
+    if settings.chain == "both" and keep is not None and keep < 1.0:
+        return PruneDistances(start_for(keep, hand_over, half), half)
+    return PruneDistances(math.inf if keep is None or settings.chain != "pruning" else start, half)
