@@ -1,4 +1,4 @@
-"""Back sides: a texture of its own for the back of each billboard, on levels whose two sides differ."""
+"""Back sides: a second texture for the back of each billboard, on levels with two different sides."""
 
 from __future__ import annotations
 

@@ -1,10 +1,12 @@
 """The base class of effects: everything that the plan, the bake and the export ask of an effect.
 
-Each method has a default that does nothing, so an effect states only what is its own.
+Each method but `rule` has a default that does nothing, so an effect overrides few of them. Linters take empty defaults
+of an abstract class for forgotten ones (B027).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
@@ -28,7 +30,7 @@ Rule = tuple[bool | None, str]
 """The state of an effect, None while undecided, and the reason: one sentence without a capital letter or a period."""
 
 
-class Effect:
+class Effect(ABC):
     """An effect: something rendered that costs time or memory, so it is on only where the scene needs it.
 
     about: the tooltip. It says what the effect does to the result, and when an artist wants it.
@@ -59,9 +61,9 @@ class Effect:
         """Return the reason for a state that comes from a list without a sign before this effect's name."""
         return f"asked for by `effects={settings.effects}`"
 
+    @abstractmethod
     def rule(self, situation: Situation) -> Rule:
         """Return the state that the situation calls for."""
-        raise NotImplementedError
 
     def under_baked_light(self, decision: Decision) -> Rule:
         """Return the state with baked light, for the `decision` without it."""
@@ -70,7 +72,7 @@ class Effect:
         return decision.on, decision.reason
 
     def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
-        """Return the rates whose sum is the estimated cost while the effect is on or undecided."""
+        """Return the rates of the effect while it is on or undecided. Their sum is the estimated cost."""
         return ()
 
     # The core
@@ -101,14 +103,14 @@ class Effect:
         """Change the mesh of LOD 0, and return custom properties for its object."""
         return {}
 
-    def add_to_member(self, obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
+    def add_to_member(self, obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:  # noqa: B027
         """Change a level's object or its trunk, which has the given LOD range."""
 
     def add_to_cloud(self, built: BuiltLevel, level: leafcloud.Level, build: Build) -> BuiltLevel:
         """Change a finished cloud."""
         return built
 
-    def add_to_tree(self, collection: bpy.types.Collection, build: Build) -> None:
+    def add_to_tree(self, collection: bpy.types.Collection, build: Build) -> None:  # noqa: B027
         """Add objects to the collection of all levels."""
 
     # The files. Only effects that are on are asked.

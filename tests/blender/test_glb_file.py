@@ -1,4 +1,4 @@
-"""GLB files in memory: what is appended can be read back, and a bake reads and writes each file once."""
+"""GLB files in memory: appended data can be read back, and a bake reads and writes each file once."""
 
 from __future__ import annotations
 
