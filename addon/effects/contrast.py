@@ -12,6 +12,7 @@ from ..plan.rates import Rate
 from ..plan.situation import Situation
 from ..settings.bake import BakeSettings
 from .pruning import EFFECT as PRUNING
+from .pruning import levels_prune
 
 if TYPE_CHECKING:
     import bpy
@@ -28,7 +29,7 @@ class Contrast(Effect):
     )
 
     def rule(self, situation: Situation) -> Rule:
-        if situation.settings.chain == "billboards" or situation.facts.leaves == 1:
+        if situation.facts.leaves == 1 or not levels_prune(situation.settings, situation.facts):
             return False, "no leaf is pruned before the first cloud takes over"
         if situation.facts.one_color:
             return False, "all leaves have the same color, so there is no contrast to keep"

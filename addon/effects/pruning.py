@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..plan.camera_visibility import pixels_of, prune_start
+from ..plan.camera_visibility import pixels_of, prune_start, share_at_level_1
 from ..plan.decision import Decision
 from ..plan.effect import Effect, Rule
+from ..plan.facts import Facts
 from ..plan.rates import Rate
 from ..plan.situation import Situation
 from ..settings.bake import BakeSettings
@@ -31,7 +32,7 @@ class Pruning(Effect):
         facts, settings, camera = situation.facts, situation.settings, situation.facts.camera
         if facts.leaves == 1:
             return False, "the foliage is one leaf, so there is nothing to prune"
-        if settings.chain == "billboards":
+        if not levels_prune(settings, facts):
             return _rule_of_scenes(situation)
         if camera is None:
             return True, f"{situation.free_camera}, so it may see {facts.leaves} leaves from far away"
@@ -49,9 +50,16 @@ class Pruning(Effect):
         return chain.look_seconds["order"] + chain.look_seconds["growth"]
 
 
+def levels_prune(settings: BakeSettings, facts: Facts) -> bool:
+    """Return whether the chain prunes leaves at some distance."""
+    return settings.chain == "pruning" or (settings.chain == "both" and share_at_level_1(settings, facts) < 1.0)
+
+
 def _rule_of_scenes(situation: Situation) -> Rule:
-    """Return the state for `chain=billboards`: the levels prune no leaves, but a scene of many trees may."""
+    """Return the state for levels that prune no leaves: a scene of many trees may still prune them."""
     facts, camera = situation.facts, situation.facts.camera
+    if camera is None and situation.settings.chain == "both":
+        return False, "the leaves are so large that level 1 takes over before any is pruned"
     if camera is None:
         return False, "`chain=billboards` keeps all leaves until level 1 takes over"
     pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)

@@ -15,7 +15,7 @@ import leafcloud
 from ..settings.bake import BakeSettings
 from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
-from .pruning import cut_off_distance
+from .pruning import cut_off_distance, share_left
 
 EPSILON_STEP = 2.5
 """Ratio of the error bounds of consecutive clouds, the same as in the Rust core."""
@@ -91,6 +91,16 @@ def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple
 def prune_start(settings: BakeSettings, facts: Facts, view: View) -> float:
     """Return d₀, the distance beyond which a leaf is smaller than the setting `prune_pixels`, in world units."""
     return far_off(facts.leaf_size, settings.prune_pixels, view)
+
+
+def share_at_level_1(settings: BakeSettings, facts: Facts) -> float:
+    """Return λ where level 1 takes over: 1 if that happens before any leaf is pruned.
+
+    λ is independent of the camera: both distances scale with the same factor.
+    """
+    start = facts.leaf_size / settings.prune_pixels
+    switch = settings.epsilon * facts.radius / settings.pixels
+    return share_left(start, switch, settings.prune_half)
 
 
 def far_off(length: float, pixels: float, view: View) -> float:

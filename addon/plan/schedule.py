@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import leafcloud
 
 from ..settings.bake import BakeSettings
-from .camera_visibility import camera_visibility, far_off, level_at
+from .camera_visibility import camera_visibility, far_off, level_at, share_at_level_1
 from .decision import Decision, is_on
 from .facts import Facts
 from .lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
-from .pruning import PruneDistances, cut_off_distance, share_left, start_for
+from .pruning import PruneDistances, cut_off_distance, start_for
 
 
 @dataclass(frozen=True)
@@ -58,17 +58,12 @@ def schedule(
 
 
 def keep_at_switch(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> float | None:
-    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before.
-
-    λ is independent of the camera: both distances scale with the same factor.
-    """
+    """Return λ, the fraction of leaves kept where level 1 takes over; None if no leaves are pruned before."""
     if settings.chain == "billboards" or not is_on(effects, "pruning"):
         return None
     if settings.chain == "pruning":
         return 1.0
-    start = facts.leaf_size / settings.prune_pixels
-    switch = settings.epsilon * facts.radius / settings.pixels
-    return share_left(start, switch, settings.prune_half)
+    return share_at_level_1(settings, facts)
 
 
 def _drawn(settings: BakeSettings, facts: Facts, ranges: Sequence[LodRange]) -> range:

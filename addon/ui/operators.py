@@ -31,6 +31,7 @@ from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
 from .measured import predicted, tell
 from .properties import bake_settings, show_plan, with_labels
 from .selection import selected_trees
+from .viewport import draw_new_levels
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
@@ -103,6 +104,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
             obj.hide_set(True)
             obj.hide_render = True
         _select(context, [level.object for tree in tree_set.trees for level in tree.levels[:1]])
+        draw_new_levels(context.view_layer)
         for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
             self.report({"WARNING"}, warning)
         levels = ", ".join(

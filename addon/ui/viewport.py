@@ -55,6 +55,12 @@ def stop_preview() -> None:
         reveal_all()
 
 
+def draw_new_levels(layer: bpy.types.ViewLayer) -> None:
+    """Restart a running preview with the levels that are visible now, as after a bake. Do nothing without a preview."""
+    if _running:
+        start_preview(layer, _running[-1].drawer)
+
+
 def is_previewed() -> bool:
     return bool(_running)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,8 @@ from lod_scenes import add_camera
 from scenes import add_mesh, read
 
 from addon.errors import SceneError
+from addon.ui.viewport import is_previewed, start_preview, stop_preview
+from addon.viewport.draw import levels_in
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -55,6 +58,29 @@ def test_a_second_bake_takes_the_place_of_the_first(sources: list[bpy.types.Obje
     assert names() == before
     assert shown() == seen
     assert [each.name for each in bpy.context.scene.collection.children if "LOD" in each.name] == []
+
+
+def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.types.Object]) -> None:
+    """Its drawing is left out: that needs a window."""
+    drawn: list[list[bpy.types.Object]] = []
+
+    def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
+        drawn.append(levels)
+        return lambda: None
+
+    bpy.ops.leafcloud.bake()
+    start_preview(bpy.context.view_layer, drawer)
+    select(*sources)
+    bpy.ops.leafcloud.bake()
+    try:
+        levels = levels_in(bpy.context.scene)
+        assert is_previewed()
+        assert drawn[-1] == levels != []
+        assert not any(level.visible_get() for level in levels)
+        stop_preview()
+        assert all(level.visible_get() for level in levels)
+    finally:
+        stop_preview()
 
 
 def test_a_selected_level_stands_for_what_it_was_made_of(sources: list[bpy.types.Object]) -> None:

@@ -27,6 +27,9 @@ from bench.browser import ask
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 BY_NAME = ("generic", "three", "bevy")
 BY_COORDINATES = ("babylon", "godot", "unity", "unreal")
+PRUNING = ("--chain", "both", "--prune-pixels", "24")
+"""Level 1 takes over where some of the shrub's leaves are pruned already."""
+
 PLAIN, PRUNED, WINDY = 44, 32, 48
 """Bytes of a vertex of the leaves: position, normal, texture coordinates and morph target; what pruning adds in sets of
 two numbers, rank and two pivots in one of eight; what wind adds to that, another pivot, phase and freedom."""
@@ -78,7 +81,7 @@ def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str,
 
 
 def test_godot_gets_two_vectors_where_nothing_blows(shrub: Path, tmp_path: Path) -> None:
-    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", "both", "--engine", "godot")
+    bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", "godot")
     [surface] = read_as_godot(tmp_path / "shrub_LOD0.glb")["shrub_LOD0"]
     assert [custom.shape[1] for custom in surface.customs] == [4, 4]
     ranks = surface.customs[0][surface.indices, 0]
@@ -124,7 +127,7 @@ def bytes_of_a_vertex(path: Path, node: str) -> float:
 @pytest.mark.parametrize("engine", ["generic", "godot"])
 def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str, Path], tmp_path: Path) -> None:
     """At most a number of padding for each attribute; a file has no accessor and no view that nothing reads."""
-    bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", "both", "--engine", engine)
+    bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", engine)
     spare = 4 if engine == "generic" else 0
     assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") <= PLAIN + PRUNED + spare
     assert bytes_of_a_vertex(folders[engine] / "shrub.glb", "shrub_LOD0") == PLAIN + WINDY
@@ -136,9 +139,12 @@ def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str,
     assert len(binary) <= sum(view["byteLength"] + 3 for view in document["bufferViews"]) + 3
 
 
-def test_leaves_that_nothing_prunes_are_stored_without_ranks(shrub: Path, tmp_path: Path) -> None:
-    report = bake(shrub, tmp_path, *QUICK, "--levels", 1)
-    assert {effect["name"]: effect["on"] for effect in report["effects"]}["pruning"] is False
+@pytest.mark.parametrize("chain", ["billboards", "both"])
+def test_leaves_that_nothing_prunes_are_stored_without_ranks(chain: str, shrub: Path, tmp_path: Path) -> None:
+    """By default the shrub's leaves are too large for `both`: level 1 takes over before any is pruned."""
+    report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", chain)
+    states = {effect["name"]: effect["on"] for effect in report["effects"]}
+    assert (states["pruning"], states["contrast"]) == (False, False)
     assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") == PLAIN
 
 

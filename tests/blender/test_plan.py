@@ -190,7 +190,7 @@ def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
 @pytest.mark.parametrize("chain", ["pruning", "both"])
 @pytest.mark.parametrize("engine", ["generic", "three"])
 def test_chains_that_prune_call_for_pruning_where_the_viewer_may_be_anywhere(chain: str, engine: str) -> None:
-    plan = plan_of(add_crown(), BakeSettings(chain=chain, engine=engine))
+    plan = plan_of(add_crown(), BakeSettings(chain=chain, engine=engine, prune_pixels=24.0))
     assert plan["pruning"].on is True
     assert plan["pruning"].reason.endswith(f"so it may see {CARDS} leaves from far away")
 
@@ -314,7 +314,7 @@ def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
 
 def test_only_leaves_of_several_colours_have_a_contrast_to_keep() -> None:
     crown = add_crown()
-    settings = BakeSettings(chain="both")
+    settings = BakeSettings(chain="both", prune_pixels=24.0)
     plan = plan_of(crown, settings)
     assert plan["contrast"].on is False
     assert plan["contrast"].reason == "all leaves have the same color, so there is no contrast to keep"

@@ -14,8 +14,8 @@ import addon.effects
 from addon.effects.back_sides import EFFECT as BACK_SIDES
 from addon.plan.decision import Decision, first_on, is_on
 from addon.plan.effects import camera_note, plan_channels, plan_effects
-from addon.plan.facts import Facts
-from addon.plan.lod_range import LodRange, lod_ranges, rising, trunk_range
+from addon.plan.facts import Camera, Facts
+from addon.plan.lod_range import LodRange, View, lod_ranges, rising, trunk_range
 from addon.plan.registry import all_effects
 from addon.settings.bake import BakeSettings, SettingsError
 from addon.settings.effects import EFFECTS
@@ -90,6 +90,17 @@ def test_occlusion_shares_its_texture_with_gloss(effect: str) -> None:
 def test_one_leaf_is_not_pruned() -> None:
     effects = plan_effects(BakeSettings(chain="both"), replace(FACTS, leaves=1))
     assert states(effects)["pruning"] is False
+
+
+@pytest.mark.parametrize("camera", [None, Camera(((2.0, 100.0),), View(), moves=True)])
+@pytest.mark.parametrize(("leaf", "pruned"), [(0.079, True), (0.081, False)])
+def test_chain_both_prunes_only_leaves_that_are_small_enough(leaf: float, pruned: bool, camera: Camera | None) -> None:
+    """By default a leaf is pruned below 16 pixels, and level 1 takes over where 0.04 R is 8 pixels long: at 0.08 R."""
+    facts = replace(FACTS, area=FACTS.leaves * leaf**2, camera=camera)
+    plan = {effect.name: effect for effect in plan_effects(BakeSettings(chain="both"), facts)}
+    assert (plan["pruning"].on, plan["contrast"].on) == (pruned, pruned)
+    if not pruned and camera is None:
+        assert plan["pruning"].reason == "the leaves are so large that level 1 takes over before any is pruned"
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,10 @@ call = lambda: leafcloud.blend_order(positions, triangles)
 chain = leafcloud.build_chain(leafcloud.Foliage(*squares(300)), levels=1, cross=False, texture_size=4096, samples=1)
 call = lambda: chain.levels[0].ktx2("base_color")
 """,
+    "build_chain": """
+foliage = leafcloud.Foliage(*squares(300))
+call = lambda: leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=8192, samples=16)
+""",
     "Foliage": """
 positions, triangles = squares(1_500_000)
 call = lambda: leafcloud.Foliage(positions, triangles)
@@ -79,6 +83,35 @@ if child == 0:
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 
+JOB_OF_THE_PARENT = """
+foliage = leafcloud.Foliage(*squares(20_000))
+job = leafcloud.start_fit(foliage, effort="best")
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    try:
+        job.result()
+    except leafcloud.LeafcloudError as error:
+        os._exit(0 if job.done and "forked" in str(error) else 1)
+    os._exit(2)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+job.cancel()
+"""
+
+CANCELLED = """
+foliage = leafcloud.Foliage(*squares(300))
+job = leafcloud.start_chain(foliage, levels=1, cross=False, texture_size=8192, samples=16)
+while job.stage != "bake":
+    time.sleep(0.01)
+time.sleep(0.5)
+begin, before = time.monotonic(), job.fraction
+job.cancel()
+try:
+    job.result()
+except leafcloud.CancelledError:
+    print(f"{before} after {time.monotonic() - begin:.2f}")
+"""
+
 
 def said(script: str) -> str:
     """The output of a script that must end."""
@@ -97,3 +130,14 @@ def test_an_interrupt_is_answered_within_a_second(name: str) -> None:
 
 def test_a_forked_child_has_threads_of_its_own() -> None:
     assert said(FORKED) == "0"
+
+
+def test_a_job_of_the_parent_is_refused_in_a_forked_child() -> None:
+    assert said(JOB_OF_THE_PARENT) == "0"
+
+
+def test_a_page_that_is_being_baked_can_be_cancelled() -> None:
+    """The whole page would take about a minute."""
+    fraction, _, seconds = said(CANCELLED).partition(" after ")
+    assert 0.0 < float(fraction) < 1.0
+    assert float(seconds) < 1.0 + 0.7

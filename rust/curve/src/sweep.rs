@@ -159,8 +159,8 @@ impl Rest {
 fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
     let all = settings.views.order;
     let few = all.div_ceil(8);
-    visibility(foliage, settings.up, few.min(1))?; // The first view builds the texture pyramids.
-    let (_, seconds) = timed(|| visibility(foliage, settings.up, few))?;
+    visibility(foliage, settings.up, few.min(1), Progress::silent())?; // The first view builds the texture pyramids.
+    let (_, seconds) = timed(|| visibility(foliage, settings.up, few, Progress::silent()))?;
     Ok(seconds * all as f64 / few.max(1) as f64)
 }
 

@@ -1,7 +1,8 @@
 //! Fits, chains and cost curves: blocking with the GIL released, or as a `Job` on a separate thread.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use leafcloud::lod::{self, Chain, ChainSettings};
@@ -108,64 +109,78 @@ impl Work {
     }
 
     /// Runs the work on a separate thread. This thread, the only one that receives Ctrl-C, calls `progress` meanwhile.
-    fn run_here(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
+    ///
+    /// After Ctrl-C the call raises at once, and the work stops at its next report.
+    fn run_here(self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
         if let Some(progress) = progress.as_ref().map(|p| p.bind(py)).filter(|p| !p.is_callable()) {
             return Err(refuse(format!(
                 "progress is {}; it must be a function of a stage and a fraction",
                 shown(progress)
             )));
         }
-        let cancelled = AtomicBool::new(false);
-        let (told, tells) = mpsc::channel::<(String, f64)>();
-        let (answered, answers) = mpsc::channel::<()>();
-        let (tells, answers) = (Mutex::new(tells), Mutex::new(answers));
-        let asks = progress.is_some();
-        let report = move |stage: &str, fraction: f64, told: &mpsc::Sender<(String, f64)>| {
-            if asks && told.send((stage.to_owned(), fraction)).is_ok() {
-                let _ = lock(&answers).recv();
-            }
-        };
-        let mut raised: Option<PyErr> = None;
-        let result = py.detach(|| {
-            std::thread::scope(|scope| {
-                let cancelled = &cancelled;
-                let told = Mutex::new(told);
-                let work = scope.spawn(move || {
-                    let report = |stage: &str, fraction: f64| {
-                        report(stage, fraction, &lock(&told));
-                        !cancelled.load(Ordering::Relaxed)
-                    };
-                    guard(|| self.run(Progress::new(&report), None))
-                });
-                while !work.is_finished() {
-                    let tell = lock(&tells).recv_timeout(PATIENCE).ok();
-                    let wish = Python::attach(|py| {
-                        py.check_signals()?;
-                        let (Some(callback), Some((stage, fraction))) = (&progress, &tell) else { return Ok(true) };
-                        let answer = callback.bind(py).call1((stage, *fraction))?;
-                        Ok(answer.extract::<bool>().unwrap_or(true))
-                    });
-                    let goes_on = wish.unwrap_or_else(|error| {
-                        raised.get_or_insert(error);
-                        false
-                    });
-                    if !goes_on {
-                        cancelled.store(true, Ordering::Relaxed);
+        let (events, mut happened) = mpsc::channel();
+        let (answer, answers) = mpsc::channel();
+        let stopped = Arc::new(AtomicBool::new(false));
+        let caller =
+            Caller { listens: progress.is_some(), events, answers: Mutex::new(answers), stopped: Arc::clone(&stopped) };
+        work::start(move || {
+            let report = |stage: &str, fraction: f64| caller.tell(stage, fraction);
+            let result = guard(|| self.run(Progress::new(&report), None));
+            let _ = caller.events.send(Event::Ended(result)); // Nobody receives it after Ctrl-C.
+        })?;
+        let stop = |_: &PyErr| stopped.store(true, Ordering::Relaxed);
+        loop {
+            let waited = &mut happened;
+            match py.detach(move || waited.recv_timeout(PATIENCE)) {
+                Ok(Event::Ended(result)) => return result?.into_python(py),
+                Ok(Event::Told { stage, fraction, waits }) => {
+                    let callback = progress.as_ref().map(|callback| callback.bind(py).call1((stage, fraction)));
+                    let wish = callback.transpose().inspect_err(stop)?;
+                    if wish.is_some_and(|wish| matches!(wish.extract(), Ok(false))) {
+                        stopped.store(true, Ordering::Relaxed);
                     }
-                    if tell.is_some() {
-                        let _ = answered.send(());
+                    if waits {
+                        let _ = answer.send(());
                     }
                 }
-                work.join()
-            })
-        });
-        if let Some(error) = raised {
-            return Err(error);
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
+            }
+            py.check_signals().inspect_err(stop)?;
         }
-        match result {
-            Ok(result) => result?.into_python(py),
-            Err(_) => Err(refuse("the work ended without a result".to_owned())),
+    }
+}
+
+/// A message of the work to its caller.
+enum Event {
+    Told { stage: String, fraction: f64, waits: bool },
+    Ended(Result<Output, Failure>),
+}
+
+/// The calling thread as the work sees it.
+struct Caller {
+    /// Whether the caller wants to hear of progress.
+    listens: bool,
+    events: mpsc::Sender<Event>,
+    answers: Mutex<mpsc::Receiver<()>>,
+    stopped: Arc<AtomicBool>,
+}
+
+impl Caller {
+    /// Tells the caller of progress, and returns whether to continue.
+    ///
+    /// The work waits for the caller's answer, except on rayon's threads: the caller's function may itself call the core, which needs
+    /// these threads.
+    fn tell(&self, stage: &str, fraction: f64) -> bool {
+        if self.listens {
+            let waits = rayon::current_thread_index().is_none();
+            let answers = waits.then(|| lock(&self.answers));
+            let told = self.events.send(Event::Told { stage: stage.to_owned(), fraction, waits });
+            if let (Ok(()), Some(answers)) = (told, answers) {
+                let _ = answers.recv();
+            }
         }
+        !self.stopped.load(Ordering::Relaxed)
     }
 }
 
@@ -258,7 +273,11 @@ impl Shared {
 }
 
 #[pyclass(name = "Job", module = "leafcloud", frozen, generic)]
-pub struct PyJob(Arc<Shared>);
+pub struct PyJob {
+    shared: Arc<Shared>,
+    /// The process that runs the work.
+    process: u32,
+}
 
 impl Drop for PyJob {
     /// Cancels the work: without the job nothing can take the result.
@@ -266,6 +285,9 @@ impl Drop for PyJob {
         self.cancel();
     }
 }
+
+const FORKED: &str =
+    "the job was started before this process was forked, and runs in its parent only; start it again in this process";
 
 impl PyJob {
     fn start(work: Work) -> PyResult<Self> {
@@ -279,11 +301,17 @@ impl PyJob {
             worker.ended.notify_all();
         };
         work::start(body)?;
-        Ok(Self(shared))
+        Ok(Self { shared, process: std::process::id() })
     }
 
+    /// Returns the result once the work has ended. In a forked child it ends at once: a fork does not copy the thread of the work, and may
+    /// copy its lock while it is held.
     fn ended(&self) -> Option<Result<Output, Failure>> {
-        lock(&self.0.result).clone()
+        if self.process == std::process::id() {
+            return lock(&self.shared.result).clone();
+        }
+        let known = self.shared.result.try_lock().ok().and_then(|result| result.clone());
+        Some(known.unwrap_or_else(|| Err(Failure::Refused(FORKED.to_owned()))))
     }
 }
 
@@ -291,29 +319,29 @@ impl PyJob {
 impl PyJob {
     #[getter]
     fn stage(&self) -> String {
-        lock(&self.0.stage).clone()
+        lock(&self.shared.stage).clone()
     }
 
     #[getter]
     fn fraction(&self) -> f64 {
-        f64::from_bits(self.0.fraction.load(Ordering::Relaxed))
+        f64::from_bits(self.shared.fraction.load(Ordering::Relaxed))
     }
 
     #[getter]
     fn done(&self) -> bool {
-        lock(&self.0.result).is_some()
+        self.ended().is_some()
     }
 
     #[getter]
     fn best(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         match self.ended() {
             Some(Ok(output)) => output.into_python(py).map(Some),
-            _ => lock(&self.0.best).clone().map(|output| output.into_python(py)).transpose(),
+            _ => lock(&self.shared.best).clone().map(|output| output.into_python(py)).transpose(),
         }
     }
 
     fn cancel(&self) {
-        self.0.cancelled.store(true, Ordering::Relaxed);
+        self.shared.cancelled.store(true, Ordering::Relaxed);
     }
 
     #[pyo3(signature = (timeout = None))]
@@ -321,11 +349,6 @@ impl PyJob {
         let wait = timeout.map(|seconds| Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX));
         let started = Instant::now();
         loop {
-            py.detach(|| {
-                let result = lock(&self.0.result);
-                let pause = wait.map_or(PATIENCE, |w| w.saturating_sub(started.elapsed()).min(PATIENCE));
-                drop(self.0.ended.wait_timeout_while(result, pause, |r| r.is_none()));
-            });
             if let Some(result) = self.ended() {
                 return result?.into_python(py);
             }
@@ -333,6 +356,11 @@ impl PyJob {
             if wait.is_some_and(|w| started.elapsed() >= w) {
                 return Err(PyTimeoutError::new_err(format!("not done after {} s", timeout.unwrap_or_default())));
             }
+            py.detach(|| {
+                let result = lock(&self.shared.result);
+                let pause = wait.map_or(PATIENCE, |w| w.saturating_sub(started.elapsed()).min(PATIENCE));
+                drop(self.shared.ended.wait_timeout_while(result, pause, |r| r.is_none()));
+            });
         }
     }
 }

@@ -4,6 +4,7 @@
 mod common;
 
 use glam::{DVec3, Vec3, Vec4};
+use leafcloud::Progress;
 use leafcloud::foliage::{Foliage, Image, Material};
 use leafcloud::gltf;
 use leafcloud::lod::{PruneSettings, prune_trends};
@@ -45,10 +46,10 @@ fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let reference = reference(foliage, views());
     let seen = |foliage: &Foliage| reference.agreement(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
-    let visible = visibility(foliage, DVec3::Z, 16).expect("pixels");
+    let visible = visibility(foliage, DVec3::Z, 16, Progress::silent()).expect("pixels");
     for seed in 0..SEEDS {
         let ranks = order(foliage, &visible, seed);
-        let growth = prune_trends::growth(foliage, &ranks, DVec3::Z).expect("pixels");
+        let growth = prune_trends::growth(foliage, &ranks, DVec3::Z, Progress::silent()).expect("pixels");
         for (i, &keep) in KEEPS.iter().enumerate() {
             let by_area = |growth: f64| pruned(foliage, &ranks, keep, growth).expect("leaves are left").foliage;
             means[0][i] += seen(&by_area(growth.factor(keep)));
@@ -139,12 +140,13 @@ fn main() {
             println!("| {name} | {size} | | its leaves have one color | |");
             continue;
         }
-        let seen = visibility(foliage, DVec3::Z, 16).expect("pixels");
+        let seen = visibility(foliage, DVec3::Z, 16, Progress::silent()).expect("pixels");
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
                 let ranks = order(foliage, &seen, seed);
-                let growth = prune_trends::growth(foliage, &ranks, DVec3::Z).expect("pixels");
-                let trend = prune_trends::contrast(foliage, &ranks, growth, &settings, DVec3::Z).expect("pixels");
+                let growth = prune_trends::growth(foliage, &ranks, DVec3::Z, Progress::silent()).expect("pixels");
+                let trend = prune_trends::contrast(foliage, &ranks, growth, &settings, DVec3::Z, Progress::silent())
+                    .expect("pixels");
                 let kappa = trend.factor(KEEP).min(1.0);
                 let pruned = pruned(foliage, &ranks, KEEP, growth.factor(KEEP)).expect("leaves are left").foliage;
                 [

@@ -47,24 +47,27 @@ pub(super) fn build(
     let atlas = fitting(&planes, &outlines, most, texel, two_sided)?;
     let packed = Instant::now();
 
-    progress.tell("bake", 0.2)?;
-    let (page, channel_seconds) =
-        bake_timed(&atlas, finer_samples(settings.samples, atlas.size, most), channels, |plane| {
-            let plane = planes[plane as usize];
-            let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
-                reach: f64::INFINITY,
-                foliage,
-                triangle,
-                targets: corners.map(|p| plane.project(p)),
-                corners,
-            };
-            triangles.iter().map(project).collect()
-        });
+    let baking = progress.part(0.2, 0.8);
+    baking.tell("bake", 0.0)?;
+    let drawn = |plane: u32| {
+        let plane = planes[plane as usize];
+        let project = |&(foliage, triangle, corners): &(_, usize, [DVec3; 3])| Drawn {
+            reach: f64::INFINITY,
+            foliage,
+            triangle,
+            targets: corners.map(|p| plane.project(p)),
+            corners,
+        };
+        triangles.iter().map(project).collect()
+    };
+    let samples = finer_samples(settings.samples, atlas.size, most);
+    let (page, channel_seconds) = bake_timed(&atlas, samples, channels, drawn, baking)?;
     let baked = Instant::now();
-    progress.tell("bake", 0.8)?;
+    progress.tell("tune", 0.8)?;
     let references = References::new(parts, parts, &frame, settings)?;
     let alpha_cutoff =
         if settings.blended { 0.0 } else { tune::cutoff(&atlas, &page, &frame, !two_sided, &references.tuning)? };
+    progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
     let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let coverage = pictures.coverage();

@@ -173,19 +173,21 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         layout(step, settings, progress.part(0.0, 0.65))?;
     let packed = Instant::now();
 
-    progress.tell("bake", 0.65)?;
+    let baking = progress.part(0.65, 0.9);
+    baking.tell("bake", 0.0)?;
     // A texture for both sides shows single-sided leaves from both sides.
     let either = if two_sided { None } else { Some(finer.double_sided()) };
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
     // A blended triangle that is drawn on two billboards would cover twice as much.
     let (page, channel_seconds) = if settings.close_gaps && !settings.blended {
-        bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection))
+        bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection), baking)?
     } else {
-        bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection))
+        bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection), baking)?
     };
     let baked = Instant::now();
-    progress.tell("bake", 0.9)?;
+    let tuning = |share: f64| progress.tell("tune", share);
+    tuning(0.9)?;
     let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
     let (page, alpha_cutoff) = if settings.blended {
         (tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?, 0.0)
@@ -194,10 +196,13 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         let views = tune::views_of_places(settings.views.places, settings.up)?;
         let before = Reference::new(&[&collapsed], finer.frame(), views)?;
         let best = tune::cutoff(&atlas, &page, finer.frame(), !two_sided, &before)?;
+        tuning(0.92)?;
         let cutoff = tune::matched(best, &atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?;
         (page, cutoff)
     };
+    tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
+    tuning(0.98)?;
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();

@@ -93,16 +93,18 @@ pub fn build_chain(
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = MeasuringSeconds::default();
     let mut seen = Vec::new();
+    // The measurements stay at the fraction 0; they report to be cancelled.
+    let measuring = progress.part(0.0, 0.0);
     if settings.views.order > 0 {
-        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.views.order))?;
+        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.views.order, measuring))?;
     }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
     let pivots = pivots(foliage);
     let (mut growth, mut contrast) = Default::default();
     if let Some(pruning) = &settings.pruning {
-        growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up))?;
+        growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up, measuring))?;
         if pruning.contrast {
-            let measure = || prune_trends::contrast(foliage, &ranks, growth, pruning, settings.up);
+            let measure = || prune_trends::contrast(foliage, &ranks, growth, pruning, settings.up, measuring);
             contrast = timed(&mut seconds.contrast, measure)?;
         }
     }
@@ -113,10 +115,12 @@ pub fn build_chain(
         Some(Pruned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
     };
+    measuring.tell("measure", 0.0)?;
     let references = References::new(&[foliage], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&trunk).collect();
+    measuring.tell("measure", 0.0)?;
     let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
     let prepare_seconds = started.elapsed().as_secs_f64();
     let count = settings.levels + usize::from(settings.cross);

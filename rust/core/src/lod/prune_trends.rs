@@ -12,6 +12,7 @@ use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::metrics::{Reference, Views};
+use crate::progress::Progress;
 use crate::prune::{Trend, pruned};
 use crate::textures::Samples;
 
@@ -31,19 +32,22 @@ const LEAST_CONTRAST: f64 = -3.0;
 /// Measures γ, the growth of pruned leaves beyond the growth that keeps their area. With it they cover as much as all leaves.
 ///
 /// # Errors
-/// A picture without pixels. If no kept leaf has an area, there is nothing to measure and γ is 1.
-pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3) -> Result<Trend> {
+/// A picture without pixels; [`crate::Error::Cancelled`]. If no kept leaf has an area, there is nothing to measure and γ is 1.
+pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3, progress: Progress) -> Result<Trend> {
     let reference = Reference::new(&[foliage], foliage.frame(), views_of_amounts(ViewCounts::default().amounts, up)?)?;
-    let [a, b] = GROWTH_KEEPS.map(|keep| growth_at(foliage, ranks, &reference, keep));
-    Ok(Trend::through(GROWTH_KEEPS, [a?, b?]))
+    let at = |keep: f64| {
+        growth_at(|logarithm| {
+            progress.tell("measure", 0.0)?;
+            let Ok(pruned) = pruned(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
+            Ok(Some(libm::log(reference.agreement(&pruned.foliage)?.coverage)).filter(|found| found.is_finite()))
+        })
+    };
+    let [a, b] = GROWTH_KEEPS;
+    Ok(Trend::through(GROWTH_KEEPS, [at(a)?, at(b)?]))
 }
 
-/// Returns the best ln γ found at a λ, by the secant method on ln coverage.
-fn growth_at(foliage: &Foliage, ranks: &[f32], reference: &Reference, keep: f64) -> Result<f64> {
-    let coverage = |logarithm: f64| -> Result<Option<f64>> {
-        let Ok(pruned) = pruned(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
-        Ok(Some(libm::log(reference.agreement(&pruned.foliage)?.coverage)).filter(|found| found.is_finite()))
-    };
+/// Returns the best ln γ found at a λ, by the secant method on `coverage`: ln of the coverage at a ln γ, `None` if nothing is visible.
+fn growth_at(coverage: impl Fn(f64) -> Result<Option<f64>>) -> Result<f64> {
     let (mut at, mut slope) = (0.0, 2.0);
     let Some(mut found) = coverage(at)? else { return Ok(0.0) };
     let mut best = (found.abs(), at);
@@ -66,15 +70,23 @@ fn growth_at(foliage: &Foliage, ranks: &[f32], reference: &Reference, keep: f64)
 /// the crown sizes at which that many leaves are kept. At most 1.
 ///
 /// # Errors
-/// A picture without pixels.
-pub fn contrast(foliage: &Foliage, ranks: &[f32], growth: Trend, settings: &PruneSettings, up: DVec3) -> Result<Trend> {
+/// A picture without pixels; [`crate::Error::Cancelled`].
+pub fn contrast(
+    foliage: &Foliage,
+    ranks: &[f32],
+    growth: Trend,
+    settings: &PruneSettings,
+    up: DVec3,
+    progress: Progress,
+) -> Result<Trend> {
     let at = |keep: f64| -> Result<f64> {
+        progress.tell("measure", 0.0)?;
         let views =
             Views { count: 12, size: settings.crown_pixels(foliage, keep), samples: Samples::new(4)?, up, turn: 0.25 };
         let reference = Reference::new(&[foliage], foliage.frame(), views)?;
         let Ok(pruned) = pruned(foliage, ranks, keep, growth.factor(keep)) else { return Ok(0.0) };
         Ok(libm::log(reference.contrast(&pruned.foliage)?).clamp(LEAST_CONTRAST, 0.0))
     };
-    let [a, b] = CONTRAST_KEEPS.map(at);
-    Ok(Trend::through(CONTRAST_KEEPS, [a?, b?]))
+    let [a, b] = CONTRAST_KEEPS;
+    Ok(Trend::through(CONTRAST_KEEPS, [at(a)?, at(b)?]))
 }

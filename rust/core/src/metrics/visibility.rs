@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::{Views, render};
 use crate::error::Result;
 use crate::foliage::Foliage;
+use crate::progress::Progress;
 use crate::textures::Samples;
 
 /// Width and height of the images, in pixels: from 16 directions, some hundred samples of a leaf among ten thousand.
@@ -15,15 +16,16 @@ const SIZE: usize = 128;
 /// never count as visible, so only ratios between leaves are meaningful. Counts are the same on any machine.
 ///
 /// # Errors
-/// An `up` without a finite length above 0.
-pub fn visibility(foliage: &Foliage, up: DVec3, count: usize) -> Result<Vec<f64>> {
+/// An `up` without a finite length above 0; [`crate::Error::Cancelled`].
+pub fn visibility(foliage: &Foliage, up: DVec3, count: usize, progress: Progress) -> Result<Vec<f64>> {
     if count == 0 {
         return Ok(Vec::new());
     }
     let views = Views { count, size: SIZE, samples: Samples::default(), up, turn: 0.25 };
     let mut seen = vec![0.0; foliage.leaf_count()];
     let mut facing = seen.clone();
-    for view in views.around(foliage.frame()) {
+    for (number, view) in views.around(foliage.frame()).enumerate() {
+        progress.tell("measure", number as f64 / count as f64)?;
         let samples = render::seen_samples(foliage, &view)?;
         let side = (view.size * view.samples.side()) as f64;
         let per_area = (side * foliage.frame().radius / (2.0 * view.radius)).powi(2);
@@ -57,7 +59,9 @@ mod tests {
     #[test]
     fn a_leaf_alone_is_seen_whole_from_everywhere() {
         for across in 0..3 {
-            let seen = visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z, 16).unwrap();
+            let seen =
+                visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z, 16, Progress::silent())
+                    .unwrap();
             assert!((seen[0] - 1.0).abs() < 0.01, "{seen:?}");
         }
     }
@@ -69,9 +73,9 @@ mod tests {
             (if i < 3 { axis } else { -axis }, i % 3, 2.0)
         });
         let mut places: Vec<_> = sides.collect();
-        let outside = visibility(&squares(&places), DVec3::Z, 16).unwrap();
+        let outside = visibility(&squares(&places), DVec3::Z, 16, Progress::silent()).unwrap();
         places.push((DVec3::ZERO, 0, 0.5));
-        let seen = visibility(&squares(&places), DVec3::Z, 16).unwrap();
+        let seen = visibility(&squares(&places), DVec3::Z, 16, Progress::silent()).unwrap();
         assert_eq!(seen[6], 0.0);
         assert_eq!(seen[..6], outside);
         // One of two opposite sides is visible from anywhere.

@@ -29,8 +29,10 @@ pub use raster::{Canvas, ScreenTriangle, Seen, Shader, Window, count_seen, raste
 pub use samples::Samples;
 pub use sky::{Outlook, Sky};
 
-use crate::atlas::{Atlas, Billboard};
+use crate::atlas::{Atlas, Billboard, PageSize};
+use crate::error::Result;
 use crate::foliage::Foliage;
+use crate::progress::Progress;
 
 /// Seconds spent on each image of an atlas page, by name.
 pub type ChannelSeconds = Vec<(&'static str, f64)>;
@@ -62,10 +64,14 @@ pub fn bake<'a>(
     channels: (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
 ) -> Page {
-    bake_timed(atlas, samples, channels, drawn).0
+    let baked = bake_timed(atlas, samples, channels, drawn, Progress::silent());
+    baked.expect("nobody cancels a silent progress").0
 }
 
-/// Renders the page as [`bake`] does; also returns the seconds spent on each of its images.
+/// Renders the page as [`bake`] does; also returns the seconds spent on each of its images. Reports progress.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
 ///
 /// # Panics
 /// Never: base color is always among the channels.
@@ -74,7 +80,8 @@ pub fn bake_timed<'a>(
     samples: Samples,
     (channels, sky): (&Channels, Option<&Sky>),
     drawn: impl Fn(u32) -> Vec<Drawn<'a>> + Sync,
-) -> (Page, ChannelSeconds) {
+    progress: Progress,
+) -> Result<(Page, ChannelSeconds)> {
     let places: Vec<ToPage> = atlas.billboards.iter().map(ToPage::new).collect();
     let place = |index: usize| {
         let drawn = drawn(atlas.billboards[index].plane);
@@ -82,10 +89,14 @@ pub fn bake_timed<'a>(
     };
     let triangles: Vec<ScreenTriangle> = (0..places.len()).into_par_iter().flat_map_iter(place).collect();
     let channels = channels.list(sky);
-    let (canvases, spent) = rasterise_timed(&triangles, atlas.size.width, atlas.size.height, samples, &channels);
-    let mut seconds: ChannelSeconds = channels.iter().map(|channel| channel.name()).zip(spent).collect();
-    let of_image = seconds.iter_mut().map(|(_, seconds)| seconds);
-    let images = channels.into_iter().zip(canvases).zip(of_image).map(|((channel, mut canvas), seconds)| {
+    let PageSize { width, height } = atlas.size;
+    let (canvases, spent) =
+        rasterise_timed(&triangles, width, height, samples, &channels, progress.part(0.0, RENDERED))?;
+    let filling = progress.part(RENDERED, 1.0);
+    let count = channels.len() as f64;
+    let (mut images, mut seconds) = (Vec::new(), ChannelSeconds::new());
+    for (channel, (mut canvas, shading)) in channels.into_iter().zip(canvases.into_iter().zip(spent)) {
+        filling.tell("bake", images.len() as f64 / count)?;
         let started = Instant::now();
         if channel.is_label() {
             labels::spread(&mut canvas);
@@ -93,12 +104,15 @@ pub fn bake_timed<'a>(
             dilate::fill_transparent(&mut canvas);
         }
         let image = channel.to_image(&canvas);
-        *seconds += started.elapsed().as_secs_f64();
-        (channel, image)
-    });
+        seconds.push((channel.name(), shading + started.elapsed().as_secs_f64()));
+        images.push((channel, image));
+    }
     let page = Page::of(images).expect("base color is always there");
-    (page, seconds)
+    Ok((page, seconds))
 }
+
+/// The share of a bake's time that rendering takes; the rest fills gaps.
+const RENDERED: f64 = 0.8;
 
 /// Map from a billboard's plane to texels of the atlas page.
 struct ToPage {

@@ -10,13 +10,16 @@
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::samples::{Edges, Samples, TILE, Thresholds};
+use crate::error::Result;
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
+use crate::progress::Progress;
 
 /// A triangle in pixels: x to the right, y down from the upper left corner, z toward the viewer.
 #[derive(Clone)]
@@ -94,6 +97,9 @@ pub struct Canvas {
 }
 
 /// Draws the triangles on one canvas for each shader, each `width` × `height` pixels, both at least 1.
+///
+/// # Panics
+/// Never: nobody cancels.
 #[must_use]
 pub fn rasterise(
     triangles: &[ScreenTriangle<'_>],
@@ -102,18 +108,23 @@ pub fn rasterise(
     samples: Samples,
     shaders: &[impl Shader],
 ) -> Vec<Canvas> {
-    rasterise_timed(triangles, width, height, samples, shaders).0
+    let drawn = rasterise_timed(triangles, width, height, samples, shaders, Progress::silent());
+    drawn.expect("nobody cancels a silent progress").0
 }
 
 /// Draws as [`rasterise`] does; also returns the seconds for shading each canvas, as its share of all threads' time. Visibility is not
-/// included.
+/// included. Reports progress after each row of tiles.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
 pub(super) fn rasterise_timed<'a>(
     triangles: &[ScreenTriangle<'a>],
     width: usize,
     height: usize,
     samples: Samples,
     shaders: &[impl Shader],
-) -> (Vec<Canvas>, Vec<f64>) {
+    progress: Progress,
+) -> Result<(Vec<Canvas>, Vec<f64>)> {
     let started = Instant::now();
     // Nanoseconds for visibility, then for each shader.
     let spent: Vec<AtomicU64> = (0..=shaders.len()).map(|_| AtomicU64::new(0)).collect();
@@ -128,6 +139,7 @@ pub(super) fn rasterise_timed<'a>(
             band.push(pixels);
         }
     }
+    let rows_done = Mutex::new(0);
     let draw = |tile: &mut Tile<'a>, (row, mut band): (usize, Vec<&mut [Vec4]>)| {
         for column in 0..tiles.columns {
             let index = row * tiles.columns + column;
@@ -147,11 +159,15 @@ pub(super) fn rasterise_timed<'a>(
                 spend(1 + number);
             }
         }
+        // The lock keeps the reports of all threads in order.
+        let mut done = rows_done.lock().unwrap_or_else(PoisonError::into_inner);
+        *done += 1;
+        progress.tell("bake", f64::from(*done) / tiles.rows as f64)
     };
-    bands.into_par_iter().enumerate().for_each_init(|| Tile::new(samples), draw);
+    bands.into_par_iter().enumerate().try_for_each_init(|| Tile::new(samples), draw)?;
     let spent: Vec<f64> = spent.into_iter().map(|nanoseconds| nanoseconds.into_inner() as f64).collect();
     let share = started.elapsed().as_secs_f64() / spent.iter().sum::<f64>().max(1.0);
-    (canvases, spent[1..].iter().map(|each| each * share).collect())
+    Ok((canvases, spent[1..].iter().map(|each| each * share).collect()))
 }
 
 /// Returns the number of samples at which each triangle is visible on a canvas of `width` × `height` pixels.
