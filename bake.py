@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from addon.mesh.extract import Tree
     from addon.mesh.trees import Groups
     from addon.plan.decision import Decision
+    from addon.plan.effects import CameraNote
     from addon.settings.bake import BakeSettings
 
 ROOT = Path(__file__).resolve().parent
@@ -104,7 +105,7 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
 
     try:
         if options.plan_only:
-            return _plan(options, settings)
+            return _plan(options, settings, console)
         if options.cost_curve:
             return _measure_curve(options, settings, console)
         return _bake(options, settings, console)
@@ -168,16 +169,17 @@ def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
     return groups
 
 
-def _plan(options: argparse.Namespace, settings: BakeSettings) -> str:
+def _plan(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
     import bpy
 
     from addon.bake.pipeline import layer_of
-    from addon.bake.tree_set import plan_tree_set
+    from addon.bake.tree_set import camera_notes, plan_tree_set
     from addon.plan.effects import joint_effects
     from addon.settings.flags import with_flags
 
     trees, _ = _trees(options)
     planned = plan_tree_set(trees, settings, layer_of(bpy.context.scene), with_flags)
+    console.notes(camera_notes(planned.values()))
     effects = joint_effects([each.effects for each in planned.values()])
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
@@ -217,8 +219,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     scene = bpy.context.scene
     stages("prepare", 0.0)
     prepared = prepare_tree_set(trees, settings, layer_of(scene), with_flags)
-    for note in camera_notes(prepared.values()):
-        console.note(with_flags(f"{note.text}; `viewer={note.viewer}` makes {_MADE[note.viewer]}"))
+    console.notes(camera_notes(prepared.values()))
     clear_scene(scene)
     tree_set = bake_tree_set(prepared, scene, name, stages)
     make_self_contained()
@@ -286,26 +287,32 @@ class _Console:
         for warning in warnings:
             print(f"{PROGRAM}: warning: {warning}", file=self._err, flush=True)
 
-    def note(self, text: str) -> None:
-        print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
+    def notes(self, notes: Sequence[CameraNote]) -> None:
+        from addon.settings.flags import with_flags
+
+        for note in notes:
+            remedy = f"; `viewer={note.viewer}` makes {_MADE[note.viewer]}" if note.viewer else ""
+            text = with_flags(note.text + remedy)
+            print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
 
     def refuse(self, reason: str) -> None:
         print(f"{PROGRAM}: {' '.join(reason.split())}", file=self._err, flush=True)
 
 
 class _Stages:
-    """Print the name of each stage that takes more than a second, as soon as it does."""
+    """Print the name of each stage that takes more than a second, as soon as it does, and only once."""
 
     def __init__(self, console: _Console) -> None:
         self._console = console
-        self._stage, self._begin, self._told = "", time.monotonic(), True
+        self._stage, self._begin = "", time.monotonic()
+        self._told = {self._stage}
 
     def __call__(self, stage: str, fraction: float) -> None:
-        if not self._told and time.monotonic() - self._begin > SLOW_SECONDS:
-            self._told = True
+        if self._stage not in self._told and time.monotonic() - self._begin > SLOW_SECONDS:
+            self._told.add(self._stage)
             self._console.progress(self._stage)
         if stage != self._stage:
-            self._stage, self._begin, self._told = stage, time.monotonic(), False
+            self._stage, self._begin = stage, time.monotonic()
 
 
 @contextmanager

@@ -139,9 +139,10 @@ class ChainsJob:
     def stage(self) -> str:
         """The present stage, with the tree's name if there are several; empty before the first stage."""
         finished, job, names = self._finished, self._job, list(self._prepared)  # Read once: the thread runs on.
-        if job is None or len(names) == 1:
-            return "" if job is None else job.stage
-        return "share pages" if finished == len(names) else f"{names[finished]}: {job.stage}"
+        stage = "" if job is None else job.stage
+        if not stage or len(names) == 1:
+            return stage
+        return "share pages" if finished == len(names) else f"{names[finished]}: {stage}"
 
     @property
     def fraction(self) -> float:

@@ -48,10 +48,13 @@ def plan_levels(settings: BakeSettings, facts: Facts, effects: Sequence[Decision
 
 @dataclass(frozen=True)
 class CameraNote:
-    """A note on the camera's influence on the levels, and the value of the setting `viewer` that undoes it."""
+    """A note on the camera's influence on the levels.
+
+    viewer: the value of the setting `viewer` that undoes it; empty if none does.
+    """
 
     text: str
-    viewer: str
+    viewer: str = ""
 
 
 def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> CameraNote | None:
@@ -61,8 +64,11 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Decision
     """
     situation = Situation.of(settings, facts)
     far_levels, transitions = effect_named("far_levels"), effect_named("transitions")
-    if settings.viewer == "camera" and settings.by_cameras and facts.scene_camera is None:
-        return CameraNote("no camera of the scene sees the tree, so all levels are made", "anywhere")
+    if settings.viewer == "camera" and not settings.by_cameras:
+        text = f"`engine={settings.engine}` may show the tree from anywhere, so all levels are made"
+        return CameraNote(text)
+    if settings.viewer == "camera" and facts.scene_camera is None:
+        return CameraNote("no camera of the scene sees the tree, so all levels are made")
     if situation.stands_still and far_levels.asked(situation.asked) is None:
         return CameraNote("the camera stands still, so all levels are made", "camera")
     if situation.seen is None:
@@ -77,7 +83,7 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Decision
         said.append(f"{' and '.join(left_out)} {verb} left out: {far_levels.rule(situation)[1]}")
     follows = is_on(effects, "transitions") or is_on(effects, "pruning") or situation.seen.first != situation.seen.last
     if not follows and transitions.asked(situation.asked) is None:
-        said.append(f"only level {situation.seen.first} is shown: {transitions.rule(situation)[1]}")
+        said.append(f"level {situation.seen.first} is always shown: {transitions.rule(situation)[1]}")
     return CameraNote("; ".join(said), "anywhere") if said else None
 
 

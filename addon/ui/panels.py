@@ -90,13 +90,14 @@ _REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}
 
 
 def _add_note(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Add a box with the note on the camera, and a button that bakes with the other value of Viewer."""
+    """Add a box with the note on the camera, and a button that bakes with the other value of Viewer, if it has one."""
     status = context.window_manager.leafcloud
     box = layout.box()
     column = box.column(align=True)
     for number, text in enumerate(textwrap.wrap(status.note, _letters(context))):
         column.label(text=text, icon="INFO" if number == 0 else "BLANK1")
-    box.operator("leafcloud.bake", text=_REMEDIES[status.viewer]).viewer = status.viewer
+    if status.viewer:
+        box.operator("leafcloud.bake", text=_REMEDIES[status.viewer]).viewer = status.viewer
 
 
 def _letters(context: bpy.types.Context) -> int:

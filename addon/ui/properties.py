@@ -187,7 +187,7 @@ class LeafcloudStatus(bpy.types.PropertyGroup):
     """State of the running bake, and the last plan.
 
     stage: stage of the running bake; empty while none runs. plan: the last plan, or empty.
-    note: note about the scene's camera, or empty. viewer: the value of the setting Viewer that the note offers.
+    note: note about the scene's camera, or empty. viewer: the value of the setting Viewer that it offers, or empty.
     """
 
     stage: StringProperty(options={"SKIP_SAVE"})
@@ -205,7 +205,7 @@ def show_nothing(status: LeafcloudStatus) -> None:
 
 def show_plan(status: LeafcloudStatus, effects: Sequence[Decision], notes: Sequence[CameraNote]) -> None:
     """Show the planned effects and the first note about the camera."""
-    first = next(iter(notes), CameraNote("", ""))
+    first = next(iter(notes), CameraNote(""))
     status.note, status.viewer = _sentence(with_labels(first.text)), first.viewer
     status.plan.clear()
     for effect in effects:

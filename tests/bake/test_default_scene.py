@@ -59,7 +59,7 @@ def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types
     assert drawn() == {"leaves_LOD0"}
     assert status.viewer == "anywhere"
     assert status.note.startswith("Level 2 and the cross impostor are left out: the camera stays ")
-    assert "only level 0 is shown: " in status.note
+    assert "level 0 is always shown: " in status.note
     bpy.ops.leafcloud.bake(viewer=status.viewer)
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert (settings.viewer, status.note) == ("anywhere", "")
@@ -115,3 +115,5 @@ def test_the_command_line_says_so_in_a_line(camera: bpy.types.Object, tmp_path: 
     [note] = [line for line in view.stderr.splitlines() if ": note: " in line]
     assert note.startswith("bake.py: note: level 2 and the cross impostor are left out: the camera stays ")
     assert note.endswith("; --viewer anywhere makes all levels")
+    plan = run(*quick, "--plan-only", "--viewer", "camera")
+    assert plan.stderr.splitlines() == [note]

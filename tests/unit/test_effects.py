@@ -228,3 +228,10 @@ def test_a_viewer_at_a_camera_that_is_missing_is_told() -> None:
     assert note is not None
     assert note.text == "no camera of the scene sees the tree, so all levels are made"
     assert camera_note(BakeSettings(), FACTS, plan_effects(BakeSettings(), FACTS)) is None
+
+
+def test_an_engine_for_which_no_camera_counts_is_told() -> None:
+    settings = BakeSettings(viewer="camera", engine="three")
+    note = camera_note(settings, FACTS, plan_effects(settings, FACTS))
+    assert note is not None
+    assert note.text == "`engine=three` may show the tree from anywhere, so all levels are made"
