@@ -19,10 +19,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+import leafcloud
+
 from ..errors import SceneError
 from ..material.surface import Surface, read_surface
 from ..material.textures import ACTIVE, Texture, transform_matrix
-from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
+from ..plan.leaves import LeavesError, Part, choose_leaves, names_of
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
@@ -289,8 +291,8 @@ def _part(slot: _Slot) -> Part:
 
 def _component_sizes(slot: _Slot) -> NDArray[np.int64]:
     copies = slot.copies
-    sizes = component_sizes(copies.triangles[copies.slots == slot.index], copies.positions)
-    return np.tile(sizes, len(copies.matrices))
+    ids = leafcloud.leaf_ids(copies.positions, copies.triangles[copies.slots == slot.index])
+    return np.tile(np.bincount(ids), len(copies.matrices))
 
 
 def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] | None, frame: Copies) -> str:

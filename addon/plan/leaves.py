@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,20 +81,6 @@ def names_of(part: Part) -> set[str]:
     return {part.object_name, part.material_name, part.instancer_name} - {""}
 
 
-def component_sizes(triangles: NDArray[np.integer[Any]], points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
-    """Return the number of triangles of each connected component, in the order of their first points.
-
-    `triangles` (t, 3): indices into `points` (v, 3). Points at exactly the same place count as one, because files split
-    points where normals or texture coordinates differ.
-    """
-    if len(triangles) == 0:
-        return np.zeros(0, np.int64)
-    welded = _weld(points)[triangles]
-    roots = _roots(np.concatenate([welded[:, :2], welded[:, 1:]]), int(welded.max()) + 1)
-    sizes = np.bincount(roots[welded[:, 0]])
-    return sizes[sizes > 0]
-
-
 def _choose_named(parts: Sequence[Part], names: Sequence[str]) -> Choice:
     for name in names:
         if not any(name in names_of(part) for part in parts):
@@ -163,31 +148,3 @@ def _shortened(words: Sequence[str], most: int = 12) -> str:
     """Join words, shortened to `most`: a scene may have thousands of names, a message is one line."""
     rest = len(words) - most
     return ", ".join(words[:most]) + (f" and {rest} more" if rest > 0 else "")
-
-
-def _weld(points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
-    """Return (v,) numbers, the same for points at exactly the same place."""
-    order = np.lexsort(points.T)
-    ordered = points[order]
-    starts = np.ones(len(points), bool)
-    starts[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    numbers = np.empty(len(points), np.int64)
-    numbers[order] = np.cumsum(starts) - 1
-    return numbers
-
-
-def _roots(edges: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return (count,) the smallest vertex of each vertex's component.
-
-    Hooking and pointer jumping: about log(count) passes.
-    """
-    roots = np.arange(count)
-    while True:
-        ends = roots[edges]
-        apart = ends[:, 0] != ends[:, 1]
-        if not apart.any():
-            return roots
-        edges, ends = edges[apart], ends[apart]
-        np.minimum.at(roots, ends.max(axis=1), ends.min(axis=1))
-        while not np.array_equal(roots, parents := roots[roots]):
-            roots = parents

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.plan.leaves import LeavesError, Part, choose_leaves, component_sizes, says_leaf
+from addon.plan.leaves import LeavesError, Part, choose_leaves, says_leaf
 
 
 def never(index: int) -> np.ndarray:
@@ -112,26 +112,3 @@ def test_a_thousand_names_still_make_one_line() -> None:
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["x"], never)
     assert str(caught.value).endswith("'object11' and 988 more; materials: none")
-
-
-def test_component_sizes() -> None:
-    # Two triangles share vertices 0 and 2; a third touches vertex 4's place only by coordinates; the fourth is alone.
-    points = np.array(
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0], [0, 2, 0], [1, 2, 0], [9, 9, 9], [8, 9, 9], [9, 8, 9]],
-        np.float32,
-    )
-    triangles = np.array([[7, 8, 9], [0, 1, 2], [0, 2, 3], [4, 5, 6]])
-    assert sorted(component_sizes(triangles, points)) == [1, 3]
-
-
-def test_component_sizes_of_a_long_strip_and_a_fan() -> None:
-    # The orders of numbers that need most passes: a path in shuffled order and a fan about the highest number.
-    order = np.random.default_rng(1).permutation(2000)
-    strip = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
-    fan = np.stack([np.full(999, 3000), np.arange(2000, 2999), np.arange(2001, 3000)], axis=1)
-    points = np.arange(3001 * 3, dtype=np.float32).reshape(-1, 3)
-    assert sorted(component_sizes(np.concatenate([strip, fan]), points)) == [999, 1998]
-
-
-def test_component_sizes_of_nothing() -> None:
-    assert component_sizes(np.zeros((0, 3), int), np.zeros((0, 3))).tolist() == []

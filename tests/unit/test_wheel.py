@@ -406,3 +406,24 @@ def test_laws() -> None:
     for wrong in (lambda: leafcloud.keep(1, 0), lambda: leafcloud.keep(1, 1, 0.6), lambda: leafcloud.leaf_scale(0, 2)):
         with pytest.raises(LeafcloudError):
             wrong()
+
+
+def test_leaves_are_joined_by_vertices_and_edges_but_not_by_points() -> None:
+    """Two triangles share an edge through separate vertices; the third touches it at a point, the fourth is alone."""
+    places = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0], [1, 1, 0], [2, 2, 0], [1, 2, 0]]
+    positions = np.array([*places, [9, 9, 9], [8, 9, 9], [9, 8, 9]], float)
+    triangles = np.array([[9, 10, 11], [0, 1, 2], [3, 4, 5], [6, 7, 8]])
+    assert leafcloud.leaf_ids(positions, triangles).tolist() == [0, 1, 1, 2]
+    assert leafcloud.Foliage(positions, triangles).leaf_ids.tolist() == [0, 1, 1, 2]
+    assert leafcloud.leaf_ids(positions, np.zeros((0, 3), int)).tolist() == []
+    with pytest.raises(leafcloud.LeafcloudError, match="triangle index 12 is out of range"):
+        leafcloud.leaf_ids(positions, [[0, 1, 12]])
+
+
+def test_long_strips_and_fans_are_one_leaf_each() -> None:
+    order = np.random.default_rng(1).permutation(2000)
+    strip = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
+    fan = np.stack([np.full(999, 3000), np.arange(2000, 2999), np.arange(2001, 3000)], axis=1)
+    positions = np.arange(3001 * 3).reshape(-1, 3)
+    sizes = np.bincount(leafcloud.leaf_ids(positions, np.concatenate([strip, fan])))
+    assert sizes.tolist() == [1998, 999]

@@ -771,6 +771,13 @@ def keep(distance: float, start: float, half: float = 0.5) -> float:
 
     ``start``: d₀ > 0. ``half``: h in (0, ½]."""
 
+def leaf_ids(positions: ArrayLike, triangles: ArrayLike) -> NDArray[np.uint32]:
+    """Return (t,) the leaf of each triangle, numbered by first appearance, as `Foliage` finds it without ``leaf_ids``.
+
+    Triangles are of one leaf if they share a vertex, or an edge with exactly coinciding ends. One common position is
+    not enough, so leaves that touch at their stems stay apart. ``positions``: (v, 3). ``triangles``: (t, 3), t ≥ 0.
+    Raises `LeafcloudError` for an index out of range."""
+
 def leaf_scale(rank: float, keep: float) -> float:
     """Return the scale r in [0, 1] of a leaf at λ = ``keep``: 1, then linear to 0 at rank = λ over the last
     min(0.05, 1 − λ) of the ranks."""

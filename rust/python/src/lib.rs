@@ -45,6 +45,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::leaf_ids, module)?)?;
     module.add_function(wrap_pyfunction!(tools::keep, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_scale, module)?)?;
     module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;

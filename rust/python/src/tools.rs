@@ -7,7 +7,7 @@ use leafcloud::metrics::{self, View};
 use leafcloud::textures::Samples;
 use leafcloud::textures::image::write_png as core_write_png;
 use leafcloud::{gltf, prune, transition as laws};
-use numpy::{AllowTypeChange, PyArray3, PyArrayLike1};
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayLike1};
 use pyo3::prelude::*;
 
 use crate::arrays;
@@ -60,6 +60,17 @@ pub fn read_gltf(py: Python<'_>, path: PathBuf, names: Option<Vec<String>>) -> P
     let names = names.unwrap_or_else(|| gltf::DEFAULT_NAMES.map(str::to_owned).to_vec());
     let foliage = interruptible(py, move |_| gltf::read(&path, &names))?;
     Ok(PyFoliage(Arc::new(foliage)))
+}
+
+#[pyfunction]
+pub fn leaf_ids<'py>(
+    py: Python<'py>,
+    positions: &Bound<'py, PyAny>,
+    triangles: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let (positions, triangles) = (arrays::points(positions, "positions")?, arrays::triangles(triangles)?);
+    let ids = interruptible(py, move |_| leafcloud::foliage::leaf_ids(&positions, &triangles))?;
+    Ok(ids.into_pyarray(py))
 }
 
 #[pyfunction]

@@ -87,6 +87,9 @@ impl Foliage {
         attributes: Attributes,
         materials: Vec<Material>,
     ) -> Result<Self> {
+        if triangles.is_empty() {
+            return Err(Error::invalid("the foliage has no triangles; select a mesh with faces"));
+        }
         check_indices(&triangles, positions.len())?;
         check_finite(positions)?;
         let materials = if materials.is_empty() { vec![Material::default()] } else { materials };
@@ -269,10 +272,16 @@ pub fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
 }
 
+/// Returns the leaf of each triangle, numbered by first appearance: its connected component.
+///
+/// # Errors
+/// Too many triangles or vertices for 32 bits; an index out of range.
+pub fn leaf_ids(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Vec<u32>> {
+    check_indices(triangles, positions.len())?;
+    Ok(leaves::components(positions, triangles).0)
+}
+
 fn check_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<()> {
-    if triangles.is_empty() {
-        return Err(Error::invalid("the foliage has no triangles; select a mesh with faces"));
-    }
     check_counts(triangles.len(), vertices)?;
     match triangles.iter().flatten().find(|&&v| v as usize >= vertices) {
         Some(v) => Err(Error::invalid(format!("triangle index {v} is out of range: there are {vertices} vertices"))),
