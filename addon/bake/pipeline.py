@@ -28,7 +28,7 @@ from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of
 from ..mesh.extract import Geometry, Tree, world_positions
-from ..mesh.placement import Placement
+from ..mesh.placement import is_sheared, normals_to_world, wound
 from ..mesh.seams import seam_share
 from ..nodes.wind import WindSettings
 from ..plan.camera_visibility import seen_as_set
@@ -54,8 +54,8 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
 
     Raise `leafcloud.LeafcloudError` for geometry that cannot be baked.
     """
-    placement, leaves = Placement(tree.matrix), tree.leaves
-    shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
+    leaves = tree.leaves
+    shape = leafcloud.Foliage(leaves.positions, leaves.triangles, matrix=tree.matrix)
     blended = [material for material in leaves.materials if material is not None and is_blended(material)]
     facts = Facts(
         engine=settings.engine,
@@ -75,7 +75,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     if layer is None or not tree.sources:
         return facts
     scene = layer.id_data
-    around = read_scene_facts(layer, tree, shape.centre.tolist(), view_of(scene))
+    around = read_scene_facts(layer, tree, shape.world_centre.tolist(), view_of(scene))
     surrounded = replace(
         facts,
         scene_camera=around.camera,
@@ -100,14 +100,13 @@ def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None =
 
 
 def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
-    """Transform the tree to the world, plan the effects, and bake the light of the scene if the plan needs it.
+    """Pass the tree to the core, plan the effects, and bake the light of the scene if the plan needs it.
 
     Without a layer, the viewer may be anywhere, and no light is baked.
     Raise `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a missing texture or light that
     cannot be baked.
     """
     tree = _without_shear(tree)
-    placement = Placement(tree.matrix)
     facts = describe(tree, settings, layer)
     effects = with_costs(settings, facts, plan_effects(settings, facts))
     clouds, cross = plan_levels(settings, facts, effects)
@@ -118,8 +117,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     # Only the cross impostor shows the trunk in its textures.
     light = light_of(tree, layer, with_trunk=cross and tree.trunk is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.trunk)
-    leaves = described_part(tree.leaves, placement, channels, share, sides[0])
-    trunks = None if tree.trunk is None else described_part(tree.trunk, placement, channels, share, sides[1])
+    leaves = described_part(tree.leaves, tree.matrix, channels, share, sides[0])
+    trunks = None if tree.trunk is None else described_part(tree.trunk, tree.matrix, channels, share, sides[1])
     foliage, trunk = leaves.foliage(), None if trunks is None else trunks.foliage()
     kept = blended_leaves(settings, facts)
     cut_out = set(facts.blended) - set(kept)
@@ -133,7 +132,6 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     return Prepared(
         tree,
         settings,
-        placement,
         foliage,
         trunk,
         gloss,
@@ -204,7 +202,6 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         tree=prepared.tree,
         foliage=prepared.foliage,
         chain=chain,
-        placement=prepared.placement,
         schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
         effects=on_effects(decisions),
         costs=costs,
@@ -259,14 +256,13 @@ def _without_shear(tree: Tree) -> Tree:
 
     Neither an object nor a glTF node can have a shear.
     """
-    placement = Placement(tree.matrix)
-    if not placement.sheared:
+    if not is_sheared(tree.matrix):
         return tree
     return replace(
         tree,
-        matrix=_translation(placement),
-        leaves=_along_axes(tree.leaves, placement),
-        trunk=None if tree.trunk is None else _along_axes(tree.trunk, placement),
+        matrix=_translation(tree.matrix),
+        leaves=_along_axes(tree.leaves, tree.matrix),
+        trunk=None if tree.trunk is None else _along_axes(tree.trunk, tree.matrix),
         warnings=[
             *tree.warnings,
             "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",
@@ -274,20 +270,20 @@ def _without_shear(tree: Tree) -> Tree:
     )
 
 
-def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
+def _along_axes(geometry: Geometry, matrix: NDArray[np.float64]) -> Geometry:
     """Return the geometry along the world's axes. Keep its origin, where single precision is finest."""
     return replace(
         geometry,
-        positions=world_positions(geometry, placement.matrix - _translation(placement) + np.eye(4)).astype(np.float32),
-        triangles=placement.wind(geometry.triangles),
-        uvs=placement.wind(geometry.uvs),
-        normals=placement.wind(placement.normals_to_world(geometry.normals)),
-        colors=placement.wind(geometry.colors),
+        positions=world_positions(geometry, matrix - _translation(matrix) + np.eye(4)).astype(np.float32),
+        triangles=wound(geometry.triangles, matrix),
+        uvs=wound(geometry.uvs, matrix),
+        normals=wound(normals_to_world(geometry.normals, matrix), matrix),
+        colors=wound(geometry.colors, matrix),
     )
 
 
-def _translation(placement: Placement) -> NDArray[np.float64]:
-    """Return the translation (4, 4) of a placement's matrix."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = placement.matrix[:3, 3]
-    return matrix
+def _translation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the translation of a matrix, (4, 4)."""
+    translation = np.eye(4)
+    translation[:3, 3] = matrix[:3, 3]
+    return translation

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import bpy
@@ -25,6 +26,7 @@ from ..material.textures import ACTIVE, Texture, transform_matrix
 from ..plan.leaves import LeavesError, Part, choose_leaves, component_sizes, names_of
 from .baked_levels import record_of
 from .meshes import Copies, gather
+from .placement import scale_of
 from .realise import Triangles, joined, realise, relative, used_only
 
 __all__ = ["Geometry", "SceneError", "Tree", "extract", "part_names", "texture_uvs", "world_positions"]
@@ -78,6 +80,11 @@ class Tree:
     warnings: list[str]
     sources: tuple[bpy.types.Object, ...] = ()
     """The objects that show the tree, directly or as instancers."""
+
+    @cached_property
+    def scale(self) -> float:
+        """World units per unit of the tree's coordinates."""
+        return scale_of(self.matrix)
 
 
 def extract(
