@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..geometry import Tree
 from ..levels.trunk import geometry_mesh
-from ..mesh.extract import Tree
 from ..scene.light import Light, Surroundings, bake_light
 
 BRIGHTEST = 99.9

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..geometry import Geometry
 from ..levels.trunk import gathered, per_corner
-from ..material.describe import describe_materials
-from ..mesh.extract import Geometry, texture_uvs
+from ..material.describe import describe_materials, texture_uvs
 from ..scene.light import Light
 
 

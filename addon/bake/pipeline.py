@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..effects.blend_order import blended_leaves
+from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, Shading
 from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of
-from ..mesh.extract import Geometry, Tree, world_positions
-from ..mesh.placement import is_sheared, normals_to_world, wound
-from ..mesh.seams import seam_share
 from ..nodes.wind import WindSettings
 from ..plan.camera_visibility import seen_as_set
 from ..plan.costs import with_costs
@@ -93,6 +91,24 @@ def _is_one_color(leaves: Geometry) -> bool:
     return not varied and len({surface.color for surface in surfaces}) == 1
 
 
+def seam_share(geometry: Geometry) -> float:
+    """Return the share in [0, 1) of distinct corners (position and UV) that repeat another's position; 0 without UVs.
+
+    Simplification has to keep these corners.
+    """
+    if geometry.uvs is None or not len(geometry.triangles):
+        return 0.0
+    places = geometry.positions[geometry.triangles.ravel()]
+    return 1.0 - _distinct(places) / _distinct(places, geometry.uvs.reshape(-1, 2))
+
+
+def _distinct(*columns: NDArray[np.float32]) -> int:
+    """Return the number of distinct rows, by a hash of their bits: sorting a million rows would outlast the plan."""
+    bits = np.concatenate([np.ascontiguousarray(each, np.float32).view(np.uint32) for each in columns], axis=1)
+    factors = np.random.default_rng(0).integers(1, 2**63, bits.shape[1], dtype=np.uint64) | np.uint64(1)
+    return len(np.unique((bits.astype(np.uint64) * factors).sum(axis=1, dtype=np.uint64)))
+
+
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
     """Plan the effects of a bake and estimate their costs. `prepare` plans the same effects and carries them out."""
     facts = describe(tree, settings, layer)
@@ -106,7 +122,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     Raise `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a missing texture or light that
     cannot be baked.
     """
-    tree = _without_shear(tree)
+    tree = without_shear(tree)
     facts = describe(tree, settings, layer)
     effects = with_costs(settings, facts, plan_effects(settings, facts))
     clouds, cross = plan_levels(settings, facts, effects)
@@ -249,41 +265,3 @@ def view_of(scene: bpy.types.Scene) -> View:
     height, depth = np.ptp(frame[:, 1]), -frame[0, 2]
     resolution = scene.render.resolution_y * scene.render.resolution_percentage / 100.0
     return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
-
-
-def _without_shear(tree: Tree) -> Tree:
-    """Return the tree, with coordinates along the world's axes if its matrix has a shear.
-
-    Neither an object nor a glTF node can have a shear.
-    """
-    if not is_sheared(tree.matrix):
-        return tree
-    return replace(
-        tree,
-        matrix=_translation(tree.matrix),
-        leaves=_along_axes(tree.leaves, tree.matrix),
-        trunk=None if tree.trunk is None else _along_axes(tree.trunk, tree.matrix),
-        warnings=[
-            *tree.warnings,
-            "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",
-        ],
-    )
-
-
-def _along_axes(geometry: Geometry, matrix: NDArray[np.float64]) -> Geometry:
-    """Return the geometry along the world's axes. Keep its origin, where single precision is finest."""
-    return replace(
-        geometry,
-        positions=world_positions(geometry, matrix - _translation(matrix) + np.eye(4)).astype(np.float32),
-        triangles=wound(geometry.triangles, matrix),
-        uvs=wound(geometry.uvs, matrix),
-        normals=wound(normals_to_world(geometry.normals, matrix), matrix),
-        colors=wound(geometry.colors, matrix),
-    )
-
-
-def _translation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the translation of a matrix, (4, 4)."""
-    translation = np.eye(4)
-    translation[:3, 3] = matrix[:3, 3]
-    return translation

@@ -8,10 +8,10 @@ import bpy
 
 import leafcloud
 
+from ..geometry import Tree
 from ..levels.building import BuiltLevel, Costs
 from ..material.shading import Gloss
 from ..material.translucency import Translucent
-from ..mesh.extract import Tree
 from ..plan.decision import Decision
 from ..plan.effects import plan_levels
 from ..plan.facts import Facts

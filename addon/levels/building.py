@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..geometry import Tree
 from ..material.shading import USUAL_SPECULAR
-from ..mesh.extract import Tree
 from ..nodes.wind import WindSettings
 from ..plan.effect import Effect
 from ..plan.schedule import Schedule

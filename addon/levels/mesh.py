@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry import Geometry
 from ..material.flatten import RANDOM, asks_for_random, copy_for_joined
-from ..mesh.extract import Geometry
 from ..versions import set_corner_normals
 
 UV_NAME = "UVMap"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..mesh.extract import Geometry, world_positions
+from ..geometry import Geometry, world_positions
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 

@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from ..geometry import Geometry, world_normals, world_positions, wound
 from ..material.node_links import output_of
-from ..mesh.extract import Geometry, world_positions
-from ..mesh.placement import normals_to_world, wound
 from ..versions import clear_terminator, set_corner_normals
 
 SAMPLES = 16
@@ -112,7 +111,7 @@ class _Places:
 
 def _places(geometry: Geometry, matrix: NDArray[np.float64]) -> _Places:
     triangles = wound(geometry.triangles, matrix)
-    normals = wound(normals_to_world(geometry.normals, matrix), matrix)
+    normals = wound(world_normals(geometry, matrix), matrix)
     keys = np.concatenate([triangles[:, :, None], normals.view(np.int32)], axis=2).reshape(-1, 4)
     rows = np.ascontiguousarray(keys).view(np.dtype((np.void, 16))).ravel()
     _, shared = np.unique(rows, return_inverse=True)
