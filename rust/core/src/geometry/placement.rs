@@ -32,8 +32,8 @@ impl Placement {
         let row = |r: [f64; 4]| DVec3::new(r[0], r[1], r[2]);
         let linear = DMat3::from_cols(row(x), row(y), row(z)).transpose();
         let condition = norm(linear) * norm(linear.inverse());
-        let invertible = condition <= WORST_CONDITION;
-        if !invertible {
+        let condition = if condition.is_nan() { f64::INFINITY } else { condition }; // A determinant of 0 gives 0 × ∞.
+        if condition > WORST_CONDITION {
             return Err(Error::invalid(format!(
                 "matrix has the condition number {condition:.1e}; the limit is {WORST_CONDITION:e}: it must not be singular, so give the \
                  object a scale other than 0 on each axis"
