@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     import bpy
 
-    from addon.mesh.extract import Tree
+    from addon.geometry import Tree
     from addon.mesh.trees import Groups
     from addon.plan.decision import Decision
     from addon.plan.effects import CameraNote

@@ -68,7 +68,7 @@ def options(row: leafcloud.CurveRow) -> dict[str, Any]:
 def look(foliage: leafcloud.Foliage, part: leafcloud.Foliage) -> NDArray[np.uint8]:
     """Render a part over light gray."""
     seen = leafcloud.render(
-        [part], (0.6, -1.0, 0.25), PICTURE, centre=foliage.centre.tolist(), radius=1.02 * foliage.radius
+        [part], (0.6, -1.0, 0.25), PICTURE, centre=foliage.world_centre.tolist(), radius=1.02 * foliage.radius
     )
     alpha = seen[..., 3:] / 255.0
     shown = np.full_like(seen, 255)

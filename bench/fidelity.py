@@ -138,7 +138,7 @@ def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
     for i in range(VIEWS):
         z = 1.0 - 1.5 * (i + 0.5) / VIEWS
         direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
-        frame = {"centre": base.centre.tolist(), "radius": 1.025 * base.radius}
+        frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius}
         pictures.append(leafcloud.render([foliage], direction, SIZE, samples=JUDGED, filtered=False, **frame))
     codes = np.stack(pictures).astype(np.float32) / 255.0
     light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)

@@ -131,7 +131,7 @@ def fly(baked: Baked, camera: bpy.types.Object, frames: Sequence[int], count: in
     with tempfile.TemporaryDirectory() as folder:
         for frame in frames:
             far = DIRECTION * (distances(count)[frame] * foliage.radius)
-            camera.location = Vector(foliage.centre.tolist()) + far
+            camera.location = Vector(foliage.world_centre.tolist()) + far
             camera.rotation_euler = DIRECTION.to_track_quat("Z", "Y").to_euler()
             camera.data.clip_end = 200.0 * foliage.radius
             bpy.context.scene.render.filepath = str(Path(folder) / "frame.png")

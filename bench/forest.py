@@ -116,7 +116,7 @@ def row(distance: float, way: str, case: Case) -> str:
 
 def plant(baked: Baked, file: Path) -> None:
     """Save a scene with the forest's points, one object per way, and its center and radius as custom properties."""
-    radius, centre = baked.prepared.foliage.radius, baked.prepared.foliage.centre
+    radius, centre = baked.prepared.foliage.radius, baked.prepared.foliage.world_centre
     bpy.context.scene.collection.children.unlink(baked.collection)
     points = places(radius)
     for way in WAYS:
@@ -137,7 +137,7 @@ def forest_of(baked: Baked, way: str) -> Forest:
         levels,
         way,
         switch_distances=distances,
-        centre=tuple(baked.prepared.placement.to_tree(baked.prepared.foliage.centre).tolist()),
+        centre=tuple(baked.prepared.foliage.centre.tolist()),
         prune_start=min(baked.schedule.pruning.start, NEVER) if prunes else NEVER,
         prune_half=baked.schedule.pruning.half,
         growth=baked.chain.growth,

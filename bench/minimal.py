@@ -34,8 +34,9 @@ import bpy  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
 from addon.bake.pipeline import describe  # noqa: E402
+from addon.geometry import world_positions  # noqa: E402
 from addon.levels.shadow_proxy import is_shadow_proxy  # noqa: E402
-from addon.mesh.extract import extract, world_positions  # noqa: E402
+from addon.mesh.extract import extract  # noqa: E402
 from addon.nodes.wind import GROUP_NAME  # noqa: E402
 from addon.scene.load import load  # noqa: E402
 from addon.settings.bake import BakeSettings  # noqa: E402

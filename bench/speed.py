@@ -161,7 +161,7 @@ def show_only(baked: Baked, number: int) -> None:
 
 def place(baked: Baked, camera: bpy.types.Object, distance: float) -> None:
     """Put the camera at `distance` in crown radii from the crown's center."""
-    centre = Vector(baked.prepared.foliage.centre.tolist())
+    centre = Vector(baked.prepared.foliage.world_centre.tolist())
     look_at(camera, centre, centre + DIRECTION * (distance * baked.prepared.foliage.radius))
     camera.data.angle = math.radians(50.0)
     bpy.context.view_layer.update()

@@ -97,7 +97,7 @@ def as_billboards(trunk: leafcloud.Foliage, level: leafcloud.Level, error: float
 
 
 def seen(trunk: bpy.types.Object | None) -> list[leafcloud.Foliage]:
-    """Return a triangle mesh object as foliage in world space, in a list; an empty list without an object."""
+    """Return a triangle mesh object as foliage, in a list; an empty list without an object."""
     if trunk is None:
         return []
     positions = np.empty((len(trunk.data.vertices), 3), np.float32)
@@ -105,12 +105,12 @@ def seen(trunk: bpy.types.Object | None) -> list[leafcloud.Foliage]:
     corners = np.empty(len(trunk.data.loops), np.int32)
     trunk.data.loops.foreach_get("vertex_index", corners)
     matrix = np.array(trunk.matrix_world)
-    return [leafcloud.Foliage(positions @ matrix[:3, :3].T + matrix[:3, 3], corners.reshape(-1, 3))]
+    return [leafcloud.Foliage(positions, corners.reshape(-1, 3), matrix=matrix)]
 
 
 def compared(came: Sequence[leafcloud.Foliage], shown: Sequence[leafcloud.Foliage], size: int) -> tuple[float, float]:
     """Return the coverage of `shown` relative to `came`, and their overlap, in views around the last item of `came`."""
-    centre, radius = came[-1].centre.tolist(), came[-1].radius
+    centre, radius = came[-1].world_centre.tolist(), came[-1].radius
 
     def alpha(parts: Sequence[leafcloud.Foliage]) -> NDArray[np.float64]:
         views = [leafcloud.render(parts, view, size, centre=centre, radius=radius) for view in VIEWS]

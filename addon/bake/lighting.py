@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..geometry import Tree
 from ..levels.trunk import geometry_mesh
-from ..mesh.extract import Tree
-from ..mesh.placement import Placement
 from ..scene.light import Light, Surroundings, bake_light
 
 BRIGHTEST = 99.9
@@ -45,7 +44,7 @@ def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_trunk: bool) -> Bak
     try:
         meshes.extend(geometry_mesh("leafcloud shadow", geometry) for geometry in casting)
         around = Surroundings(layer, tree.sources, meshes)
-        leaves, *trunk = bake_light(casting if with_trunk else casting[:1], Placement(tree.matrix), around)
+        leaves, *trunk = bake_light(casting if with_trunk else casting[:1], tree.matrix, around)
     finally:
         for mesh in meshes:
             bpy.data.meshes.remove(mesh)

@@ -1,4 +1,4 @@
-"""The leaves or the trunk of a tree in the core's form: in world coordinates, with material readings."""
+"""The leaves or the trunk of a tree in the core's form, with material readings."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..geometry import Geometry
 from ..levels.trunk import gathered, per_corner
-from ..material.describe import describe_materials
-from ..mesh.extract import Geometry, texture_uvs, world_positions
-from ..mesh.placement import Placement
+from ..material.describe import describe_materials, texture_uvs
 from ..scene.light import Light
 
 
 @dataclass(frozen=True)
 class Part:
-    """A geometry with its appearance.
+    """A geometry with its appearance. `matrix` (4, 4) transforms it to the world.
 
     colors (t, 3, 4): factors of the base colors; None is white. back_colors (t, 3, 3): factors on the back instead;
     None is the same as the front. materials: indexed by `material_ids` (t,). owners: for each material its index in the
@@ -28,7 +27,7 @@ class Part:
     """
 
     geometry: Geometry
-    placement: Placement
+    matrix: NDArray[np.float64]
     materials: tuple[leafcloud.Material, ...]
     material_ids: NDArray[np.int32]
     owners: tuple[int, ...]
@@ -38,14 +37,15 @@ class Part:
 
     def foliage(self) -> leafcloud.Foliage:
         """Build the core's foliage. Raise `leafcloud.LeafcloudError` for geometry that the core refuses."""
-        geometry, placement = self.geometry, self.placement
+        geometry = self.geometry
         return leafcloud.Foliage(
-            world_positions(geometry, placement.matrix),
-            placement.wind(geometry.triangles),
-            uvs=placement.wind(texture_uvs(geometry)),
-            normals=placement.wind(placement.normals_to_world(geometry.normals)),
-            colors=placement.wind(self.colors),
-            back_colors=placement.wind(self.back_colors),
+            geometry.positions,
+            geometry.triangles,
+            matrix=self.matrix,
+            uvs=texture_uvs(geometry),
+            normals=geometry.normals,
+            colors=self.colors,
+            back_colors=self.back_colors,
             material_ids=self.material_ids,
             materials=list(self.materials),
             protected=geometry.protected,
@@ -63,14 +63,14 @@ class Part:
 
 
 def described_part(
-    geometry: Geometry, placement: Placement, channels: Sequence[str], share: float, light: Light | None
+    geometry: Geometry, matrix: NDArray[np.float64], channels: Sequence[str], share: float, light: Light | None
 ) -> Part:
     """Build a part from a geometry, under `light` if given. `channels` and `share`: see `describe_materials`."""
-    described = describe_materials(geometry, channels, placement.matrix, share)
+    described = describe_materials(geometry, channels, matrix, share)
     front, back = _colors(described.colors, described.back_colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
     messages = tuple(described.messages)
-    return Part(geometry, placement, materials, described.material_ids, described.owners, front, back, messages)
+    return Part(geometry, matrix, materials, described.material_ids, described.owners, front, back, messages)
 
 
 def _colors(

@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..effects.blend_order import blended_leaves
+from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, Shading
 from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import gloss_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of
-from ..mesh.extract import Geometry, Tree, world_positions
-from ..mesh.placement import Placement
-from ..mesh.seams import seam_share
 from ..nodes.wind import WindSettings
 from ..plan.camera_visibility import seen_as_set
 from ..plan.costs import with_costs
@@ -54,8 +52,8 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
 
     Raise `leafcloud.LeafcloudError` for geometry that cannot be baked.
     """
-    placement, leaves = Placement(tree.matrix), tree.leaves
-    shape = leafcloud.Foliage(world_positions(leaves, placement.matrix), leaves.triangles)
+    leaves = tree.leaves
+    shape = leafcloud.Foliage(leaves.positions, leaves.triangles, matrix=tree.matrix)
     blended = [material for material in leaves.materials if material is not None and is_blended(material)]
     facts = Facts(
         engine=settings.engine,
@@ -75,7 +73,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
     if layer is None or not tree.sources:
         return facts
     scene = layer.id_data
-    around = read_scene_facts(layer, tree, shape.centre.tolist(), view_of(scene))
+    around = read_scene_facts(layer, tree, shape.world_centre.tolist(), view_of(scene))
     surrounded = replace(
         facts,
         scene_camera=around.camera,
@@ -93,6 +91,24 @@ def _is_one_color(leaves: Geometry) -> bool:
     return not varied and len({surface.color for surface in surfaces}) == 1
 
 
+def seam_share(geometry: Geometry) -> float:
+    """Return the share in [0, 1) of distinct corners (position and UV) that repeat another's position; 0 without UVs.
+
+    Simplification has to keep these corners.
+    """
+    if geometry.uvs is None or not len(geometry.triangles):
+        return 0.0
+    places = geometry.positions[geometry.triangles.ravel()]
+    return 1.0 - _distinct(places) / _distinct(places, geometry.uvs.reshape(-1, 2))
+
+
+def _distinct(*columns: NDArray[np.float32]) -> int:
+    """Return the number of distinct rows, by a hash of their bits: sorting a million rows would outlast the plan."""
+    bits = np.concatenate([np.ascontiguousarray(each, np.float32).view(np.uint32) for each in columns], axis=1)
+    factors = np.random.default_rng(0).integers(1, 2**63, bits.shape[1], dtype=np.uint64) | np.uint64(1)
+    return len(np.unique((bits.astype(np.uint64) * factors).sum(axis=1, dtype=np.uint64)))
+
+
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
     """Plan the effects of a bake and estimate their costs. `prepare` plans the same effects and carries them out."""
     facts = describe(tree, settings, layer)
@@ -100,14 +116,13 @@ def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None =
 
 
 def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Prepared:
-    """Transform the tree to the world, plan the effects, and bake the light of the scene if the plan needs it.
+    """Pass the tree to the core, plan the effects, and bake the light of the scene if the plan needs it.
 
     Without a layer, the viewer may be anywhere, and no light is baked.
     Raise `leafcloud.LeafcloudError` for geometry that cannot be baked, `SceneError` for a missing texture or light that
     cannot be baked.
     """
-    tree = _without_shear(tree)
-    placement = Placement(tree.matrix)
+    tree = without_shear(tree)
     facts = describe(tree, settings, layer)
     effects = with_costs(settings, facts, plan_effects(settings, facts))
     clouds, cross = plan_levels(settings, facts, effects)
@@ -118,8 +133,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     # Only the cross impostor shows the trunk in its textures.
     light = light_of(tree, layer, with_trunk=cross and tree.trunk is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.trunk)
-    leaves = described_part(tree.leaves, placement, channels, share, sides[0])
-    trunks = None if tree.trunk is None else described_part(tree.trunk, placement, channels, share, sides[1])
+    leaves = described_part(tree.leaves, tree.matrix, channels, share, sides[0])
+    trunks = None if tree.trunk is None else described_part(tree.trunk, tree.matrix, channels, share, sides[1])
     foliage, trunk = leaves.foliage(), None if trunks is None else trunks.foliage()
     kept = blended_leaves(settings, facts)
     cut_out = set(facts.blended) - set(kept)
@@ -133,7 +148,6 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     return Prepared(
         tree,
         settings,
-        placement,
         foliage,
         trunk,
         gloss,
@@ -204,7 +218,6 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         tree=prepared.tree,
         foliage=prepared.foliage,
         chain=chain,
-        placement=prepared.placement,
         schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
         effects=on_effects(decisions),
         costs=costs,
@@ -252,42 +265,3 @@ def view_of(scene: bpy.types.Scene) -> View:
     height, depth = np.ptp(frame[:, 1]), -frame[0, 2]
     resolution = scene.render.resolution_y * scene.render.resolution_percentage / 100.0
     return View(resolution, 2.0 * math.atan2(height / 2.0, depth))
-
-
-def _without_shear(tree: Tree) -> Tree:
-    """Return the tree, with coordinates along the world's axes if its matrix has a shear.
-
-    Neither an object nor a glTF node can have a shear.
-    """
-    placement = Placement(tree.matrix)
-    if not placement.sheared:
-        return tree
-    return replace(
-        tree,
-        matrix=_translation(placement),
-        leaves=_along_axes(tree.leaves, placement),
-        trunk=None if tree.trunk is None else _along_axes(tree.trunk, placement),
-        warnings=[
-            *tree.warnings,
-            "the leaves' object is sheared by its parents: LOD 0 is aligned with the world's axes instead",
-        ],
-    )
-
-
-def _along_axes(geometry: Geometry, placement: Placement) -> Geometry:
-    """Return the geometry along the world's axes. Keep its origin, where single precision is finest."""
-    return replace(
-        geometry,
-        positions=world_positions(geometry, placement.matrix - _translation(placement) + np.eye(4)).astype(np.float32),
-        triangles=placement.wind(geometry.triangles),
-        uvs=placement.wind(geometry.uvs),
-        normals=placement.wind(placement.normals_to_world(geometry.normals)),
-        colors=placement.wind(geometry.colors),
-    )
-
-
-def _translation(placement: Placement) -> NDArray[np.float64]:
-    """Return the translation (4, 4) of a placement's matrix."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = placement.matrix[:3, 3]
-    return matrix

@@ -15,8 +15,8 @@ import bpy
 import leafcloud
 
 from ..errors import SceneError
+from ..geometry import Tree
 from ..levels.rollback import removed_on_failure
-from ..mesh.extract import Tree
 from ..mesh.trees import numbered
 from ..plan.decision import Decision, is_on
 from ..plan.effects import CameraNote, camera_note

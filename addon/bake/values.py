@@ -8,11 +8,10 @@ import bpy
 
 import leafcloud
 
+from ..geometry import Tree
 from ..levels.building import BuiltLevel, Costs
 from ..material.shading import Gloss
 from ..material.translucency import Translucent
-from ..mesh.extract import Tree
-from ..mesh.placement import Placement
 from ..plan.decision import Decision
 from ..plan.effects import plan_levels
 from ..plan.facts import Facts
@@ -39,7 +38,6 @@ class Prepared:
 
     tree: Tree
     settings: BakeSettings
-    placement: Placement
     foliage: leafcloud.Foliage
     trunk: leafcloud.Foliage | None
     gloss: Gloss

@@ -55,7 +55,7 @@ class BackSides(Effect):
 
         if not level.two_sided:
             return built
-        offset = apart(level.corners, built.number) / build.placement.scale
+        offset = apart(level.corners, built.number)
         add_side_modifier(built.object, offset)
         return replace(built, apart=offset)
 

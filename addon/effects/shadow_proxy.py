@@ -51,7 +51,7 @@ class ShadowProxy(Effect):
 
         first = build.chain.levels[0]
         build.costs.add_bytes(self.name, own_bytes(first, first.base_color))
-        add_shadow_proxy(collection, first, build.placement)
+        add_shadow_proxy(collection, build)
 
 
 EFFECT = ShadowProxy()

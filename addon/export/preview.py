@@ -96,14 +96,14 @@ def _lay_over(ground: NDArray[np.uint8], picture: NDArray[np.uint8]) -> None:
 
 def _sphere(parts: Sequence[leafcloud.Foliage]) -> tuple[list[float], float]:
     """Return center and radius of a sphere around the bounding spheres of the parts."""
-    centre, radius = np.asarray(parts[0].centre), parts[0].radius
+    centre, radius = np.asarray(parts[0].world_centre), parts[0].radius
     for part in parts[1:]:
-        offset = np.asarray(part.centre) - centre
+        offset = np.asarray(part.world_centre) - centre
         distance = float(np.linalg.norm(offset))
         if distance + part.radius <= radius:
             continue
         if distance + radius <= part.radius:
-            centre, radius = np.asarray(part.centre), part.radius
+            centre, radius = np.asarray(part.world_centre), part.radius
             continue
         grown = (distance + radius + part.radius) / 2.0
         centre, radius = centre + offset * ((grown - radius) / distance), grown

@@ -8,11 +8,10 @@ import bpy
 from mathutils import Matrix
 
 from ..mesh.baked_levels import EXTRAS
-from ..mesh.placement import y_up
 from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
 from ..plan.lod_range import LodRange, trunk_range
-from .building import Build, BuiltLevel
+from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import leaf_object
 from .mesh import read_own_randoms
@@ -52,7 +51,7 @@ def _trunks(build: Build) -> list[Trunk | None]:
     if not errors:
         return [first, *(first for _ in clouds), *crosses]
     with costs.spent_on("trunk_levels"):
-        coarser = simplified(first, tree.trunk, build.placement, errors[: len(clouds)])
+        coarser = simplified(first, tree.trunk, tree.matrix, errors[: len(clouds)])
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *crosses]
 
@@ -62,7 +61,7 @@ def _add_level(
 ) -> BuiltLevel:
     """Link `obj` and its child trunk to the collection. Set their transforms, custom properties and modifiers."""
     ranges = build.schedule.lod_ranges
-    obj.matrix_world = Matrix(build.placement.matrix.tolist())
+    obj.matrix_world = Matrix(build.tree.matrix.tolist())
     obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(build.centre), build.radius
     members = {obj: ranges[number]}
     trunk_object = None
@@ -91,7 +90,7 @@ def _lod_settings(lod_range: LodRange, build: Build, *, prunes: bool) -> LodSett
     """Return the node group's inputs. `prunes`: prune as planned; else prune nothing while the level is drawn."""
 
     def own(distance: float) -> float:
-        return min(distance / build.placement.scale, NEVER)
+        return min(distance / build.tree.scale, NEVER)
 
     pruning, chain = build.schedule.pruning, build.chain
     prunes = prunes and pruning.start < lod_range.vanish

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..geometry import Tree
 from ..material.shading import USUAL_SPECULAR
-from ..mesh.extract import Tree
-from ..mesh.placement import Placement
 from ..nodes.wind import WindSettings
 from ..plan.effect import Effect
 from ..plan.schedule import Schedule
@@ -70,7 +69,6 @@ class Build:
     tree: Tree
     foliage: leafcloud.Foliage
     chain: leafcloud.Chain
-    placement: Placement
     schedule: Schedule
     effects: tuple[Effect, ...]
     costs: Costs = field(default_factory=Costs)
@@ -93,13 +91,13 @@ class Build:
     @property
     def centre(self) -> tuple[float, float, float]:
         """Center of the foliage's bounding sphere in the tree's coordinates. Distances are measured from it."""
-        x, y, z = self.placement.to_tree(self.foliage.centre).tolist()
+        x, y, z = self.foliage.centre.astype(np.float32).tolist()
         return x, y, z
 
     @property
     def radius(self) -> float:
         """Radius of the foliage's bounding sphere in the tree's coordinates."""
-        return self.foliage.radius / self.placement.scale
+        return self.foliage.radius / self.tree.scale
 
     @property
     def follows_camera(self) -> bool:
@@ -159,3 +157,9 @@ class BuiltLevel:
 def own_bytes(level: leafcloud.Level, pixels: NDArray[np.uint8]) -> int:
     """Return the level's share of an image's bytes. Other trees may share the atlas page."""
     return round(pixels.nbytes * level.page_share)
+
+
+def y_up(vector: tuple[float, float, float]) -> list[float]:
+    """Convert a vector from Blender's Z-up coordinates to glTF's Y-up coordinates, for extras."""
+    x, y, z = vector
+    return [x, z, 0.0 - y]  # Avoid −0.

@@ -62,14 +62,14 @@ def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
 
 def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Build) -> Shape:
     """Return the billboards sorted by rank. `following`: the cloud that they morph to; None without one."""
-    placement, morphs = build.placement, following is not None and build.has("transitions")
+    morphs = following is not None and build.has("transitions")
     order = np.argsort(level.ranks, kind="stable")
     count = level.corners.shape[1] - 2
     keys = np.zeros((len(order), count), np.int32)
     if following is not None and morphs:
         keys = _parents(following).reshape(-1, count)[order]
-    faces = fans(keys, placement)
-    surface = fan_surface(placement.to_tree(level.corners[order]), level.uvs[order], faces)
+    faces = fans(keys, mirrored=build.foliage.mirrored)
+    surface = fan_surface(level.corners[order], level.uvs[order], faces)
     ranks = level.ranks[order]
     billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
     parents = keys.ravel()[faces.first // 3]
@@ -80,7 +80,7 @@ def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Bui
     transition = None
     if morphs:
         targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
-        transition = transition_of(parents, targets[faces.first], following.pivot_targets[of_vertex], build)
+        transition = transition_of(parents, targets[faces.first], following.pivot_targets[of_vertex])
     return Shape(
         surface=surface,
         ranks=ranks[faces.billboards],

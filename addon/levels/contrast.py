@@ -28,7 +28,9 @@ def mean_color(foliage: leafcloud.Foliage) -> tuple[float, float, float]:
     for look in range(_LOOKS):
         angle = 2.0 * math.pi * look / _LOOKS
         direction = (math.cos(angle), math.sin(angle), 0.3)
-        codes = leafcloud.render([foliage], direction, _SIDE, centre=foliage.centre.tolist(), radius=foliage.radius)
+        codes = leafcloud.render(
+            [foliage], direction, _SIDE, centre=foliage.world_centre.tolist(), radius=foliage.radius
+        )
         shares = codes.astype(np.float64) / 255.0
         light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)[..., :3]
         total += (light * shares[..., 3:]).sum((0, 1))

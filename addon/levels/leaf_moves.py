@@ -16,15 +16,15 @@ NO_BILLBOARD = -1
 @dataclass(frozen=True)
 class LeafMoves:
     """Data per triangle: its billboard (t,), and the positions of its corners (t, 3, 3) and of its leaf's pivot (t, 3)
-    at a = 1, in the world."""
+    at a = 1."""
 
     billboards: NDArray[np.int32]
     targets: NDArray[np.float64]
     pivot_targets: NDArray[np.float64]
 
 
-def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float64]) -> LeafMoves:
-    """Return the moves of leaves with `corners` (t, 3, 3), in the world, onto the chain's first level, a cloud.
+def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float32]) -> LeafMoves:
+    """Return the moves of leaves with `corners` (t, 3, 3) onto the chain's first level, a cloud.
 
     Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
     coincide with the cloud. Leaves that are pruned earlier stay in place.
@@ -36,7 +36,7 @@ def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float64]) -> LeafMove
         return LeafMoves(parents, level.targets, level.pivot_targets)
     kept, growth = chain.kept
     billboards = np.full(len(corners), NO_BILLBOARD, np.int32)
-    targets, pivot_targets = corners.copy(), chain.pivots
+    targets, pivot_targets = corners.astype(np.float64), chain.pivots
     pivots = level.pivot_targets[:, None]
     billboards[kept] = parents
     targets[kept] = pivots + (level.targets - pivots) / growth[:, None, None]

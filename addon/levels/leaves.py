@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..mesh.extract import world_positions
 from .baked_light import add_light
 from .building import Build
 from .leaf_moves import leaf_moves
@@ -36,21 +35,20 @@ def leaf_object(build: Build) -> bpy.types.Object:
 
 def _shape(build: Build) -> Shape:
     """Return the leaves sorted by material, then by rank. The triangles of a leaf stay together."""
-    geometry, chain, placement = build.tree.leaves, build.chain, build.placement
+    geometry, chain = build.tree.leaves, build.chain
     leaf_ids = build.foliage.leaf_ids
     ranks = chain.ranks[leaf_ids]
     order = np.lexsort((leaf_ids, ranks, geometry.material_ids))
     moves = None
     if build.has("transitions") and chain.levels[0].cloud is not None:
-        corners = world_positions(geometry, placement.matrix)[placement.wind(geometry.triangles)]
-        moves = leaf_moves(chain, corners)
+        moves = leaf_moves(chain, geometry.positions[geometry.triangles])
     billboards = np.zeros(len(order), np.int32) if moves is None else moves.billboards[order]
     split = split_vertices(geometry.triangles[order], billboards - billboards.min(initial=0))
     of_vertex = order[split.first // 3]
     transition = None
     if moves is not None:
-        targets = placement.wind(moves.targets).reshape(-1, 3)[3 * of_vertex + split.first % 3]
-        transition = transition_of(billboards[split.first // 3], targets, moves.pivot_targets[of_vertex], build)
+        targets = moves.targets.reshape(-1, 3)[3 * of_vertex + split.first % 3]
+        transition = transition_of(billboards[split.first // 3], targets, moves.pivot_targets[of_vertex])
     return Shape(
         surface=triangle_surface(geometry, order, split),
         ranks=ranks[order],

@@ -14,9 +14,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry import Geometry
 from ..material.flatten import RANDOM, asks_for_random, copy_for_joined
-from ..mesh.extract import Geometry
-from ..mesh.placement import Placement
 from ..versions import set_corner_normals
 
 UV_NAME = "UVMap"
@@ -90,15 +89,19 @@ def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]])
     return Split(inverse.reshape(-1, 3).astype(np.int32), first)
 
 
-def fans(keys: NDArray[np.integer[Any]], placement: Placement) -> Fans:
-    """Return the faces of billboards from the `keys` (b, m) of their m triangles, wound so that fronts stay fronts."""
+def fans(keys: NDArray[np.integer[Any]], *, mirrored: bool) -> Fans:
+    """Return the faces of billboards from the `keys` (b, m) of their m triangles.
+
+    `mirrored`: wind faces the other way (`leafcloud.Foliage.mirrored`). The first corner of each stays first.
+    """
     count = keys.shape[1]
     whole = (keys == keys[:, :1]).all(axis=1)
     triangles = np.arange(3 * count).reshape(count, 3)
-    polygon = placement.wind(np.concatenate([[0, 1], triangles[:, 2]])[None]).ravel()
+    polygon = np.concatenate([[0, 1], triangles[:, 2]])
+    if mirrored:
+        polygon[1:], triangles = polygon[:0:-1].copy(), triangles[:, [0, 2, 1]]
     padded = np.concatenate([polygon, np.full(2 * count - 2, -1)])
-    parts = placement.wind(triangles).ravel()
-    corners = np.where(whole[:, None], padded, parts) + 3 * count * np.arange(len(keys))[:, None]
+    corners = np.where(whole[:, None], padded, triangles.ravel()) + 3 * count * np.arange(len(keys))[:, None]
     used = np.ones_like(corners, dtype=bool)
     used[whole, len(polygon) :] = False
     billboards = np.repeat(np.arange(len(keys), dtype=np.int32), np.where(whole, 1, count))
@@ -125,10 +128,10 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
     )
 
 
-def fan_surface(corners: NDArray[np.float32], uvs: NDArray[np.float32], faces: Fans) -> Surface:
+def fan_surface(corners: NDArray[np.floating[Any]], uvs: NDArray[np.float32], faces: Fans) -> Surface:
     """Return billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as a surface with one material."""
     return Surface(
-        positions=as_triangles(corners).reshape(-1, 3)[faces.first],
+        positions=as_triangles(corners.astype(np.float32)).reshape(-1, 3)[faces.first],
         corners=np.arange(len(faces.first), dtype=np.int32),
         sizes=faces.sizes,
         material_ids=np.zeros(len(faces.sizes), np.int32),

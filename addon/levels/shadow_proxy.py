@@ -14,10 +14,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-import leafcloud
-
 from ..mesh.baked_levels import EXTRAS, level_number
-from ..mesh.placement import Placement
+from .building import Build
 from .material import Page, atlas_image, atlas_material
 from .mesh import create_mesh, fan_surface, fans
 
@@ -26,23 +24,23 @@ _KEY = "shadow_only"
 _SEEN_BY = ("camera", "diffuse", "glossy", "transmission", "volume_scatter")
 
 
-def add_shadow_proxy(collection: bpy.types.Collection, level: leafcloud.Level, placement: Placement) -> None:
-    """Add a shadow proxy made from `level` to the collection, and stop the levels from casting shadows.
+def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
+    """Add a shadow proxy made from level 1 to the collection, and stop the levels from casting shadows.
 
     Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page for engines.
     """
-    name = f"{collection.name}_shadow"
+    name, level = f"{collection.name}_shadow", build.chain.levels[0]
     pixels, cutoff = level.for_engines()
     if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
         cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255
     material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
-    faces = fans(np.zeros((len(level.corners), level.corners.shape[1] - 2), np.int32), placement)
-    mesh = create_mesh(name, fan_surface(placement.to_tree(level.corners), level.uvs, faces), [material])
+    faces = fans(np.zeros((len(level.corners), level.corners.shape[1] - 2), np.int32), mirrored=build.foliage.mirrored)
+    mesh = create_mesh(name, fan_surface(level.corners, level.uvs, faces), [material])
     for obj in collection.objects:
         obj.visible_shadow = level_number(obj) is None
     proxy = bpy.data.objects.new(name, mesh)
-    proxy.matrix_world = Matrix(placement.matrix.tolist())
+    proxy.matrix_world = Matrix(build.tree.matrix.tolist())
     proxy[EXTRAS] = {_KEY: True}
     for ray in _SEEN_BY:
         setattr(proxy, f"visible_{ray}", False)

@@ -36,18 +36,18 @@ class Shape:
 
 
 def pruning_of(ranks: NDArray[np.float32], pivots: NDArray[np.float64], build: Build) -> Pruning | None:
-    """Return the pruning attributes from the `ranks` (v,) and world-space `pivots` (v, 3) of the vertices' leaves."""
-    return Pruning(ranks, build.placement.to_tree(pivots)) if build.has("pruning") else None
+    """Return the pruning attributes from the `ranks` (v,) and `pivots` (v, 3) of the vertices' leaves."""
+    return Pruning(ranks, pivots.astype(np.float32)) if build.has("pruning") else None
 
 
 def transition_of(
-    billboards: NDArray[np.int32], targets: NDArray[np.float64], pivot_targets: NDArray[np.float64], build: Build
+    billboards: NDArray[np.int32], targets: NDArray[np.float64], pivot_targets: NDArray[np.float64]
 ) -> Transition:
     """Return the transition attributes for vertices. `billboards` (v,): numbers in the next level, −1 for none.
 
-    `targets`, `pivot_targets` (v, 3): positions at a = 1 in the world.
+    `targets`, `pivot_targets` (v, 3): positions at a = 1.
     """
-    return Transition(billboards, build.placement.to_tree(targets), build.placement.to_tree(pivot_targets))
+    return Transition(billboards, targets.astype(np.float32), pivot_targets.astype(np.float32))
 
 
 def object_of(

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..mesh.extract import Geometry, world_positions
-from ..mesh.placement import Placement
+from ..geometry import Geometry, world_positions
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 
@@ -48,15 +47,16 @@ def whole(name: str, geometry: Geometry) -> Trunk:
     return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
 
 
-def simplified(first: Trunk, geometry: Geometry, placement: Placement, errors: Sequence[float]) -> list[Trunk]:
+def simplified(first: Trunk, geometry: Geometry, matrix: NDArray[np.float64], errors: Sequence[float]) -> list[Trunk]:
     """Return one simplified trunk per level, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
+    `matrix`: (4, 4) from the geometry to the world.
 
     errors: maximum deviations from `geometry` in world units, ascending. Each trunk is made from `geometry`, so errors
     do not add up. If one has no fewer triangles than the one before, that one is used again. A new mesh is named after
     `first` and its level.
     """
     result = [first]
-    positions = world_positions(geometry, placement.matrix)
+    positions = world_positions(geometry, matrix)
     for level, error in enumerate(errors, start=1):
         before = result[-1]
         found = _simplify(geometry, positions, error) if error > 0.0 and before.triangles > 0 else None

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..mesh.baked_levels import EXTRAS, level_number
-from ..mesh.placement import y_up
 from ..nodes.laws import NEVER
 from ..nodes.wind import WindSettings, add_wind_modifier
 from ..plan.lod_range import LodRange
 from ..plan.wind import GOLDEN
-from .building import Build
+from .building import Build, y_up
 from .leaf_moves import LeafMoves
 from .morphs import add_point_attribute
 
@@ -54,7 +53,7 @@ class WindAttributes:
 def add_wind(obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
     """Add the modifier to a level's object or to its trunk; to the former also the custom properties for engines."""
     assert build.wind is not None
-    start, end = (min(distance / build.placement.scale, NEVER) for distance in (lod_range.start, lod_range.end))
+    start, end = (min(distance / build.tree.scale, NEVER) for distance in (lod_range.start, lod_range.end))
     wind = replace(build.wind, start=start, end=end, centre=build.centre)
     add_wind_modifier(obj, wind)
     if level_number(obj) is not None:
@@ -70,17 +69,18 @@ def leaf_wind_attributes(
     """
     if build.wind is None:
         return None
-    to_tree, chain = build.placement.to_tree, build.chain
+    chain = build.chain
     pivots = chain.pivots[of_vertex]
     carriers = None
     if moves is not None:
         billboards = moves.billboards[of_vertex][:, None]
-        carriers = to_tree(np.where(billboards < 0, pivots, plane_pivots(chain.levels[0])[billboards[:, 0]]))
+        carried = plane_pivots(chain.levels[0])[billboards[:, 0]]
+        carriers = np.where(billboards < 0, pivots, carried).astype(np.float32)
     return WindAttributes(
-        pivot=None if build.has("pruning") else to_tree(pivots),
+        pivot=None if build.has("pruning") else pivots.astype(np.float32),
         billboard_pivot=carriers,
         phase=phases(leaf_ids[of_vertex]),
-        flutter=freedom(to_tree(chain.pivots))[of_vertex],
+        flutter=freedom(chain.pivots.astype(np.float32))[of_vertex],
     )
 
 
@@ -98,13 +98,12 @@ def cloud_wind_attributes(
     """
     if build.wind is None or level.cloud is None:
         return None
-    to_tree = build.placement.to_tree
-    own = to_tree(plane_pivots(level)[level.plane_ids[billboards]])
+    own = plane_pivots(level)[level.plane_ids[billboards]].astype(np.float32)
     if following is None:
         return WindAttributes(own)
     return WindAttributes(
         pivot=None if build.has("pruning") else own,
-        billboard_pivot=to_tree(plane_pivots(following)[parents]) if build.has("transitions") else None,
+        billboard_pivot=plane_pivots(following)[parents].astype(np.float32) if build.has("transitions") else None,
     )
 
 
@@ -115,11 +114,11 @@ def add_wind_attributes(mesh: bpy.types.Mesh, wind_attributes: WindAttributes) -
 
 
 def plane_pivots(level: leafcloud.Level) -> NDArray[np.float64]:
-    """Return (k, 3) the area centroid of the billboard on each plane of the cloud `level`, in the world.
+    """Return (k, 3) the area centroid of the billboard on each plane of the cloud `level`.
 
     The core uses the same point as the pivot when it treats the billboard as a leaf to build the next level.
     """
-    corners = level.corners.astype(np.float64)
+    corners = level.corners
     sides = corners[:, 1:] - corners[:, :1]
     areas = np.linalg.norm(np.cross(sides[:, :-1], sides[:, 1:]), axis=2) / 2.0
     middles = (corners[:, :1] + corners[:, 1:-1] + corners[:, 2:]) / 3.0

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from ..mesh.extract import Geometry
+from ..geometry import Geometry
 from .images import opacity_of
 from .surface import read_surface
 

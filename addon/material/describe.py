@@ -11,14 +11,14 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh.extract import Geometry, texture_uvs, world_positions
+from ..geometry import Geometry, world_positions
 from .flatten import USUAL_LOOK, Flattened, Look, flatten
 from .images import Pixels, as_bytes, brightened, check_images, encoded, image_of, pixels_of
 from .losses import losses
 from .node_links import shown_nodes
 from .shading import read_shading, render_gloss, render_normals
 from .surface import Rgb, Surface, read_surface
-from .textures import Texture, uv_maps
+from .textures import Texture, transform_matrix, uv_maps
 from .tints import Islands, looks_of, nearest_tints
 from .translucency import Translucency, read_translucency
 
@@ -151,6 +151,18 @@ def _tinted(
     if np.abs(back - front).max(initial=0.0) < _SEEN:
         return tinted, None
     return tinted, back if colors is None else back * colors[..., :3]
+
+
+def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
+    """Return (t, 3, 2) the coordinates of image lookups: `uvs` transformed by the materials' Mapping nodes."""
+    if geometry.uvs is None:
+        return None
+    transforms = np.array([transform_matrix(read_surface(material).texture) for material in geometry.materials])
+    if (transforms == np.eye(2, 3)).all():
+        return geometry.uvs
+    of_triangle = transforms[geometry.material_ids]
+    moved = np.einsum("tij,tcj->tci", of_triangle[:, :, :2], geometry.uvs) + of_triangle[:, None, :, 2]
+    return moved.astype(np.float32)
 
 
 def unit_sizes(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:

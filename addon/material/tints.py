@@ -24,7 +24,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mesh.extract import Geometry, world_positions
+from ..geometry import Geometry, world_positions
 from .flatten import (
     RANDOM,
     SIDE,

@@ -22,64 +22,17 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..errors import SceneError
+from ..geometry import Geometry, Tree
 from ..material.surface import Surface, read_surface
-from ..material.textures import ACTIVE, Texture, transform_matrix
+from ..material.textures import ACTIVE, Texture
 from ..plan.leaves import LeavesError, Part, choose_leaves, names_of
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
 
-__all__ = ["Geometry", "SceneError", "Tree", "extract", "part_names", "texture_uvs", "world_positions"]
+__all__ = ["SceneError", "Tree", "extract", "part_names"]
 
 _Material: TypeAlias = bpy.types.Material | None
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """Triangles of one or several objects in the tree's own coordinates. `Tree.matrix` transforms them to the world."""
-
-    positions: NDArray[np.float32]
-    """(v, 3) vertices, each used by a triangle. Vertices of the frame object are bit-identical to the source."""
-    triangles: NDArray[np.int32]
-    """(t, 3)"""
-    uvs: NDArray[np.float32] | None
-    """(t, 3, 2) the UV map that the material's image uses; the render-active map by default.
-
-    `None` if no object has a UV map; zeros for single objects without one.
-    """
-    normals: NDArray[np.float32]
-    """(t, 3, 3) evaluated corner normals, including custom normals."""
-    colors: NDArray[np.float32] | None
-    """(t, 3, 4) linear factors of base color and alpha from color attributes; `None` if no material uses any."""
-    material_ids: NDArray[np.int32]
-    """(t,) indices into `materials`."""
-    materials: list[bpy.types.Material | None]
-    randoms: NDArray[np.float32] | None = None
-    """(t,) the Random output of Blender's Object Info node; `None` counts as ½ everywhere."""
-    protected: NDArray[np.bool_] | None = None
-    """(t,) whether the triangle is painted as a leaf that is never pruned; `None` for no such leaves."""
-
-
-@dataclass(frozen=True)
-class Tree:
-    """A tree to bake."""
-
-    name: str
-    """As given to `extract`, else the name of the .blend file, the active object or the frame object. Any text."""
-    matrix: NDArray[np.float64]
-    """(4, 4) world matrix of the frame object: the first leaf object by name, or the instancer of its copies.
-
-    Never singular; may mirror.
-    """
-    leaves: Geometry
-    trunk: Geometry | None
-    choice: str
-    """One sentence that names the leaf parts and the reason."""
-    dropped: list[str]
-    """One sentence for each thing left out."""
-    warnings: list[str]
-    sources: tuple[bpy.types.Object, ...] = ()
-    """The objects that show the tree, directly or as instancers."""
 
 
 def extract(
@@ -132,23 +85,6 @@ def part_names(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Objec
     """Return the names that can select parts of the objects as leaves; empty if no object has faces."""
     gathered, _ = gather(depsgraph, objects)
     return set().union(*(names_of(_part(slot)) for slot in _slots(gathered)))
-
-
-def world_positions(geometry: Geometry, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (v, 3) the vertices in world space. `matrix` is that of the tree."""
-    return geometry.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def texture_uvs(geometry: Geometry) -> NDArray[np.float32] | None:
-    """Return (t, 3, 2) the coordinates of image lookups: `uvs` transformed by the materials' Mapping nodes."""
-    if geometry.uvs is None:
-        return None
-    transforms = np.array([transform_matrix(read_surface(material).texture) for material in geometry.materials])
-    if (transforms == np.eye(2, 3)).all():
-        return geometry.uvs
-    of_triangle = transforms[geometry.material_ids]
-    moved = np.einsum("tij,tcj->tci", of_triangle[:, :, :2], geometry.uvs) + of_triangle[:, None, :, 2]
-    return moved.astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from .baked_levels import follows_a_bake
-from .object_random import random_of
 from .realise import are_singular, first_not_finite
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 _NONE = np.empty(0, np.float32)
+_ALL_BITS = 0xFFFFFFFF
 
 PROTECT = "Leafcloud Protect"
 """Name of the vertex group or attribute (points, corners or faces) in which an artist paints leaves never to prune."""
@@ -235,7 +235,7 @@ def _shown(
             level = obj.original if follows_a_bake(obj.original) else None
             found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level)
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
-        randoms.setdefault(key, []).append(random_of(instance))
+        randoms.setdefault(key, []).append(_random_of(instance))
     shown = [
         replace(copies, matrices=np.array(matrices[key]), randoms=np.array(randoms[key], np.float32))
         for key, copies in found.items()
@@ -268,3 +268,36 @@ def _distinct(indices: NDArray[np.integer[Any]], count: int) -> int:
 
 def _counted(count: int, one: str, many: str) -> str:
     return "" if count == 0 else f"{count} {one if count == 1 else many}"
+
+
+def _random_of(instance: bpy.types.DepsgraphObjectInstance) -> float:
+    """Return the random number in [0, 1] that Cycles' Object Info node gives an object or instance.
+
+    That of an object is a hash of its name.
+    """
+    number = instance.random_id if instance.is_instance else _hash(_hash_of_text(instance.object.name))
+    return (number & _ALL_BITS) / _ALL_BITS
+
+
+def _hash_of_text(text: str) -> int:
+    number = 0
+    for byte in text.encode():
+        number = (37 * number + byte) & _ALL_BITS
+    return number
+
+
+def _hash(number: int) -> int:
+    """Return Bob Jenkins' lookup3 hash of `number` and 0 (public domain, 2006)."""
+    a = b = c = (0xDEADBEEF + (2 << 2) + 13) & _ALL_BITS
+    a = (a + number) & _ALL_BITS
+
+    def turned(value: int, bits: int) -> int:
+        return ((value << bits) | (value >> (32 - bits))) & _ALL_BITS
+
+    c = ((c ^ b) - turned(b, 14)) & _ALL_BITS
+    a = ((a ^ c) - turned(c, 11)) & _ALL_BITS
+    b = ((b ^ a) - turned(a, 25)) & _ALL_BITS
+    c = ((c ^ b) - turned(b, 16)) & _ALL_BITS
+    a = ((a ^ c) - turned(c, 4)) & _ALL_BITS
+    b = ((b ^ a) - turned(a, 14)) & _ALL_BITS
+    return ((c ^ b) - turned(b, 24)) & _ALL_BITS

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import bpy
 
 from ..errors import SceneError
-from .extract import Tree, extract, part_names
+from ..geometry import Tree
+from .extract import extract, part_names
 
 Groups = Mapping[str, Sequence[bpy.types.Object]]
 """The objects of each tree, by its name."""

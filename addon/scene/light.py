@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from ..geometry import Geometry, world_normals, world_positions, wound
 from ..material.node_links import output_of
-from ..mesh.extract import Geometry, world_positions
-from ..mesh.placement import Placement
 from ..versions import clear_terminator, set_corner_normals
 
 SAMPLES = 16
@@ -81,17 +80,18 @@ class Surroundings:
     casters: Sequence[bpy.types.Mesh]
 
 
-def bake_light(geometries: Sequence[Geometry], placement: Placement, around: Surroundings) -> list[Light]:
+def bake_light(geometries: Sequence[Geometry], matrix: NDArray[np.float64], around: Surroundings) -> list[Light]:
     """Return the light on each geometry. The scene stays unchanged, even after an error.
 
+    `matrix`: (4, 4) from the geometries to the world.
     Raises `SceneError` if Cycles cannot bake.
     """
-    places = [_places(geometry, placement) for geometry in geometries]
+    places = [_places(geometry, matrix) for geometry in geometries]
     points = np.concatenate([each.points.reshape(-1, 3) for each in places])
     # The second term exceeds the rounding of single precision, 6e-8 of the coordinates.
     near = 1e-4 * float(np.ptp(points, axis=0).max()) + 1e-5 * float(np.abs(points).max())
-    with _without(around.sources), _own_scene(around.layer) as layer, _casting(around.casters, placement, layer, near):
-        return [_light(each, layer, near, placement) for each in places]
+    with _without(around.sources), _own_scene(around.layer) as layer, _casting(around.casters, matrix, layer, near):
+        return [_light(each, layer, near, matrix) for each in places]
 
 
 @dataclass(frozen=True)
@@ -109,20 +109,20 @@ class _Places:
         return np.cross(b - a, c - a)
 
 
-def _places(geometry: Geometry, placement: Placement) -> _Places:
-    triangles = placement.wind(geometry.triangles)
-    normals = placement.wind(placement.normals_to_world(geometry.normals))
+def _places(geometry: Geometry, matrix: NDArray[np.float64]) -> _Places:
+    triangles = wound(geometry.triangles, matrix)
+    normals = wound(world_normals(geometry, matrix), matrix)
     keys = np.concatenate([triangles[:, :, None], normals.view(np.int32)], axis=2).reshape(-1, 4)
     rows = np.ascontiguousarray(keys).view(np.dtype((np.void, 16))).ravel()
     _, shared = np.unique(rows, return_inverse=True)
-    return _Places(world_positions(geometry, placement.matrix)[triangles], normals, shared.reshape(-1, 3))
+    return _Places(world_positions(geometry, matrix)[triangles], normals, shared.reshape(-1, 3))
 
 
-def _light(places: _Places, layer: bpy.types.ViewLayer, near: float, placement: Placement) -> Light:
+def _light(places: _Places, layer: bpy.types.ViewLayer, near: float, matrix: NDArray[np.float64]) -> Light:
     blocks = range(0, len(places.points), BLOCK)
     sides = [_block(places, slice(start, start + BLOCK), layer, near) for start in blocks]
     front, back = (_shared(np.concatenate(side), places) for side in zip(*sides, strict=True))
-    return Light(placement.wind(front), placement.wind(back))
+    return Light(wound(front, matrix), wound(back, matrix))
 
 
 def _shared(values: NDArray[np.float32], places: _Places) -> NDArray[np.float32]:
@@ -259,7 +259,7 @@ def _own_scene(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.ViewLayer]:
 
 @contextmanager
 def _casting(
-    meshes: Sequence[bpy.types.Mesh], placement: Placement, layer: bpy.types.ViewLayer, near: float
+    meshes: Sequence[bpy.types.Mesh], matrix: NDArray[np.float64], layer: bpy.types.ViewLayer, near: float
 ) -> Iterator[None]:
     """Add the meshes to the layer's scene during the block, transparent to rays shorter than `near`."""
     objects: list[bpy.types.Object] = []
@@ -273,7 +273,7 @@ def _casting(
                 mesh.materials[number] = materials[material]
             obj = bpy.data.objects.new(mesh.name, mesh)
             objects.append(obj)
-            obj.matrix_world = placement.matrix.T.tolist()
+            obj.matrix_world = matrix.T.tolist()
             layer.id_data.collection.objects.link(obj)
         yield
     finally:

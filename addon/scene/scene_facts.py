@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..mesh.extract import Tree
+from ..geometry import Tree
 from ..plan.camera_visibility import STILL
 from ..plan.facts import Camera, Lights, Span
 from ..plan.lod_range import View

@@ -24,7 +24,7 @@ from addon.bake.tree_set import bake_tree_set, plan_tree_set, prepare_tree_set, 
 from addon.bake.values import TreeSet
 from addon.errors import SceneError
 from addon.export.files import write
-from addon.mesh.extract import Tree
+from addon.geometry import Tree
 from addon.mesh.trees import extract_trees, grouped, rendered
 from addon.plan.effects import is_on, joint_effects
 from addon.settings.bake import BakeSettings

@@ -23,7 +23,7 @@ from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.report import report
 from addon.export.unlit import mean_light
-from addon.mesh.extract import Tree
+from addon.geometry import Tree
 from addon.plan.effects import is_on, plan_channels, plan_effects
 from addon.plan.facts import Facts
 from addon.scene import light

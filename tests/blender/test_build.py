@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,20 +12,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from addon.geometry import Geometry, Tree, is_sheared, world_normals, wound
 from addon.levels import clouds
 from addon.levels.build import build_levels
 from addon.levels.building import Build, BuiltLevel, Costs
 from addon.levels.mesh import Surface, create_mesh, fans, split_vertices
 from addon.levels.prune_tables import area_shares, prefix_table
-from addon.mesh.extract import Geometry, Tree
-from addon.mesh.placement import Placement
 from addon.plan.lod_range import lod_ranges
 from addon.plan.registry import effect_named
 from addon.plan.schedule import Schedule
 from addon.versions import get_modifier_input
 
-IDENTITY = Placement(np.eye(4))
-MIRRORED = Placement(np.diag([-2.0, 2.0, 2.0, 1.0]))
+MIRROR = np.diag([-2.0, 2.0, 2.0, 1.0])
 FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
 
@@ -112,7 +110,9 @@ def tree(*, with_trunk: bool = True) -> Tree:
     return Tree("tree", matrix, leaves(), trunk() if with_trunk else None, "", [], [])
 
 
-FOLIAGE = SimpleNamespace(leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([5.5, 6.0, 7.5]), radius=1.0)
+FOLIAGE = SimpleNamespace(
+    leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([0.5, 0.0, 0.5]), radius=1.0, mirrored=False
+)
 RANKS = np.array([0.5, 0.25, 0.0], np.float32)
 """Of the three leaves."""
 
@@ -152,7 +152,6 @@ def context(source: Tree, made: SimpleNamespace, *, transitions: bool = True, pr
         tree=source,
         foliage=FOLIAGE,
         chain=made,
-        placement=Placement(source.matrix),
         schedule=Schedule(distances, lod_ranges(distances, (False, True, True, False), transitions=transitions)),
         effects=tuple(effect_named(name) for name, wanted in on.items() if wanted),
         costs=Costs(),
@@ -211,14 +210,14 @@ def test_triangles_on_the_same_vertices_are_parted() -> None:
 
 
 def test_a_billboard_is_one_quad_unless_its_triangles_part() -> None:
-    faces = fans(np.array([[4, 4], [1, 2]]), IDENTITY)
+    faces = fans(np.array([[4, 4], [1, 2]]), mirrored=False)
     assert faces.sizes.tolist() == [4, 3, 3]
     assert faces.first.tolist() == [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
     assert faces.billboards.tolist() == [0, 1, 1]
 
 
 def test_an_outline_of_more_corners_is_one_polygon_or_a_fan() -> None:
-    faces = fans(np.array([[4, 4, 4], [1, 1, 2]]), IDENTITY)
+    faces = fans(np.array([[4, 4, 4], [1, 1, 2]]), mirrored=False)
     assert faces.sizes.tolist() == [5, 3, 3, 3]
     # Corners 0 … 4 of a fan: its triangles are (0, 1, 2), (0, 2, 3), (0, 3, 4).
     assert faces.first.tolist() == [0, 1, 2, 5, 8, *range(9, 18)]
@@ -226,7 +225,7 @@ def test_an_outline_of_more_corners_is_one_polygon_or_a_fan() -> None:
 
 
 def test_faces_of_a_mirrored_tree_are_wound_the_other_way() -> None:
-    faces = fans(np.array([[4, 4], [1, 2]]), MIRRORED)
+    faces = fans(np.array([[4, 4], [1, 2]]), mirrored=True)
     assert faces.first.tolist() == [0, 5, 2, 1, 6, 8, 7, 9, 11, 10]
 
 
@@ -244,18 +243,7 @@ def test_a_prefix_holds_the_leaves_whose_rank_is_below() -> None:
     assert len(first["triangles"]) == 65
 
 
-# Placement
-
-
-def test_a_placement_carries_points_back_and_measures_its_scale() -> None:
-    matrix = np.diag([2.0, 2.0, 2.0, 1.0])
-    matrix[:3, 3] = (1.0, 2.0, 3.0)
-    placement = Placement(matrix)
-    assert placement.to_tree([[3.0, 2.0, 5.0]]).tolist() == [[1.0, 0.0, 1.0]]
-    assert placement.scale == pytest.approx(2.0)
-    assert not placement.mirrored
-    assert not placement.sheared
-    assert MIRRORED.mirrored
+# The world
 
 
 def test_a_shear_is_seen_and_a_rotation_is_not() -> None:
@@ -263,16 +251,23 @@ def test_a_shear_is_seen_and_a_rotation_is_not() -> None:
     sheared[0, 1] = 0.5
     turned = np.eye(4)
     turned[:2, :2] = [[math.cos(1.0), -math.sin(1.0)], [math.sin(1.0), math.cos(1.0)]]
-    assert Placement(sheared).sheared
-    assert not Placement(turned @ np.diag([1.0, 2.0, 3.0, 1.0])).sheared
+    assert is_sheared(sheared)
+    assert not is_sheared(turned @ np.diag([1.0, 2.0, 3.0, 1.0]))
 
 
 def test_normals_stay_at_right_angles_to_their_faces() -> None:
-    placement = Placement(np.diag([1.0, 1.0, 4.0, 1.0]))
-    normal = placement.normals_to_world([[[0.0, math.sqrt(0.5), math.sqrt(0.5)], [0.0, 0.0, 0.0]]])
+    normals = np.array([[[0.0, math.sqrt(0.5), math.sqrt(0.5)], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], np.float32)
+    normal = world_normals(replace(trunk(), normals=normals), np.diag([1.0, 1.0, 4.0, 1.0]))
     assert normal[0, 0] @ [0.0, 1.0, -4.0] == pytest.approx(0.0, abs=1e-6)
     assert np.linalg.norm(normal[0, 0]) == pytest.approx(1.0)
     assert normal[0, 1].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_mirror_swaps_two_corners_of_each_triangle() -> None:
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    assert wound(triangles, MIRROR).tolist() == [[0, 2, 1], [0, 3, 2]]
+    assert wound(triangles, np.eye(4)) is triangles
+    assert wound(None, MIRROR) is None
 
 
 # LOD 0
@@ -303,13 +298,12 @@ def test_lod_0_carries_what_pruning_and_transitions_need() -> None:
     source = tree()
     obj = build(source)[0].object
     mesh, level, order = obj.data, chain().levels[0], [2, 0, 1, 3]
-    own = Placement(source.matrix).to_tree
     assert len(mesh.vertices) == 3 + 6 + 3  # the card's triangles part
     assert np.array_equal(at_corners(mesh, "leaf_rank"), np.repeat([[0.25], [0.5], [0.5], [0.0]], 3, axis=1))
     assert np.array_equal(at_corners(mesh, "leaf_billboard"), np.repeat([[0], [0], [1], [0]], 3, axis=1))
-    assert np.array_equal(at_corners(mesh, "leaf_target"), own(level.targets[order]))
+    assert np.array_equal(at_corners(mesh, "leaf_target"), level.targets[order].astype(np.float32))
     for name, expected in (("leaf_pivot", level.pivots), ("leaf_pivot_target", level.pivot_targets)):
-        assert np.array_equal(at_corners(mesh, name), np.repeat(own(expected[order])[:, None], 3, axis=1))
+        assert np.array_equal(at_corners(mesh, name), np.repeat(expected[order].astype(np.float32)[:, None], 3, axis=1))
 
 
 def test_the_shape_key_and_the_groups_hold_the_billboards() -> None:
@@ -352,16 +346,18 @@ def test_the_table_of_areas_tells_few_leaves_apart_and_leaves_out_what_is_protec
 def test_a_cloud_lies_in_the_trees_coordinates_and_morphs_to_the_next() -> None:
     source, levels = tree(), chain().levels
     obj = build(source)[1].object
-    mesh, own = obj.data, Placement(source.matrix).to_tree
+    mesh = obj.data
     assert [len(polygon.vertices) for polygon in mesh.polygons] == [4, 3, 3]  # by rank: the second billboard first
     positions = np.array([vertex.co[:] for vertex in mesh.vertices], np.float32)
-    assert np.array_equal(positions, own(levels[0].corners[[1] * 4 + [0] * 6, [0, 1, 2, 3, 0, 1, 2, 0, 2, 3]]))
+    assert np.array_equal(
+        positions, levels[0].corners[[1] * 4 + [0] * 6, [0, 1, 2, 3, 0, 1, 2, 0, 2, 3]].astype(np.float32)
+    )
     targets = levels[1].targets.reshape(2, 6, 3)
     expected = np.concatenate([targets[1, [0, 1, 2, 5]], targets[0]])
-    assert np.array_equal(values(mesh, "leaf_target"), own(expected))
+    assert np.array_equal(values(mesh, "leaf_target"), expected.astype(np.float32))
     assert values(mesh, "leaf_billboard").tolist() == [2] * 4 + [0] * 3 + [1] * 3
     assert values(mesh, "leaf_rank").tolist() == [0.0] * 4 + [0.5] * 6
-    assert np.array_equal(values(mesh, "leaf_pivot")[[0, 4, 7]], own(levels[1].pivots[[2, 0, 1]]))
+    assert np.array_equal(values(mesh, "leaf_pivot")[[0, 4, 7]], levels[1].pivots[[2, 0, 1]].astype(np.float32))
     assert np.allclose(np.array(obj.matrix_world), source.matrix)
 
 
@@ -375,11 +371,12 @@ def test_the_last_cloud_and_the_cross_have_nothing_to_morph_to() -> None:
 
 
 def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
-    mirrored = Tree("tree", MIRRORED.matrix, leaves(), None, "", [], [])
-    mesh = build(mirrored)[2].object.data
+    mirrored = Tree("tree", MIRROR, leaves(), None, "", [], [])
+    made = replace(context(mirrored, chain()), foliage=SimpleNamespace(**{**vars(FOLIAGE), "mirrored": True}))
+    mesh = build_levels(made)[1][2].object.data
     normal = np.array(mesh.polygons[0].normal)
-    world = MIRRORED.inverse[:3, :3].T @ normal  # what is a front stays one
-    corners = chain().levels[1].corners[0]
+    world = np.linalg.inv(MIRROR)[:3, :3].T @ normal  # what is a front stays one
+    corners = chain().levels[1].corners[0] @ MIRROR[:3, :3].T
     assert world @ np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0
 
 
@@ -413,9 +410,7 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     trunk = levels[1].trunk.modifiers[0]
     assert get_modifier_input(trunk, "Appear") == get_modifier_input(cloud, "Appear")
     assert get_modifier_input(trunk, "Start") > 1e8
-    assert get_modifier_input(leaf, "Centre") == pytest.approx(
-        (0.25, 0.0, 0.25)
-    )  # Half a world unit at twice the size.
+    assert get_modifier_input(leaf, "Centre") == pytest.approx((0.5, 0.0, 0.5))
 
 
 # Effects

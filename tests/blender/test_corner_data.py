@@ -12,7 +12,7 @@ from mathutils import Matrix
 from scenes import SQUARE, TRIANGLE, add_mesh, corners, material, read, use_nodes, winding_normals
 from small_glb import png, write_quad_glb
 
-from addon.mesh.extract import texture_uvs
+from addon.material.describe import texture_uvs
 from addon.scene.load import load
 
 WHITE = png([[(255, 255, 255, 255)]])

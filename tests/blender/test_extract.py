@@ -12,7 +12,8 @@ from mathutils import Matrix
 from scenes import SQUARE, TRIANGLE, add_mesh, corners, material, read, winding_normals
 
 from addon.errors import SceneError
-from addon.mesh.extract import extract, world_positions
+from addon.geometry import world_positions
+from addon.mesh.extract import extract
 from addon.scene.load import load
 
 

@@ -411,7 +411,7 @@ def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     settings = BakeSettings(epsilon=0.2, candidates=20, levels=1, texture_size=256, effects="+pruning")
     baked = bake(read(), settings)
-    centre = baked.prepared.placement.to_tree(baked.prepared.foliage.centre)
+    centre = baked.prepared.foliage.centre
     near = baked.switch_distances[1]
     forest = build_forest(
         baked.levels,

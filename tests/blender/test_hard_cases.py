@@ -14,7 +14,7 @@ from stability import holds, refuses
 
 import leafcloud
 from addon.errors import SceneError
-from addon.mesh.extract import world_positions
+from addon.geometry import world_positions
 from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 
 GROUP = "In Blender"

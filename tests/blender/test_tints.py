@@ -14,13 +14,13 @@ from scenes import SQUARE, add_mesh
 
 import leafcloud
 from addon.bake.part import described_part
+from addon.geometry import Geometry
 from addon.levels.mesh import read_own_randoms
 from addon.levels.trunk import geometry_mesh
 from addon.material.describe import Described, describe_materials
 from addon.material.flatten import RANDOM, flatten
 from addon.material.tints import Islands, nearest_tints
-from addon.mesh.extract import Geometry, extract
-from addon.mesh.placement import Placement
+from addon.mesh.extract import extract
 from addon.scene.light import Light
 
 TWO_SQUARES = np.array([(x + dx, y, 0) for dx in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], np.float32)
@@ -100,7 +100,7 @@ def test_leaves_of_two_colours(count: int) -> None:
 def test_the_core_sees_each_look_on_its_leaves() -> None:
     """The square of each random number by itself, from above: all red, all blue."""
     geometry = leaves_with(red_or_blue(), [0.25, 0.75])
-    part = described_part(geometry, Placement(np.eye(4)), (), 0.0, None)
+    part = described_part(geometry, np.eye(4), (), 0.0, None)
     for leaf, expected in enumerate(((255, 0, 0, 255), (0, 0, 255, 255))):
         own = part.of(np.arange(6 * leaf, 6 * leaf + 6).reshape(2, 3)).foliage()
         pixels = leafcloud.render([own], (0.0, 0.0, 1.0), 16, centre=[0.5, 0.5, 0.0], radius=0.5)
@@ -168,7 +168,7 @@ def test_a_back_of_another_colour(front: tuple[float, ...], back: tuple[float, .
     mix.inputs[6].default_value, mix.inputs[7].default_value = (*front, 1.0), (*back, 1.0)
     tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
     tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
-    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, None)
+    part = described_part(leaves_with(material, [0.5]), np.eye(4), (), 0.0, None)
     assert len(part.messages) == 1
     for height, color in ((1.0, front), (-1.0, back)):
         codes = leafcloud.render([part.foliage()], (0.0, 0.0, height), 16, centre=[0.5, 0.5, 0.0], radius=0.5)[8, 8, :3]
@@ -185,7 +185,7 @@ def test_each_side_has_its_own_light() -> None:
     tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
     tree.links.new(mix.outputs[2], principled.inputs["Base Color"])
     light = Light(np.full((2, 3, 3), 0.25, np.float32), np.full((2, 3, 3), 0.5, np.float32))
-    part = described_part(leaves_with(material, [0.5]), Placement(np.eye(4)), (), 0.0, light)
+    part = described_part(leaves_with(material, [0.5]), np.eye(4), (), 0.0, light)
     assert part.colors is not None
     assert part.back_colors is not None
     np.testing.assert_allclose(part.colors[..., :3], 0.25, atol=1e-3)

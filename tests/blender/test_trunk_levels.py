@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scenes import add_mesh, bake, material, read
 
 import leafcloud
+from addon.bake.pipeline import seam_share
 from addon.bake.values import Baked
 from addon.export import preview
 from addon.export.files import level_trunks
+from addon.geometry import Geometry
 from addon.levels.trunk import simplified, whole
-from addon.mesh.extract import Geometry
-from addon.mesh.placement import Placement
-from addon.mesh.seams import seam_share
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
@@ -193,11 +192,11 @@ def geometry() -> Geometry:
 
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:
     """A scale of 2 makes the tube's radius 2: errors are lengths in the world."""
-    placement = Placement(np.diag([2.0, 2.0, 2.0, 1.0]))
+    matrix = np.diag([2.0, 2.0, 2.0, 1.0])
     errors = [0.0, 0.05, 0.05, 0.6, 100.0, 100.0]
     trunk = geometry()
     first = whole("bark", trunk)
-    flat, fine, again, coarse, none, nothing = simplified(first, trunk, placement, errors)
+    flat, fine, again, coarse, none, nothing = simplified(first, trunk, matrix, errors)
     assert flat is first, "no error, no change"
     assert again is fine, "what is not fewer is not made twice"
     assert first.triangles > fine.triangles > coarse.triangles > 0 == none.triangles

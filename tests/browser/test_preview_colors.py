@@ -50,7 +50,7 @@ def reopened(folder: Path) -> None:
 
 def sphere_of(baked: Baked) -> tuple[list[float], float]:
     """The center and the radius of the leaves."""
-    return baked.prepared.foliage.centre.tolist(), baked.prepared.foliage.radius
+    return baked.prepared.foliage.world_centre.tolist(), baked.prepared.foliage.radius
 
 
 def camera_at(distance: float, centre: Sequence[float], radius: float, azimuth: float = -0.9) -> bpy.types.Object:

@@ -11,7 +11,8 @@ from mathutils import Matrix
 from addon.bake.pipeline import layer_of, prepare
 from addon.bake.tree_set import bake_tree_set
 from addon.bake.values import Baked
-from addon.mesh.extract import Geometry, Tree, extract, world_positions
+from addon.geometry import Geometry, Tree, world_positions
+from addon.mesh.extract import extract
 from addon.settings.bake import BakeSettings
 
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]

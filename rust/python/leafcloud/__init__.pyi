@@ -2,7 +2,10 @@
 
 Conventions of all functions:
 
-* positions and distances are in the caller's units and coordinates, angles in radians;
+* positions, pivots and planes are in the tree's own coordinates, as given to :class:`Foliage`; its ``matrix``
+  transforms them to the world (default: they are world coordinates);
+* lengths (radius, deviations, sides of texels, errors, distances) are in world units, angles in radians; directions
+  (``up``, ``views``, that of :func:`render`) are directions of the world;
 * deviations and ``epsilon`` are fractions of the radius ``R`` of the foliage's bounding sphere (around the center of
   the axis-aligned box, through the farthest vertex);
 * texture coordinates have their origin in the lower left corner, v up (Blender's convention);
@@ -80,12 +83,14 @@ class Material:
     def name(self) -> str: ...
 
 class Foliage:
-    """Triangles with their leaves and materials, in a local frame.
+    """Triangles with their leaves and materials.
 
-    ``positions``: (v, 3) float32 or float64.
-    ``triangles``: (t, 3) integers.
+    ``positions``: (v, 3) float32 or float64, in the tree's own coordinates.
+    ``triangles``: (t, 3) integers. They wind counter-clockwise as seen from their front, in the tree's coordinates.
+    ``matrix``: (4, 4) from the tree's coordinates to the world, for column vectors. It may scale unevenly and mirror;
+    fronts stay fronts. The core works in the world, in float64. ``None``: the identity.
     ``uvs``: per vertex (v, 2) or per corner (t, 3, 2).
-    ``normals``: likewise (…, 3), of any length.
+    ``normals``: likewise (…, 3), of any length, in the tree's coordinates.
     ``colors``: likewise (…, 4), linear RGBA factors of the base color.
     ``back_colors``: likewise (…, 3), linear RGB that replaces ``colors`` on the back of a triangle, where it appears
     clockwise; the light on the two sides of a leaf may differ.
@@ -95,13 +100,15 @@ class Foliage:
     ``protected``: (t,) bool; a leaf with a protected triangle is never pruned.
 
     Raises ``LeafcloudError`` for no triangles, indices out of range, coordinates that are not finite, arrays of the
-    wrong shape, and if all triangles have zero area.
+    wrong shape, and if all triangles have zero area. Raises it also for a ``matrix`` with a value that is not finite, a
+    last row other than (0, 0, 0, 1), or a condition number (Frobenius) above 1e8.
     """
     def __init__(
         self,
         positions: ArrayLike,
         triangles: ArrayLike,
         *,
+        matrix: ArrayLike | None = None,
         uvs: ArrayLike | None = None,
         normals: ArrayLike | None = None,
         colors: ArrayLike | None = None,
@@ -112,16 +119,24 @@ class Foliage:
         protected: NDArray[np.bool_] | None = None,
     ) -> None: ...
     @property
-    def centre(self) -> NDArray[np.float64]: ...
+    def centre(self) -> NDArray[np.float64]:
+        """(3,) center of the bounding sphere, in the tree's coordinates."""
     @property
-    def radius(self) -> float: ...
+    def world_centre(self) -> NDArray[np.float64]:
+        """(3,) the same center in the world, for cameras and :func:`render`."""
+    @property
+    def radius(self) -> float:
+        """Radius R of the bounding sphere, world units."""
+    @property
+    def mirrored(self) -> bool:
+        """True if ``matrix`` mirrors: a counter-clockwise triangle of the tree is clockwise in the world."""
     @property
     def triangle_count(self) -> int: ...
     @property
     def leaf_count(self) -> int: ...
     @property
     def area(self) -> float:
-        """Total area of the triangles, caller's units squared."""
+        """Total area of the triangles, world units squared."""
     @property
     def leaf_ids(self) -> NDArray[np.uint32]:
         """(t,) leaf of each triangle, 0 … leaf_count − 1 in order of first appearance."""
@@ -130,14 +145,13 @@ class Cloud:
     """Result of a fit: planes, and the parent plane of every triangle."""
     @property
     def planes(self) -> NDArray[np.float64]:
-        """(k, 4) unit normal n and distance d. A point p is n·p − d away from the plane, in the caller's
-        coordinates."""
+        """(k, 4) unit normal n and distance d, in the tree's coordinates: a point p of the plane has n·p = d."""
     @property
     def parents(self) -> NDArray[np.uint32]:
         """(t,) index of each triangle's plane."""
     @property
     def deviations(self) -> NDArray[np.float64]:
-        """(t,) maximum distance of the triangle's vertices from its plane, caller's units; at most ``epsilon`` × R."""
+        """(t,) maximum distance of the triangle's vertices from its plane, world units; at most ``epsilon`` × R."""
     @property
     def epsilon(self) -> float:
         """Error bound, fraction of R."""
@@ -178,8 +192,9 @@ class Level:
         """Method of the fit, or "cross"."""
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(b, c, 3) outline: convex, counter-clockwise on the side that shows the texture. A rectangle begins at the
-        lower left, then lower right, upper right, upper left."""
+        """(b, c, 3) outline: convex, in the world counter-clockwise on the side that shows the texture; in the tree's
+        coordinates clockwise if ``Foliage.mirrored``. A rectangle begins at the lower left, then lower right, upper
+        right, upper left."""
     @property
     def uvs(self) -> NDArray[np.float32]:
         """(b, c, 2) texture coordinates of the outlines."""
@@ -245,7 +260,7 @@ class Level:
         """Number of texels of the page inside billboards."""
     @property
     def texel_size(self) -> float:
-        """Side of a texel on the billboards, caller's units; the same on the whole level."""
+        """Side of a texel on the billboards, world units; the same on the whole level."""
     @property
     def occupancy(self) -> float:
         """Fraction of the page covered by billboards with their gutters."""
@@ -255,8 +270,9 @@ class Level:
         (:func:`share_pages`)."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) position of each corner of the level before at a = 1: on its plane, plus 1/4096 of its height over
-        the plane to keep the depth order of overlapping leaves. Empty (0, 3, 3) for the cross impostor."""
+        """(t, 3, 3) position of each corner of the level before at a = 1, in that level's order: on its plane, plus
+        1/4096 of its height over the plane to keep the depth order of overlapping leaves. Empty (0, 3, 3) for the cross
+        impostor."""
     @property
     def pivots(self) -> NDArray[np.float64]:
         """(t, 3) pivot of each triangle's leaf."""
@@ -286,7 +302,7 @@ class Level:
     def channel_seconds(self) -> dict[str, float]:
         """Seconds of each image of the page, by name ("base_color", "normal" …); part of the seconds ``bake``."""
     def foliage(self) -> Foliage:
-        """Return the billboards as foliage."""
+        """Return the billboards as foliage of the same tree."""
 
 class Chain:
     """All levels after the leaves, finest first."""
@@ -297,7 +313,7 @@ class Chain:
         """(leaf_count,) rank of each leaf in the pruning order, in [0, 1); −1 for a protected leaf."""
     @property
     def pivots(self) -> NDArray[np.float64]:
-        """(t, 3) pivot of each triangle's leaf, the centroid of the leaf's area, caller's units."""
+        """(t, 3) pivot of each triangle's leaf, the centroid of the leaf's area."""
     @property
     def growth(self) -> tuple[float, float]:
         """(c₁, c₂) of γ = exp(c₁ L + c₂ L²), L = ln λ. A crown with the fraction λ of its leaves keeps its density if
@@ -661,7 +677,7 @@ class Simplified:
     @property
     def error(self) -> float:
         """Maximum distance measured between input and result, both ways, and maximum radius of a removed part; the
-        larger of the two, caller's units, at most the requested ``error``."""
+        larger of the two, in the units of ``positions``, at most the requested ``error``."""
 
 def simplify(
     positions: ArrayLike,
@@ -746,8 +762,9 @@ def render(
     samples: int = 4,
     filtered: bool = True,
 ) -> NDArray[np.uint8]:
-    """Render an orthographic, unlit picture (size, size, 4) of the base colors.
+    """Render an orthographic, unlit picture (size, size, 4) of the base colors in the world.
 
+    ``centre``: middle of the picture in the world, as ``Foliage.world_centre``. ``radius``: half its side, world units.
     ``direction``: from the center to the eye.
     ``samples``: along each side of a pixel, in [1, 16].
     ``filtered``: filter textures over the distance between samples, which is smooth with few samples. False: sample
@@ -789,6 +806,6 @@ def transition(distance: float, start: float, end: float) -> float:
     """Return a: 0 up to ``start``, 1 from ``end``, linear between."""
 
 def switch_distance(deviation: float, pixels: float, resolution: float, field_of_view: float) -> float:
-    """Return the distance beyond which ``deviation`` (caller's units) appears smaller than ``pixels``.
+    """Return the distance beyond which ``deviation`` (world units) appears smaller than ``pixels``.
 
     ``resolution``: vertical, in pixels. ``field_of_view``: vertical, in radians, of a perspective camera."""

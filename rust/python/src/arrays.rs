@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;
+use leafcloud::geometry::Placement;
 use leafcloud::textures::Samples;
 use numpy::ndarray::ArrayView2;
 use numpy::{
@@ -20,6 +21,19 @@ pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
     let view = array.as_array();
     expect_columns(&view, 3, name)?;
     Ok(view.outer_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+}
+
+/// Reads the (4, 4) matrix from the tree's coordinates to the world.
+pub fn placement(value: &Bound<'_, PyAny>) -> PyResult<Placement> {
+    let array = value
+        .extract::<PyArrayLike2<f64, AllowTypeChange>>()
+        .map_err(|_| refuse("matrix must be an array of floats of shape (4, 4)"))?;
+    let view = array.as_array();
+    if view.shape() != [4, 4] {
+        return Err(refuse(format!("matrix has the shape {:?}; it must be (4, 4)", view.shape())));
+    }
+    let rows = std::array::from_fn(|row| std::array::from_fn(|column| view[[row, column]]));
+    Ok(Placement::new(rows).map_err(Failure::from)?)
 }
 
 /// Reads a (rows, 3) array of indices.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use leafcloud::{AlphaMode, Attributes, Foliage, Material};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
@@ -73,12 +73,13 @@ pub struct PyFoliage(pub Arc<Foliage>);
 #[pymethods]
 impl PyFoliage {
     #[new]
-    #[pyo3(signature = (positions, triangles, *, uvs = None, normals = None, colors = None, back_colors = None, material_ids = None, materials = None, leaf_ids = None, protected = None))]
+    #[pyo3(signature = (positions, triangles, *, matrix = None, uvs = None, normals = None, colors = None, back_colors = None, material_ids = None, materials = None, leaf_ids = None, protected = None))]
     #[allow(clippy::too_many_arguments)] // the Python signature
     fn new(
         py: Python<'_>,
         positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
+        matrix: Option<&Bound<'_, PyAny>>,
         uvs: Option<&Bound<'_, PyAny>>,
         normals: Option<&Bound<'_, PyAny>>,
         colors: Option<&Bound<'_, PyAny>>,
@@ -88,6 +89,7 @@ impl PyFoliage {
         leaf_ids: Option<&Bound<'_, PyAny>>,
         protected: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let placement = matrix.map(arrays::placement).transpose()?;
         let positions = arrays::points(positions, "positions")?;
         let triangles = arrays::triangles(triangles)?;
         let attributes = Attributes {
@@ -105,13 +107,26 @@ impl PyFoliage {
         let materials: Vec<Bound<'_, PyMaterial>> =
             materials.map_or(Ok(Vec::new()), |v| read(v, "materials", "a list of Material"))?;
         let materials = materials.iter().map(|m| m.get().0.clone()).collect();
-        let foliage = interruptible(py, move |_| Foliage::new(&positions, triangles, attributes, materials))?;
+        let foliage = interruptible(py, move |_| match placement {
+            Some(placement) => Foliage::placed(placement, &positions, triangles, attributes, materials),
+            None => Foliage::new(&positions, triangles, attributes, materials),
+        })?;
         Ok(Self(Arc::new(foliage)))
     }
 
     #[getter]
     fn centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.frame().to_tree(DVec3::ZERO).to_array().to_vec().into_pyarray(py)
+    }
+
+    #[getter]
+    fn world_centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.frame().centre.to_array().to_vec().into_pyarray(py)
+    }
+
+    #[getter]
+    fn mirrored(&self) -> bool {
+        self.0.frame().placement.mirrors()
     }
 
     #[getter]

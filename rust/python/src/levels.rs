@@ -1,4 +1,4 @@
-//! `Cloud`, `Level` and `Chain`: results in the caller's coordinates.
+//! `Cloud`, `Level` and `Chain`: results in the tree's own coordinates.
 
 use std::sync::Arc;
 
@@ -18,14 +18,14 @@ use crate::foliage::PyFoliage;
 use crate::ktx2;
 use crate::work::{guard, interruptible};
 
-/// A cloud with its frame, for values in the caller's coordinates.
+/// A cloud with its frame, for values in the tree's own coordinates.
 #[derive(Clone)]
 pub struct CloudInFrame {
     pub cloud: Arc<Cloud>,
     pub frame: Frame,
     /// R: ε and deviations are fractions of it.
     pub radius: f64,
-    /// Area-weighted mean deviation, caller's units.
+    /// Area-weighted mean deviation, in the world.
     pub mean_deviation: f64,
 }
 
@@ -37,7 +37,7 @@ impl PyCloud {
     #[getter]
     fn planes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let row = |plane: &Plane| {
-            let Plane { normal, distance } = plane.to_caller(&self.0.frame);
+            let Plane { normal, distance } = plane.to_tree(&self.0.frame);
             [normal.x, normal.y, normal.z, distance]
         };
         let flat: Vec<f64> = self.0.cloud.planes.iter().flat_map(row).collect();
@@ -210,7 +210,7 @@ impl PyLevel {
     #[getter]
     fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (frame, atlas) = (self.level().frame, &self.level().atlas);
-        let corners = atlas.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_caller(p));
+        let corners = atlas.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_tree(p));
         let flat: Vec<f64> = corners.flat_map(|p| p.to_array()).collect();
         flat.into_pyarray(py).reshape([atlas.billboards.len(), atlas.outline_corners(), 3])
     }
@@ -315,19 +315,21 @@ impl PyLevel {
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let frame = self.level().frame;
         let targets = self.level().projection.iter().flat_map(|p| &p.targets);
-        point_groups(py, targets.map(|corners| corners.map(|p| frame.to_caller(p))))
+        let of_leaves = self.index == 0; // A mirror changes the order of the leaves' corners, but not of the billboards'.
+        let in_order = |corners| if of_leaves { frame.placement.wound(corners) } else { corners };
+        point_groups(py, targets.map(|&corners| in_order(corners).map(|p| frame.to_tree(p))))
     }
 
     #[getter]
     fn pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let frame = self.level().frame;
-        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivots).map(|&p| frame.to_caller(p)))
+        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivots).map(|&p| frame.to_tree(p)))
     }
 
     #[getter]
     fn pivot_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let frame = self.level().frame;
-        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivot_targets).map(|&p| frame.to_caller(p)))
+        vector_rows(py, self.level().projection.iter().flat_map(|p| &p.pivot_targets).map(|&p| frame.to_tree(p)))
     }
 
     #[getter]

@@ -4,6 +4,7 @@ mod leaves;
 pub(crate) mod mask;
 mod material;
 mod opaque;
+mod placed;
 mod pyramid;
 mod surface;
 mod texel_mask;
@@ -244,7 +245,7 @@ impl Foliage {
         let attributes = Attributes { leaf_ids, ..self.attributes.at(triangles) };
         let faces = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let moved = Self::new(&positions, faces, attributes, self.materials.to_vec())?;
-        Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved })
+        Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved }.at(self.frame.placement))
     }
 
     /// Returns the same leaves with double-sided materials.

@@ -3,13 +3,17 @@
 
 use glam::DVec3;
 
-/// Position and scale of the foliage: a point `p` of the caller is `(p − centre) / radius` in the local frame.
+use super::Placement;
+
+/// Position and scale of the foliage: a point `p` of the caller, in the world, is `(p − centre) / radius` in the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// The center of the axis-aligned bounding box, in the caller's coordinates.
     pub centre: DVec3,
     /// The distance of the farthest vertex from the center, in the caller's units; above 0.
     pub radius: f64,
+    /// The transform from the tree's own coordinates, in which results leave the core, to the caller's.
+    pub placement: Placement,
 }
 
 impl Frame {
@@ -20,7 +24,7 @@ impl Frame {
         // Halve both first: the sum of two coordinates near the largest float must not overflow.
         let centre = low * 0.5 + high * 0.5;
         let radius = points.map(|p| p.distance(centre)).fold(0.0, f64::max);
-        (radius > 0.0 && radius.is_finite()).then_some(Self { centre, radius })
+        (radius > 0.0 && radius.is_finite()).then_some(Self { centre, radius, placement: Placement::default() })
     }
 
     /// Converts a point from the caller's coordinates to local ones.
@@ -33,6 +37,12 @@ impl Frame {
     #[must_use]
     pub fn to_caller(&self, p: DVec3) -> DVec3 {
         self.centre + p * self.radius
+    }
+
+    /// Converts a point from local coordinates to the tree's own.
+    #[must_use]
+    pub fn to_tree(&self, p: DVec3) -> DVec3 {
+        self.placement.to_tree(self.to_caller(p))
     }
 }
 

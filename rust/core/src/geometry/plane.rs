@@ -47,6 +47,12 @@ impl Plane {
         Self { normal: self.normal, distance: self.normal.dot(frame.centre) + self.distance * frame.radius }
     }
 
+    /// Converts the plane from local to the tree's own coordinates.
+    #[must_use]
+    pub fn to_tree(&self, frame: &Frame) -> Self {
+        frame.placement.plane_to_tree(self.to_caller(frame))
+    }
+
     /// Returns two unit vectors in the plane with `x × y = normal`; equal normals give equal axes.
     #[must_use]
     pub fn axes(&self) -> (DVec3, DVec3) {

@@ -27,7 +27,7 @@ pub fn billboards(atlas: &Atlas, frame: &Frame, material: Material) -> Result<Fo
             attributes.leaf_ids.push(i64::from(billboard.plane));
         }
     }
-    Foliage::new(&positions, triangles, attributes, vec![material])
+    Ok(Foliage::new(&positions, triangles, attributes, vec![material])?.at(frame.placement))
 }
 
 /// Returns the pruning ranks of billboards, by the same rule as for leaves.

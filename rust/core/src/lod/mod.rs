@@ -62,7 +62,7 @@ pub struct Chain {
     pub levels: Vec<Level>,
     /// Each leaf's rank in the pruning order, see [`prune::order`].
     pub ranks: Vec<f32>,
-    /// The pivot of each triangle's leaf, caller's units.
+    /// The pivot of each triangle's leaf, in the tree's own coordinates.
     pub pivots: Vec<DVec3>,
     /// γ: growth of pruned leaves beyond the growth that keeps their area.
     pub growth: Trend,
@@ -163,9 +163,9 @@ pub fn build_chain(
     Ok(Chain { levels, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
 }
 
-/// Returns the pivot of each triangle's leaf, caller's units.
+/// Returns the pivot of each triangle's leaf, in the tree's own coordinates.
 fn pivots(foliage: &Foliage) -> Vec<DVec3> {
-    let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_caller(pivot)).collect();
+    let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_tree(pivot)).collect();
     foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
 }
 
