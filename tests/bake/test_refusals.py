@@ -15,8 +15,8 @@ from command_line import BAKE, QUICK, refusal, run, saved
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--epsilon", "0"], ["--epsilon", "0.0", "greater than 0"]),
-        (["--epsilon", "-1"], ["--epsilon", "-1.0", "greater than 0"]),
+        (["--epsilon", "0"], ["--epsilon", "0.0", "from 1e-09"]),
+        (["--epsilon", "-1"], ["--epsilon", "-1.0", "from 1e-09"]),
         (["--candidates", "0"], ["--candidates", "0", "from 1"]),
         (["--levels", "two"], ["--levels", "'two'", "--help"]),
         (["--effects", "glitter"], ["--effects", "'glitter'", "transitions"]),
