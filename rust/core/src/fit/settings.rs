@@ -129,8 +129,8 @@ pub struct FitSettings {
     pub gather: f64,
     /// Greatest number of billboards. ε is then the smallest found within it, and `epsilon` is not used.
     pub max_billboards: Option<usize>,
-    /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it. Refits spend it to reduce the mean deviation, and clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or
-    /// `image`.
+    /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it. Refits spend it to reduce the mean deviation, and
+    /// clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or `image`.
     pub extra_error: f64,
     /// Greatest number of texels with a side of ε / [`TEXELS_PER_EPSILON`]. ε is then the smallest found within it, but
     /// not below `epsilon` unless `max_billboards` is given, too.
