@@ -82,8 +82,8 @@ def test_an_error_that_is_wished_is_kept(crown: leafcloud.Foliage) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"seconds": -1.0}, "seconds is -1"),
-        ({"image_error": 1.0}, "image_error is 1"),
+        ({"seconds": -1.0}, "`seconds` is -1"),
+        ({"image_error": 1.0}, "`image_error` is 1"),
         ({"image_error": 1e-5}, "the least that"),
         ({"preset": "great"}, "draft, balanced, final"),
         ({"seconds": 5.0, "preset": "draft"}, "give one of them"),
