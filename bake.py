@@ -59,6 +59,12 @@ class Refusal(Exception):
 def main(arguments: Sequence[str]) -> int:
     """Run one bake and return the exit status."""
     from addon.ending import own_temporary_folder
+
+    try:
+        _find_wheel()
+    except Refusal as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        return 1
     from addon.settings.bake import WISHES, flag
     from addon.settings.effects import asked_effects
     from addon.settings.flags import UsageError, parse, settings_of
@@ -98,11 +104,14 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
     """Run the action and return its last line of output. Raise `Refusal`."""
-    _find_modules()
+    _find_blender()
     import leafcloud
     from addon.errors import SceneError
+    from addon.settings.bake import notes
     from addon.settings.flags import with_flags
 
+    for note in notes(settings):
+        console.note(with_flags(note))
     try:
         if options.plan_only:
             return _plan(options, settings, console)
@@ -113,18 +122,26 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
         raise Refusal(with_flags(str(error))) from error
 
 
-def _find_modules() -> None:
-    """Make bpy and the wheel importable. Raise `Refusal` if one is missing."""
+def _find_blender() -> None:
+    """Raise `Refusal` if the module bpy is missing."""
     if find_spec("bpy") is None:
         raise Refusal(
             f"{sys.executable} has no module bpy: run `make setup` and use .venv/bin/python, or run "
             "`blender -b --python bake.py -- …`"
         )
+
+
+def _find_wheel() -> None:
+    """Make the wheel importable: the settings read their ranges from it. Raise `Refusal` if it is missing or broken."""
     if find_spec("leafcloud") is None:
         # Append to the path, so that no package of that environment hides one of Blender's own modules.
         sys.path += [str(folder.parent) for folder in sorted(ROOT.glob(".venv/[Ll]ib/**/site-packages/leafcloud"))]
     if find_spec("leafcloud") is None:
         raise Refusal("the module leafcloud is missing: run `make setup`, or enable the Leafcloud extension")
+    try:
+        import leafcloud  # noqa: F401
+    except ImportError as error:
+        raise Refusal(f"the module leafcloud cannot be loaded: {error}; run `make setup` again") from error
 
 
 def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:

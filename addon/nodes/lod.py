@@ -33,6 +33,8 @@ from typing import Any
 
 import bpy
 
+import leafcloud
+
 from ..material.node_links import MEAN_SHARE
 from ..versions import InputValue, set_modifier_input
 from .builder import Section
@@ -62,9 +64,6 @@ GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
 _LAYOUT = 4
 """Version stored in the group. Increase it when inputs or laws change: files baked earlier then keep their group."""
-
-_RAMP = 0.05
-"""Maximum of ρ, the fraction of the drawn leaves that is growing in or out."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +256,7 @@ def _growth(section: Section, keep: bpy.types.NodeSocket) -> bpy.types.NodeSocke
     rank = section.attribute("FLOAT", "leaf_rank")
     protected = section.compare(rank, "LESS_THAN", 0.0, label="Protected?")
     rest = section.math("SUBTRACT", 1.0, keep, label="1 − λ")
-    width = section.math("MULTIPLY", section.math("MINIMUM", rest, _RAMP, label="ρ"), keep, label="ρ·λ")
+    width = section.math("MULTIPLY", section.math("MINIMUM", rest, leafcloud.RAMP, label="ρ"), keep, label="ρ·λ")
     before_end = section.math("SUBTRACT", keep, rank, label="λ − rank")
     ramp = section.math("DIVIDE", before_end, width, label="Ramp r", clamp=True)
 

@@ -40,6 +40,8 @@ from typing import NamedTuple
 
 import bpy
 
+import leafcloud
+
 from ..material.node_links import MEAN_SHARE
 from .builder import Section
 from .laws import (
@@ -65,8 +67,6 @@ _LAYOUT_KEY = "leafcloud_scene_layout"
 _LAYOUT = 1
 """Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
-_RAMP = 0.05
-"""Maximum of ρ, the fraction of the drawn leaves that is growing in or out."""
 _FADE = 0.75
 """Fraction of z from which the weight ω falls."""
 
@@ -382,7 +382,7 @@ def _growth(
     """Return s·γ·r. The sum of the drawn areas runs over the pruned geometry that evaluates this field."""
     share = section.math("DIVIDE", key, factor, label="rank / (f·λ′)")
     rest = section.math("SUBTRACT", 1.0, drawn_keep, label="1 − f·λ′")
-    width = section.math("MAXIMUM", section.math("MINIMUM", rest, _RAMP, label="ρ"), TINY)
+    width = section.math("MAXIMUM", section.math("MINIMUM", rest, leafcloud.RAMP, label="ρ"), TINY)
     ramp = section.math("DIVIDE", section.math("SUBTRACT", 1.0, share), width, label="Ramp r", clamp=True)
     drawn = section.math("MULTIPLY", trees.area, section.math("MULTIPLY", ramp, ramp, label="r²"), label="A·r²")
     drawn_area = sum_over_faces(section, drawn, trees.tree)

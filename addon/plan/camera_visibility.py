@@ -17,9 +17,6 @@ from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
 
-EPSILON_STEP = 2.5
-"""Ratio of the error bounds of consecutive clouds, the same as in the Rust core."""
-
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
 
@@ -79,7 +76,7 @@ def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
 def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
     """Return the estimated switch distances before the bake, LOD 0's 0 first, in world units."""
     clouds = _clouds(settings)
-    errors = [min(settings.epsilon * EPSILON_STEP**number, 1.0) for number in range(clouds)]
+    errors = [min(settings.epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
     deviations = [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)]
     deviations += [CROSS_DEVIATION] if settings.cross else []
     distances = [far_off(deviation * facts.radius, settings.pixels, view) for deviation in deviations]

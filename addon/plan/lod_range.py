@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-HAND_OVER = 0.998
-"""The a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order left."""
+import leafcloud
+
 START_SHARE = 0.5
 """A transition starts at this fraction of its end distance."""
 
@@ -64,7 +64,7 @@ def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, tra
     for end, cloud in zip((*switch_distances[1:], math.inf), (*clouds[1:], False), strict=True):
         morphs = transitions and cloud
         start = max(START_SHARE * end, gone) if morphs else math.inf
-        hand_over = start + HAND_OVER * (end - start) if morphs else end
+        hand_over = start + leafcloud.HAND_OVER * (end - start) if morphs else end
         fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if transitions else 0.0
         lod_range = LodRange(
             appear=appear,

@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import leafcloud
+
 CUT_OFF = 0.005
 """The λ below which pruning gains nothing more."""
 
@@ -33,7 +35,7 @@ def power(half: float) -> float:
 
 def share_left(start: float, distance: float, half: float) -> float:
     """Return λ at a distance, at least `CUT_OFF`: below it leaves are not worth drawing."""
-    return float(max(min((start / distance) ** power(half), 1.0), CUT_OFF))
+    return max(leafcloud.keep(distance, start, half), CUT_OFF)
 
 
 def start_for(share: float, distance: float, half: float) -> float:

@@ -1,4 +1,4 @@
-"""Settings of a bake. Each one is defined here once, with its limits and texts.
+"""Settings of a bake. Each one is defined here once, with its texts. Ranges and defaults of numbers are the core's.
 
 The command line's flags, Blender's properties and the checks are made from these definitions. Code that receives a
 `BakeSettings` need not check it again.
@@ -6,9 +6,12 @@ The command line's flags, Blender's properties and the checks are made from thes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Annotated, Literal, TypedDict, get_type_hints
+from typing import Annotated, Any, Literal, TypedDict, get_type_hints
+
+import leafcloud
 
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Described, Limits, Setting
@@ -21,6 +24,8 @@ WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
 _FIX_EPSILON = ("method", "max_billboards", "max_texels", "image_epsilon", "chain")
 """Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
+_CHOSEN = ("epsilon", "samples", "effort")
+"""Settings that the wishes choose. The texture size is chosen, too, but only below the given one."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
@@ -28,15 +33,23 @@ CHAINS = {
     "both": "fewer leaves with distance, then a first cloud made of the remaining leaves",
 }
 
-SMALLEST_TEXTURE = 64
-
 
 class SettingsError(ValueError):
     """An invalid setting. The message is one line: the setting, its value, its limit, the remedy; see `naming`."""
 
 
-_SHARE = Limits(0, 1)
-_POSITIVE = Limits(0, above=True)
+def _range(name: str) -> Limits:
+    """Return the range of the core's option `name`."""
+    core = leafcloud.SETTINGS[name]
+    return Limits(core.low, core.high, above=core.above, below=core.below)
+
+
+def _default(name: str) -> Any:
+    """Return the default of the core's option `name`."""
+    return leafcloud.SETTINGS[name].default
+
+
+SMALLEST_TEXTURE = int(_range("texture_size").low)
 
 
 @dataclass(frozen=True)
@@ -53,24 +66,25 @@ class BakeSettings:
             "Maximum distance a leaf may move along its billboard's normal on level 1, as a fraction of the crown "
             "radius R. Smaller is more accurate and uses more billboards",
             "FRACTION",
-            Limits(0, 1, above=True),
+            _range("epsilon"),
         ),
-    ] = 0.04
+    ] = _default("epsilon")
     candidates: Annotated[
         int,
         Setting(
-            "Planes tried per billboard. More gives fewer billboards and takes longer", "COUNT", Limits(1, 1_000_000)
+            "Planes tried per billboard. More gives fewer billboards and takes longer", "COUNT", _range("candidates")
         ),
-    ] = 600
+    ] = _default("candidates")
     levels: Annotated[
         int,
         Setting(
-            "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has 2.5 times the error "
-            "bound and half the texture size of the one before",
+            "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has "
+            f"{leafcloud.EPSILON_STEP:g} times the error bound and half the texture size of the one before",
             "COUNT",
-            Limits(1, 8),
+            # The chain pruning alone has the core's 0 clouds.
+            replace(_range("levels"), low=1),
         ),
-    ] = 2
+    ] = _default("levels")
     cross: Annotated[bool, Setting("Cross impostor of the whole tree as the last level")] = True
     method: Annotated[
         Method,
@@ -103,7 +117,7 @@ class BakeSettings:
             "Maximum number of billboards on level 1. Replaces `epsilon` by the smallest error bound found that needs "
             "no more billboards, plus the allowance `extra_error`",
             "COUNT",
-            Limits(1),
+            _range("max_billboards"),
             unset="as many as the error bound needs",
         ),
     ] = None
@@ -113,16 +127,16 @@ class BakeSettings:
             "Extra error allowed beyond the smallest bound for `max_billboards`, as a fraction of that bound. Spent "
             "where it reduces the mean deviation",
             "FRACTION",
-            Limits(0, 1),
+            _range("extra_error"),
         ),
-    ] = 0.25
+    ] = _default("extra_error")
     max_texels: Annotated[
         int | None,
         Setting(
             "Maximum number of texels on level 1, each one eighth of the error bound wide. Uses the smallest error "
             "bound found that needs no more texels, but not less than `epsilon`",
             "COUNT",
-            Limits(256),
+            _range("max_texels"),
             unset="as many as the error bound needs",
         ),
     ] = None
@@ -132,7 +146,7 @@ class BakeSettings:
             "Maximum distance of a billboard's leaves from the place where the billboard was found, as a fraction of "
             "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
             "FRACTION",
-            Limits(0, 2, above=True),
+            _range("max_size"),
             unset="0.2, or twice the mean leaf radius if that is more; no limit with `max_billboards`",
         ),
     ] = None
@@ -141,7 +155,7 @@ class BakeSettings:
         Setting(
             "Minimum width of a gap at which a billboard is split in two, as a fraction of R",
             "FRACTION",
-            Limits(0, 2, above=True),
+            _range("compact"),
             unset="never split",
         ),
     ] = None
@@ -151,18 +165,18 @@ class BakeSettings:
             "Weight of the distance to a billboard's center when a leaf chooses its billboard. Larger gives smaller "
             "billboards with less empty area; 1 is noticeable",
             "WEIGHT",
-            Limits(0, 1_000_000),
+            _range("gather"),
         ),
-    ] = 0.0
+    ] = _default("gather")
     max_corners: Annotated[
         int,
         Setting(
             "Corners of a billboard's outline. 4 gives rectangles; more corners leave less empty area and add "
             "triangles",
             "COUNT",
-            Limits(3, 16),
+            _range("max_corners"),
         ),
-    ] = 4
+    ] = _default("max_corners")
     whole_leaves: Annotated[
         bool,
         Setting(
@@ -170,20 +184,25 @@ class BakeSettings:
             "Uses more billboards"
         ),
     ] = False
-    vertical: Annotated[float, Setting("Score penalty for horizontal planes", "FRACTION", _SHARE)] = 0.0
+    vertical: Annotated[float, Setting("Score penalty for horizontal planes", "FRACTION", _range("vertical"))] = (
+        _default("vertical")
+    )
     views: Annotated[
         tuple[tuple[float, float, float], ...],
         Setting("Likely view direction in the scene, for `facing_views`. Repeat the flag for more directions", "X,Y,Z"),
     ] = ()
     facing_views: Annotated[
-        float, Setting("Score penalty for planes that face none of the directions in `views`", "FRACTION", _SHARE)
-    ] = 0.0
+        float,
+        Setting(
+            "Score penalty for planes that face none of the directions in `views`", "FRACTION", _range("facing_views")
+        ),
+    ] = _default("facing_views")
     image_epsilon: Annotated[
         float | None,
         Setting(
             "Maximum angle by which a vertex may appear to move, for a viewer at `viewing_distance`",
             "RADIANS",
-            Limits(0, 1, above=True),
+            _range("image_epsilon"),
             unset="any",
         ),
     ] = None
@@ -192,31 +211,31 @@ class BakeSettings:
         Setting(
             "Minimum distance of the viewer from the crown's center, as a fraction of R, for `image_epsilon`",
             "FRACTION",
-            Limits(1, 1_000_000, above=True),
+            _range("viewing_distance"),
             unset="any",
         ),
     ] = None
-    seed: Annotated[int, Setting("Random seed", "NUMBER", Limits(0, 2**63 - 1))] = 0
+    seed: Annotated[int, Setting("Random seed", "NUMBER", _range("seed"))] = _default("seed")
     texture_size: Annotated[
         int,
         Setting(
             "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
             "TEXELS",
-            Limits(SMALLEST_TEXTURE, 16384),
+            _range("texture_size"),
         ),
-    ] = 2048
+    ] = _default("texture_size")
     texture_height: Annotated[
         int | None,
-        Setting(
-            "Height of level 1's atlas in texels", "TEXELS", Limits(SMALLEST_TEXTURE, 16384), unset="same as the width"
-        ),
+        Setting("Height of level 1's atlas in texels", "TEXELS", _range("texture_height"), unset="same as the width"),
     ] = None
     samples: Annotated[
         int,
         Setting(
-            "Samples per texel along each side. More gives smoother textures and takes longer", "COUNT", Limits(1, 16)
+            "Samples per texel along each side. More gives smoother textures and takes longer",
+            "COUNT",
+            _range("samples"),
         ),
-    ] = 4
+    ] = _default("samples")
     close_gaps: Annotated[
         bool,
         Setting(
@@ -229,7 +248,7 @@ class BakeSettings:
         Setting(
             "How far the billboards' normals bend toward the hull of the crown. Larger gives softer, rounder shading",
             "FRACTION",
-            _SHARE,
+            _range("normals"),
         ),
     ] = 0.0
     seconds: Annotated[
@@ -238,7 +257,7 @@ class BakeSettings:
             "Time budget in seconds for making the levels, without Blender's start and writing files. Chooses error "
             "bound, samples, effort and a texture size up to `texture_size`, for the least error",
             "SECONDS",
-            _POSITIVE,
+            _range("seconds"),
             unset="off",
         ),
     ] = None
@@ -247,7 +266,7 @@ class BakeSettings:
         Setting(
             "Maximum image error of level 1. Chooses the same settings as `seconds`, for the shortest time",
             "ERROR",
-            Limits(0, 1, above=True, below=True),
+            _range("image_error"),
             unset="off",
         ),
     ] = None
@@ -270,27 +289,27 @@ class BakeSettings:
             "A level takes over where its error appears smaller than this many pixels. Larger switches sooner and "
             "draws faster",
             "PIXELS",
-            _POSITIVE,
+            _range("pixels"),
         ),
-    ] = 8.0
+    ] = _default("pixels")
     chain: Annotated[str, Setting("Order of the levels by distance", "NAME", choices=CHAINS)] = "billboards"
     prune_pixels: Annotated[
         float,
         Setting(
             "Leaf size in pixels below which pruning begins, for the chains pruning and both. Larger prunes sooner",
             "PIXELS",
-            _POSITIVE,
+            _range("leaf_pixels"),
         ),
-    ] = 16.0
+    ] = _default("leaf_pixels")
     prune_half: Annotated[
         float,
         Setting(
             "Distance where pruning begins, divided by the distance where half of the leaves remain. Larger prunes "
             "faster",
             "FRACTION",
-            Limits(0, 0.5, above=True),
+            _range("prune_half"),
         ),
-    ] = 0.5
+    ] = _default("prune_half")
     trees: Annotated[
         str,
         Setting(
@@ -352,14 +371,20 @@ class BakeSettings:
         return self.viewer != "anywhere" and self.engine == "generic"
 
     def _check_fit(self) -> None:
-        needs_count = self.method != "kmeans" or self.max_billboards is not None
-        self._require("max_billboards", needs_count, "set: the method kmeans needs the number of billboards")
         sized = self.max_size is None or self.epsilon <= self.max_size
-        self._require("max_size", sized, f"from `epsilon` ({self.epsilon}) to 2")
-        both = (self.viewing_distance is None) == (self.image_epsilon is None)
-        self._require("viewing_distance", both, "set together with `image_epsilon`, or not at all")
-        ends = self.chain != "pruning" or self.cross
-        self._require("chain", ends, "another when the cross is off: after pruned leaves the cross is the only level")
+        self._require("max_size", sized, f"at least `epsilon`, {self.epsilon}")
+        count, most = len(self.views), _range("views")
+        if not most.hold(count):
+            raise SettingsError(f"`views` has {count} directions, their number must be {most}: leave some out")
+        if self.method == "kmeans" and self.max_billboards is None:
+            raise SettingsError("`method=kmeans` needs `max_billboards`: set it, or choose another `method`")
+        if (self.viewing_distance is None) != (self.image_epsilon is None):
+            raise SettingsError("`image_epsilon` and `viewing_distance` need each other: set both or neither")
+        if self.chain == "pruning" and not self.cross:
+            raise SettingsError(
+                "`chain=pruning` and `cross=False` exclude each other: after pruned leaves the cross impostor is the "
+                "only level; change one of them"
+            )
 
     def _check_effects(self) -> None:
         asked = asked_effects(self.effects)
@@ -375,12 +400,13 @@ class BakeSettings:
 
     def _check_wishes(self) -> None:
         given = [name for name in WISHES if getattr(self, name) is not None]
-        for name in given:
-            others = " and ".join(f"`{other}`" for other in given if other != name)
-            self._require(name, not others, f"set without {others}")
-            fixed = [other for other in _FIX_EPSILON if getattr(self, other) != getattr(BakeSettings, other)]
-            without = " and ".join(f"`{other}`" for other in fixed)
-            self._require(name, not fixed, f"set without {without}, because it has to choose `epsilon`")
+        if len(given) > 1:
+            raise SettingsError(f"{_listed(given)} exclude each other: set one of them")
+        fixed = [name for name in _FIX_EPSILON if getattr(self, name) != getattr(BakeSettings, name)]
+        if given and fixed:
+            raise SettingsError(
+                f"{_listed(given)} must be set without {_listed(fixed)}, because it has to choose `epsilon`"
+            )
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
         if holds:
@@ -388,6 +414,23 @@ class BakeSettings:
         value, default = getattr(self, name), getattr(BakeSettings, name)
         usual = setting_named(name).setting.unset if default is None else repr(default)
         raise SettingsError(f"`{name}` is {value!r}, it must be {limit}; the default is {usual}")
+
+
+def notes(settings: BakeSettings) -> list[str]:
+    """Return notes about settings that the bake may not follow, because of other settings."""
+    found = []
+    wish = [name for name in WISHES if getattr(settings, name) is not None]
+    chosen = [name for name in _CHOSEN if getattr(settings, name) != getattr(BakeSettings, name)]
+    if wish and chosen:
+        found.append(f"{_listed(wish)} may replace {_listed(chosen)} by other values")
+    if settings.facing_views and not settings.views:
+        found.append("`facing_views` has no effect without `views`")
+    return found
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the names of settings for a message."""
+    return " and ".join(f"`{name}`" for name in names)
 
 
 @cache

@@ -24,14 +24,20 @@ class Limits:
         return over and under
 
     def __str__(self) -> str:
+        low, high = _written(self.low), _written(self.high)
         if self.high == math.inf:
-            return f"greater than {self.low:g} and finite" if self.above else f"at least {self.low:g}"
+            return f"greater than {low} and finite" if self.above else f"at least {low}"
         if self.above or self.below:
             return (
-                f"{'greater than' if self.above else 'at least'} {self.low:g} and "
-                f"{'less than' if self.below else 'at most'} {self.high:g}"
+                f"{'greater than' if self.above else 'at least'} {low} and "
+                f"{'less than' if self.below else 'at most'} {high}"
             )
-        return f"from {self.low} to {self.high}"
+        return f"from {low} to {high}"
+
+
+def _written(number: float) -> str:
+    """Return a number without the zeros of a float."""
+    return str(number) if isinstance(number, int) else f"{number:.12g}"
 
 
 @dataclass(frozen=True)

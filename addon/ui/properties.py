@@ -29,6 +29,8 @@ _LARGEST_INT = 2**31 - 1
 _DIGITS = 6
 """Decimals kept of a float property. Properties are single precision, but 0.04 must equal the command line's 0.04."""
 
+_SWITCH = {"True": "On", "False": "Off"}
+
 # Blender evaluates the annotations below. A comprehension inside them cannot see the names of this module.
 _EFFECT_ITEMS = [
     (AUTO, "Auto", "Add the effect if the scene needs it"),
@@ -50,8 +52,8 @@ class _Shown:
     choices: Mapping[str, str] = field(default_factory=dict)
 
     def choice(self, value: str) -> str:
-        """Return the label of one of the setting's choices."""
-        return self.choices.get(value, value.title())
+        """Return the label of one of the setting's choices, or of a switch's values."""
+        return {**_SWITCH, **self.choices}.get(value, value.title())
 
 
 _SHOWN = {
@@ -140,8 +142,8 @@ def _property(each: Described, shown: _Shown) -> Any:
     low, high = limits.low, limits.high
     if each.default is None:  # 0 means unset.
         low, said["description"] = 0, f"{said['description']}. 0: {setting.unset}"
-    elif limits.above:
-        low += 10.0**-shown.digits
+    elif each.type is float and (limits.above or low > 0.0):
+        low = max(low, 10.0**-shown.digits)  # The field shows no smaller number.
     if each.type is int:
         high = int(min(high, _LARGEST_INT))
         return IntProperty(

@@ -9,8 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import leafcloud
+
 _TINY = 1e-30
-_RAMP = 0.05
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,8 @@ def _share(value: float, start: float, end: float) -> float:
 
 
 def _keep(distance: float, start: float, half: float) -> float:
-    """Return λ = min((d₀/d)^(log_h ½), 1)."""
-    nearness = start / max(distance, start, _TINY)
-    return nearness ** (math.log(0.5) / math.log(half)) if 0.0 < nearness < 1.0 else 1.0
+    """Return λ. Clamp the numbers as the node group does."""
+    return leafcloud.keep(distance, max(start, _TINY), min(max(half, _TINY), 0.5))
 
 
 def _trend(keep: float, numbers: tuple[float, float]) -> float:
@@ -94,7 +94,7 @@ def _area_scale(keep: float, shares: Sequence[float]) -> float:
     """Return s from the table, as `lc_area_scale` does, but once instead of at each vertex."""
     if keep >= 1.0 or not shares:
         return 1.0
-    whole, most = (_share_below(rank, shares) for rank in (keep * (1.0 - min(_RAMP, 1.0 - keep)), keep))
+    whole, most = (_share_below(rank, shares) for rank in (keep * (1.0 - min(leafcloud.RAMP, 1.0 - keep)), keep))
     drawn = whole + (most - whole) / 3.0
     return 1.0 / math.sqrt(drawn) if drawn > 0.0 else 1.0
 

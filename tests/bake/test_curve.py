@@ -82,8 +82,8 @@ def test_an_error_that_is_wished_is_kept(crown: leafcloud.Foliage) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"seconds": -1.0}, "seconds is -1"),
-        ({"image_error": 1.0}, "image_error is 1"),
+        ({"seconds": -1.0}, "`seconds` is -1"),
+        ({"image_error": 1.0}, "`image_error` is 1"),
         ({"image_error": 1e-5}, "the least that"),
         ({"preset": "great"}, "draft, balanced, final"),
         ({"seconds": 5.0, "preset": "draft"}, "give one of them"),
@@ -124,7 +124,7 @@ def test_predictions_pass_through_what_was_measured(curve: leafcloud.Curve) -> N
         ({"image_error": 2.0}, "`image_error` is 2.0"),
         ({"preset": "best"}, "draft, balanced, final"),
         ({"samples": 17}, "`samples` is 17"),
-        ({"seconds": 9.0, "preset": "draft"}, "set without `preset`"),
+        ({"seconds": 9.0, "preset": "draft"}, "`seconds` and `preset` exclude each other"),
         ({"seconds": 9.0, "chain": "both"}, "set without `chain`, because it has to choose `epsilon`"),
         ({"preset": "final", "max_billboards": 9}, "without `max_billboards`"),
     ],

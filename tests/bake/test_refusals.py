@@ -15,8 +15,8 @@ from command_line import BAKE, QUICK, refusal, run, saved
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--epsilon", "0"], ["--epsilon", "0.0", "greater than 0"]),
-        (["--epsilon", "-1"], ["--epsilon", "-1.0", "greater than 0"]),
+        (["--epsilon", "0"], ["--epsilon", "0.0", "from 1e-09"]),
+        (["--epsilon", "-1"], ["--epsilon", "-1.0", "from 1e-09"]),
         (["--candidates", "0"], ["--candidates", "0", "from 1"]),
         (["--levels", "two"], ["--levels", "'two'", "--help"]),
         (["--effects", "glitter"], ["--effects", "'glitter'", "transitions"]),
@@ -37,6 +37,25 @@ def test_a_bake_without_a_folder_is_refused(shrub: Path) -> None:
         2,
         "bake.py: --out DIR is missing: name the output folder\n",
     )
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("leafcloud", "the module leafcloud is missing: run `make setup`"),
+        ("bpy", "has no module bpy: run `make setup`"),
+    ],
+)
+def test_a_missing_module_is_refused(module: str, words: str, shrub: Path, tmp_path: Path) -> None:
+    without = (
+        f"import runpy, sys; sys.modules[{module!r}] = None; sys.argv[0] = {str(BAKE)!r}; "
+        "runpy.run_path(sys.argv[0], run_name='__main__')"
+    )
+    command = [sys.executable, "-c", without, "--input", str(shrub), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
 
 
 def test_an_empty_folder_name_is_no_folder(shrub: Path) -> None:

@@ -75,6 +75,7 @@ def test_both_faces_know_every_name_in_a_message() -> None:
         ("cut out by `effects=-blend_order`", "cut out by --effects=-blend_order", "cut out by Blend Order: Off"),
         ("by `effects=auto,+wind`", "by --effects auto,+wind", "by Wind: On"),
         ("by `unlit`, without `cross`", "by --unlit, without --no-cross", "by Unlit, without Cross"),
+        ("without `cross=False`", "without --no-cross", "without Cross: Off"),
         ("another `out`", "another --out", "another Folder"),
         ("leave `max_texels` out", "leave --max-texels out", "leave max texels out"),
         ("object '`bark`' and `make setup`", "object '`bark`' and `make setup`", "object '`bark`' and `make setup`"),
@@ -112,10 +113,8 @@ def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line
     for message in refused:
         suits_the_sidebar(message)
     assert any(message.startswith("Chain: Both needs the effect pruning, which is off") for message in refused)
-    assert any("set without Image Error" in message for message in refused)
-    assert any(
-        message.startswith("Chain is 'pruning', it must be another when the cross is off") for message in refused
-    )
+    assert any(message.startswith("Seconds and Image Error exclude each other") for message in refused)
+    assert any(message.startswith("Chain: Pruning and Cross: Off exclude each other") for message in refused)
 
 
 def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:

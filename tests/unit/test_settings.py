@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError, described, fit_options
+from addon.settings.bake import BakeSettings, SettingsError, described, fit_options, notes
 from addon.settings.flags import parse, settings_of
 from addon.settings.setting import Limits
 
@@ -90,19 +90,40 @@ def test_effects_may_be_a_choice_or_a_list(effects: str) -> None:
 
 
 def test_settings_that_need_each_other() -> None:
-    with pytest.raises(SettingsError, match="kmeans"):
+    with pytest.raises(SettingsError, match="`method=kmeans` needs `max_billboards`"):
         BakeSettings(method="kmeans")
-    with pytest.raises(SettingsError, match="`image_epsilon`"):
+    with pytest.raises(SettingsError, match="`image_epsilon` and `viewing_distance` need each other"):
         BakeSettings(viewing_distance=2.0)
+    with pytest.raises(SettingsError, match="`chain=pruning` and `cross=False` exclude each other"):
+        BakeSettings(chain="pruning", cross=False)
     assert BakeSettings(method="kmeans", max_billboards=20).max_billboards == 20
 
 
-def test_the_fitters_options_are_the_wheels() -> None:
-    options = fit_options(BakeSettings(max_billboards=7))
-    assert options["max_billboards"] == 7
-    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-    foliage = leafcloud.Foliage(positions, np.array([[0, 1, 2]]))
-    assert len(leafcloud.fit(foliage, **options).planes) == 1
+def refusal_of_fit(**options: object) -> str:
+    """Return the core's message for options of a fit. At least one of them must be invalid."""
+    foliage = leafcloud.Foliage(np.eye(3), np.array([[0, 1, 2]]))
+    with pytest.raises(leafcloud.LeafcloudError) as refusal:
+        leafcloud.fit(foliage, **options)  # type: ignore[arg-type]
+    return str(refusal.value)
+
+
+def test_every_setting_of_the_fit_arrives_in_the_core() -> None:
+    """The core refuses a value of a wrong type by the name of its option, so an option that is lost is not named."""
+    wrong = object()
+    of_fit = [each.name for each in described() if "unknown option" not in refusal_of_fit(**{each.name: wrong})]
+    assert {"epsilon", "views", "seed", "whole_leaves"} <= set(of_fit)
+    assert "levels" not in of_fit
+    for name in of_fit:
+        settings = BakeSettings()
+        object.__setattr__(settings, name, wrong)
+        assert refusal_of_fit(**fit_options(settings)).startswith(f"{name} is <object"), name
+
+
+def test_settings_that_the_bake_may_not_follow_are_noted() -> None:
+    assert notes(BakeSettings(epsilon=0.1, facing_views=0.5, views=((0.0, 0.0, 1.0),))) == []
+    assert notes(BakeSettings(facing_views=0.5)) == ["`facing_views` has no effect without `views`"]
+    [note] = notes(BakeSettings(preset="draft", epsilon=0.1, effort="best", texture_size=512))
+    assert note == "`preset` may replace `epsilon` and `effort` by other values"
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ pub mod foliage;
 pub mod geometry;
 pub mod gltf;
 pub mod groups;
+pub mod limits;
 pub mod lod;
 pub mod metrics;
 pub mod outlines;

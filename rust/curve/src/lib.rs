@@ -22,4 +22,4 @@ pub use choice::Choice;
 pub use front::front;
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};
-pub use within::{Built, Offer, Preset, Wish, build_within, offers};
+pub use within::{Built, IMAGE_ERROR, Offer, Preset, SECONDS, Wish, build_within, offers};

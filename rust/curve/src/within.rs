@@ -9,6 +9,7 @@ use std::time::Instant;
 use leafcloud::atlas::AtlasSettings;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, Method};
+use leafcloud::limits::Limits;
 use leafcloud::lod::{Chain, ChainSettings};
 use leafcloud::{Foliage, Progress};
 
@@ -65,6 +66,12 @@ impl Preset {
         offers.iter().find(|offer| offer.predicted.image_error <= most * least)
     }
 }
+
+/// Range of a wish for a time.
+pub const SECONDS: Limits = Limits::POSITIVE;
+
+/// Range of a wish for an image error.
+pub const IMAGE_ERROR: Limits = Limits { above: true, below: true, ..Limits::SHARE };
 
 /// The goal for a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -203,13 +210,9 @@ impl Wish {
     fn check(self, settings: &ChainSettings) -> Result<()> {
         settings.check()?;
         match self {
-            Self::Seconds(seconds) if !(seconds > 0.0 && seconds.is_finite()) => {
-                return Err(Error::invalid(format!("seconds is {seconds}; it must be greater than 0 and finite")));
-            }
-            Self::ImageError(error) if !(error > 0.0 && error < 1.0) => {
-                return Err(Error::invalid(format!("image_error is {error}; it must lie between 0 and 1")));
-            }
-            _ => {}
+            Self::Seconds(seconds) => SECONDS.check("seconds", seconds)?,
+            Self::ImageError(error) => IMAGE_ERROR.check("image_error", error)?,
+            Self::Preset(_) => {}
         }
         let fit = &settings.fit;
         let given = [

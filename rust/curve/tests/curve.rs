@@ -86,9 +86,9 @@ fn unsuitable_settings_are_refused() {
     let refused = sweep(&crown, None, &budget, Sweep::Full, Progress::silent()).unwrap_err().to_string();
     assert!(refused.contains("leave `max_billboards` and `max_texels` out"), "{refused}");
     let wish = |wish| build_within(&crown, None, &small(), wish, Progress::silent()).unwrap_err().to_string();
-    assert!(wish(Wish::Seconds(0.0)).contains("seconds is 0"));
+    assert!(wish(Wish::Seconds(0.0)).contains("`seconds` is 0"));
     assert!(wish(Wish::Seconds(f64::NAN)).contains("greater than 0"));
-    assert!(wish(Wish::ImageError(1.5)).contains("image_error is 1.5"));
+    assert!(wish(Wish::ImageError(1.5)).contains("`image_error` is 1.5"));
     assert!(wish(Wish::Seconds(1e-6)).contains("raise it"));
     assert!(wish(Wish::ImageError(1e-4)).contains("the least that"));
     let fit = FitSettings { max_billboards: Some(9), ..FitSettings::default() };

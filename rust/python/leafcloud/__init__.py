@@ -1,6 +1,10 @@
 """Leafcloud: levels of detail for foliage that do not pop. `__init__.pyi` beside this file documents the module."""
 
 from ._native import (
+    EPSILON_STEP,
+    HAND_OVER,
+    RAMP,
+    SETTINGS,
     BlendOrder,
     CancelledError,
     Chain,
@@ -11,6 +15,7 @@ from ._native import (
     LeafcloudError,
     Level,
     Material,
+    Setting,
     Simplified,
     __version__,
     area_scale,
@@ -34,6 +39,10 @@ from ._native import (
 )
 
 __all__ = [
+    "EPSILON_STEP",
+    "HAND_OVER",
+    "RAMP",
+    "SETTINGS",
     "BlendOrder",
     "CancelledError",
     "Chain",
@@ -44,6 +53,7 @@ __all__ = [
     "LeafcloudError",
     "Level",
     "Material",
+    "Setting",
     "Simplified",
     "__version__",
     "area_scale",

@@ -20,7 +20,7 @@ Ctrl-C raises ``KeyboardInterrupt`` within a second in every call. Work that can
 also work in a child process after ``fork``: the child starts its own threads.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, Literal, TypedDict, TypeVar, Unpack
 
 import numpy as np
@@ -43,6 +43,13 @@ Progress = Callable[[str, float], bool | None]
 Preset = Literal["draft", "balanced", "final"]
 Cost = Literal["seconds", "billboards", "bytes"]
 
+EPSILON_STEP: float
+"""Ratio of the error bounds of consecutive clouds."""
+HAND_OVER: float
+"""The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
+RAMP: float
+"""Maximum fraction of the drawn leaves that is growing in or out; see :func:`leaf_scale`."""
+
 _T = TypeVar("_T", covariant=True)
 
 class LeafcloudError(Exception):
@@ -50,6 +57,28 @@ class LeafcloudError(Exception):
 
 class CancelledError(LeafcloudError):
     """The caller cancelled the work."""
+
+class Setting:
+    """Range and default of an option that is a number.
+
+    Both ends are included; ``above`` excludes ``low``, and ``below`` excludes ``high``. Counts have ``int`` ends, other
+    numbers ``float`` ends. ``high`` may be infinite.
+    """
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+    @property
+    def above(self) -> bool: ...
+    @property
+    def below(self) -> bool: ...
+    @property
+    def default(self) -> float | None: ...
+
+SETTINGS: Mapping[str, Setting]
+"""Range and default of every option of :func:`fit` and :func:`build_chain` that is a number, by its name. ``views``:
+the number of directions. ``max_size`` must also be at least ``epsilon``, and ``levels`` may be 0 only with
+``cross``."""
 
 class Material:
     """Material of triangles.
@@ -483,7 +512,7 @@ class FitOptions(TypedDict, total=False):
     facing: float  # 1.0
     gather: float  # 0.0
     max_billboards: int | None  # None
-    extra_error: float  # 0.0
+    extra_error: float  # 0.25
     max_texels: int | None  # None
     max_size: float | None  # None
     compact: float | None  # None
@@ -537,19 +566,21 @@ def fit(
 ) -> Cloud:
     """Fit planes with every vertex within ``epsilon`` · R of its triangle's plane, checked in f64.
 
-    ``epsilon``: error bound in (0, 1], fraction of R.
-    ``candidates``: planes tried per billboard, ≥ 1. Searches that try all offsets of a direction at once use a fraction
+    :data:`SETTINGS` has the range of each number.
+
+    ``epsilon``: error bound, fraction of R.
+    ``candidates``: planes tried per billboard. Searches that try all offsets of a direction at once use a fraction
     of it as directions.
     ``whole_leaves``: keep a leaf on one plane whenever any plane could hold all its triangles, at the cost of more
     billboards. Otherwise a leaf stays whole wherever one of the cloud's planes holds it.
-    ``facing``: weight ≥ 0 of 1 − |cos| against the squared relative deviation when a leaf chooses among the planes that
+    ``facing``: weight of 1 − |cos| against the squared relative deviation when a leaf chooses among the planes that
     hold it; 0 takes the nearest plane.
-    ``gather``: weight ≥ 0 of the squared distance (in R) from the center of a plane's leaves in the same choice. Larger
+    ``gather``: weight of the squared distance (in R) from the center of a plane's leaves in the same choice. Larger
     gives smaller billboards with less empty area.
 
     Budgets:
     ``max_billboards``: use the smallest ε found that needs no more billboards; ``epsilon`` is ignored.
-    ``extra_error``: extra error allowance for ``max_billboards`` in [0, 1], fraction of that ε. Refits spend it where
+    ``extra_error``: extra error allowance for ``max_billboards``, fraction of that ε. Refits spend it where
     it reduces the mean deviation, and the best of several seeds' clouds is taken. Not with ``max_texels`` or
     ``image_epsilon``.
     ``max_texels``: use the smallest ε found that needs no more texels of side ε/8, but at least ``epsilon``.
@@ -557,23 +588,23 @@ def fit(
     is the resulting bound.
 
     Shape:
-    ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R
-    in [ε, 2]; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is 0.2, or
-    twice the mean radius of the leaves (after level 1: of the previous billboards) if that is more, but any distance
+    ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R,
+    at least ε; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is 0.2,
+    or twice the mean radius of the leaves (after level 1: of the previous billboards) if that is more, but any distance
     with ``max_billboards`` and for the published methods (``density``, ``kmeans``, effort ``literal``).
     ``compact``: minimum gap, fraction of R, at which a billboard is split.
-    ``max_corners``: corners of an outline, in [3, 16]; 4 gives rectangles.
+    ``max_corners``: corners of an outline; 4 gives rectangles.
     ``trim``: outlines enclose only opaque texels, and leaves are weighted by their opaque area.
 
     Preferences, as factors of a plane's score:
-    ``facing_views``: penalty in [0, 1] for planes that face none of the directions ``views``.
-    ``vertical``: penalty in [0, 1] for horizontal planes, perpendicular to ``up``.
+    ``facing_views``: penalty for planes that face none of the directions ``views``.
+    ``vertical``: penalty for horizontal planes, perpendicular to ``up``.
 
     ``image_epsilon`` (radians) with ``viewing_distance`` (fraction of R, above 1): a viewer at least that far from the
     center sees no vertex move by a larger angle, so nearby leaves move less than ε. Each level after the first has 2.5
     times the angle of the one before.
 
-    ``penalty``: for ``density``, in [0, 100]: the weight that a leaf subtracts from planes that just miss it, relative
+    ``penalty``: for ``density``: the weight that a leaf subtracts from planes that just miss it, relative
     to the weight that it adds to planes that hold it (10 in the paper).
     """
 
@@ -590,19 +621,19 @@ def build_chain(
 ) -> Chain:
     """Fit, pack and bake every level.
 
-    For the options of the fit see :func:`fit`. Each level has 2.5 times the ε of the level before (fractions of the
-    leaves' R; a budget applies to the first level). The page of level i has ``texture_size`` / 2^(i−1) columns and as
-    many rows, unless ``texture_height`` is given.
+    For the options of the fit see :func:`fit`, for ranges :data:`SETTINGS`. Each level has :data:`EPSILON_STEP` times
+    the ε of the level before (fractions of the leaves' R; a budget applies to the first level). The page of level i has
+    ``texture_size`` / 2^(i−1) columns and as many rows, unless ``texture_height`` is given.
 
     ``trunk``: the trunk; only the cross impostor shows it.
-    ``pixels``: size > 0 at which a level's deviation appears where the level takes over. There the cross impostor's
+    ``pixels``: size at which a level's deviation appears where the level takes over. There the cross impostor's
     page has texels of half a pixel or less, within the limit of ``texture_size``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides. ``None``: each level decides by comparing renders of both.
-    ``keep``: λ in (0, 1], the fraction of leaves kept where the first level takes over. All levels are made of these
+    ``keep``: λ, the fraction of leaves kept where the first level takes over. All levels are made of these
     leaves, grown about their pivots by the factor at that distance (``Chain.kept``). ``None``: no pruning.
-    ``leaf_pixels``: length of a leaf in pixels where pruning begins, > 0. ``prune_half``: h of :func:`keep`. With
+    ``leaf_pixels``: length of a leaf in pixels where pruning begins. ``prune_half``: h of :func:`keep`. With
     ``keep``, growth and contrast of kept leaves are measured at these sizes (``Chain.growth``, ``Chain.contrast``).
     ``contrast``: also measure the contrast.
     ``close_gaps``: close gaps between billboards: each also shows the parts of other billboards' leaves within ε of
@@ -611,7 +642,7 @@ def build_chain(
     (:func:`blend_order`).
 
     Optional channels of the pages beside base color:
-    ``normals``: bent toward the hull of the crown by this fraction in [0, 1].
+    ``normals``: bent toward the hull of the crown by this fraction.
     ``gloss``: roughness and metallic.
     ``translucency``: color of the transmitted light.
     ``occlusion``: fraction of the sky visible from a place, in the red of ``gloss``.

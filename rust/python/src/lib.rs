@@ -13,6 +13,7 @@ mod job;
 mod ktx2;
 mod levels;
 mod options;
+mod settings;
 mod tools;
 mod trunk;
 mod work;
@@ -24,6 +25,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     work::own_threads();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     errors::register(module)?;
+    settings::register(module)?;
     module.add_class::<foliage::PyMaterial>()?;
     module.add_class::<foliage::PyFoliage>()?;
     module.add_class::<levels::PyCloud>()?;

@@ -58,7 +58,7 @@ impl<'py> Options<'py> {
         match (angle, distance) {
             (None, None) => Ok(None),
             (Some(angle), Some(distance)) => Ok(Some(ImageBound { angle, distance })),
-            _ => Err(refuse("image_epsilon and viewing_distance need each other: give both or neither")),
+            _ => Err(refuse("`image_epsilon` and `viewing_distance` need each other: give both or neither")),
         }
     }
 
@@ -121,10 +121,15 @@ impl<'py> Options<'py> {
     }
 
     fn pruning(&self) -> PyResult<Option<PruneSettings>> {
-        let (leaf_pixels, half) = (self.number("leaf_pixels", 16.0)?, self.number("prune_half", 0.5)?);
+        let default = PruneSettings::default();
         let keep: Option<f64> = self.some("keep", "a number or None")?;
-        let contrast = self.flag("contrast", true)?;
-        Ok(keep.map(|keep| PruneSettings { keep, leaf_pixels, half, contrast }))
+        let settings = PruneSettings {
+            keep: keep.unwrap_or(default.keep),
+            leaf_pixels: self.number("leaf_pixels", default.leaf_pixels)?,
+            half: self.number("prune_half", default.half)?,
+            contrast: self.flag("contrast", default.contrast)?,
+        };
+        Ok(keep.map(|_| settings))
     }
 
     pub fn chain(&self) -> PyResult<ChainSettings> {
@@ -175,7 +180,7 @@ impl<'py> Options<'py> {
         let mut given = wishes.into_iter().flatten();
         match (given.next(), given.next()) {
             (wish, None) => Ok(wish),
-            _ => Err(refuse("seconds, image_error and preset exclude each other; give one of them")),
+            _ => Err(refuse("`seconds`, `image_error` and `preset` exclude each other; give one of them")),
         }
     }
 

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Outline, Plane};
+use crate::limits;
 
 use rectangles::BoxSize;
 
@@ -73,7 +74,7 @@ impl std::fmt::Display for PageSize {
 /// Settings of an atlas layout.
 #[derive(Clone, Copy, Debug)]
 pub struct AtlasSettings {
-    /// Both sides in [16, 16384].
+    /// Both sides in [`limits::ATLAS_SIDE`].
     pub size: PageSize,
     /// Unused texels around each outline, against bleeding by filters.
     pub gutter: usize,
@@ -100,10 +101,8 @@ impl AtlasSettings {
     }
 
     fn check(self) -> Result<()> {
-        if [self.size.width, self.size.height].iter().all(|side| (16..=16_384).contains(side)) {
-            return Ok(());
-        }
-        Err(Error::invalid(format!("the texture size is {}; both sides must lie between 16 and 16384", self.size)))
+        let PageSize { width, height } = self.size;
+        [width, height].into_iter().try_for_each(|side| limits::ATLAS_SIDE.check("texture_size", side as f64))
     }
 }
 

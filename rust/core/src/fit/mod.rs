@@ -29,6 +29,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
+use crate::limits;
 use crate::outlines::{OutlineSettings, outlines};
 use crate::progress::Progress;
 
@@ -266,7 +267,7 @@ impl Task<'_> {
         };
         let mut finest = f64::INFINITY;
         let (power, least) = match max_billboards {
-            Some(_) => (BILLBOARDS_POWER, settings::MIN_EPSILON),
+            Some(_) => (BILLBOARDS_POWER, limits::EPSILON.low),
             None => (TEXELS_POWER, bound / radius),
         };
         let found = budget::smallest(1.0, power, bound / radius, least, |epsilon, attempt| {

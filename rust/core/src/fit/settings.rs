@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result, number};
 use crate::foliage::{Foliage, Opacity};
+use crate::limits::{self, Limits};
 
 /// Method that finds the planes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,17 +104,17 @@ pub struct ImageBound {
     pub distance: f64,
 }
 
-/// Settings of a fit.
+/// Settings of a fit. [`limits`] has the range of each number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitSettings {
     /// Method that finds the planes.
     pub method: Method,
     /// Search effort of the stochastic method.
     pub effort: Effort,
-    /// Greatest distance that a vertex may move along its plane's normal, as a share of R; in (0, 1].
+    /// Greatest distance that a vertex may move along its plane's normal, as a share of R.
     pub epsilon: f64,
-    /// Planes tried per billboard (N of the paper); in [1, 10⁷]. A search that tries all offsets of a direction at once
-    /// uses two fifths as many directions, at most 4096.
+    /// Planes tried per billboard (N of the paper). A search that tries all offsets of a direction at once uses two
+    /// fifths as many directions, at most 4096.
     pub candidates: usize,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -128,9 +129,8 @@ pub struct FitSettings {
     pub gather: f64,
     /// Greatest number of billboards. ε is then the smallest found within it, and `epsilon` is not used.
     pub max_billboards: Option<usize>,
-    /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it, in [0, 1]. Refits spend it to reduce the mean
-    /// deviation, and clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or
-    /// `image`.
+    /// Extra error allowed beyond the ε found for `max_billboards`, as a share of it. Refits spend it to reduce the mean deviation, and
+    /// clouds of several seeds are compared. Only for a budget of billboards alone: without effect with `max_texels` or `image`.
     pub extra_error: f64,
     /// Greatest number of texels with a side of ε / [`TEXELS_PER_EPSILON`]. ε is then the smallest found within it, but
     /// not below `epsilon` unless `max_billboards` is given, too.
@@ -138,14 +138,14 @@ pub struct FitSettings {
     /// Greatest distance of a billboard's leaves from the place where the billboard was found, as a share of R, in [ε, 2]. A larger
     /// leaf gets a billboard of its own size. `None`: no limit.
     pub max_size: Option<f64>,
-    /// Least gap, as a share of R, that splits a billboard into several; in [10⁻⁶, 2]. `None`: no splits.
+    /// Least gap, as a share of R, that splits a billboard into several. `None`: no splits.
     pub compact: Option<f64>,
-    /// Corners of an outline, in [3, 16]; 4 gives rectangles, other numbers convex polygons.
+    /// Corners of an outline; 4 gives rectangles, other numbers convex polygons.
     pub max_corners: usize,
     /// Fit outlines to the opaque parts of leaves, and weigh leaves by their opaque area.
     pub trim: bool,
     /// For the density method: score that a leaf subtracts from planes that just miss it, relative to the score that it adds to planes that
-    /// hold it; in [0, 100]. The paper's 10 suits surfaces.
+    /// hold it. The paper's 10 suits surfaces.
     pub penalty: f64,
     /// Preferred planes.
     pub preference: Preference,
@@ -168,7 +168,7 @@ impl Default for FitSettings {
             facing: 1.0,
             gather: 0.0,
             max_billboards: None,
-            extra_error: 0.0,
+            extra_error: 0.25,
             max_texels: None,
             max_size: None,
             compact: None,
@@ -180,12 +180,6 @@ impl Default for FitSettings {
         }
     }
 }
-
-/// Least ε: below it, f64 cannot decide whether a triangle lies on its own plane.
-pub const MIN_EPSILON: f64 = 1e-9;
-
-/// Greatest weight: costs in f32 must stay finite.
-const LARGEST_WEIGHT: f64 = 1e6;
 
 impl FitSettings {
     /// Returns the opaque part of each triangle; all of it without `trim`.
@@ -199,33 +193,29 @@ impl FitSettings {
     /// # Errors
     /// The first setting that is outside its range.
     pub fn check(&self) -> Result<()> {
-        within("epsilon", self.epsilon, MIN_EPSILON, 1.0)?;
-        within("candidates", self.candidates as f64, 1.0, 1e7)?;
-        within("facing", self.facing, 0.0, LARGEST_WEIGHT)?;
-        within("gather", self.gather, 0.0, LARGEST_WEIGHT)?;
-        within("max_corners", self.max_corners as f64, 3.0, 16.0)?;
-        within("extra_error", self.extra_error, 0.0, 1.0)?;
-        within("penalty", self.penalty, 0.0, 100.0)?;
+        limits::EPSILON.check("epsilon", self.epsilon)?;
+        limits::CANDIDATES.check("candidates", self.candidates as f64)?;
+        limits::FACING.check("facing", self.facing)?;
+        limits::GATHER.check("gather", self.gather)?;
+        limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;
+        limits::EXTRA_ERROR.check("extra_error", self.extra_error)?;
+        limits::PENALTY.check("penalty", self.penalty)?;
         if let Some(count) = self.max_billboards {
-            within("max_billboards", count as f64, 1.0, 1e7)?;
+            limits::MAX_BILLBOARDS.check("max_billboards", count as f64)?;
         }
         if let Some(count) = self.max_texels {
-            within("max_texels", count as f64, 256.0, 1e12)?;
+            limits::MAX_TEXELS.check("max_texels", count as f64)?;
         }
         if let Some(size) = self.max_size {
-            within("max_size", size, self.epsilon, 2.0)?;
+            Limits { low: self.epsilon, ..limits::MAX_SIZE }.check("max_size", size)?;
         }
         if let Some(gap) = self.compact {
-            within("compact", gap, 1e-6, 2.0)?;
+            limits::COMPACT.check("compact", gap)?;
         }
-        if let Some(ImageBound { angle, distance }) = self.image {
-            within("image_epsilon", angle, MIN_EPSILON, 1.0)?;
-            within("viewing_distance", distance, 1.0 + MIN_EPSILON, 1e6)?;
-            within("image_epsilon × (viewing_distance − 1)", angle * (distance - 1.0), MIN_EPSILON, 1e6)?;
-        }
-        within("the number of views", self.preference.views.len() as f64, 0.0, 64.0)?;
-        within("facing_views", self.preference.facing_views, 0.0, 1.0)?;
-        within("vertical", self.preference.vertical, 0.0, 1.0)?;
+        self.image.map_or(Ok(()), ImageBound::check)?;
+        self.preference.check_count()?;
+        limits::FACING_VIEWS.check("facing_views", self.preference.facing_views)?;
+        limits::VERTICAL.check("vertical", self.preference.vertical)?;
         if let Some(view) =
             self.preference.views.iter().chain(&self.preference.up).find(|v| v.try_normalize().is_none())
         {
@@ -241,7 +231,7 @@ impl FitSettings {
     fn check_clusters(&self) -> Result<()> {
         if self.max_billboards.is_none() {
             return Err(Error::invalid(
-                "the method kmeans needs max_billboards: the number of billboards is its input",
+                "`method=kmeans` needs `max_billboards`: the number of billboards is its input",
             ));
         }
         let given = [
@@ -252,21 +242,39 @@ impl FitSettings {
         ];
         match given.into_iter().find(|(_, given)| *given) {
             Some((name, _)) => Err(Error::invalid(format!(
-                "the method kmeans does not support {name}; leave it out or choose another method"
+                "`method=kmeans` does not support `{name}`; leave it out or choose another method"
             ))),
             None => Ok(()),
         }
     }
 }
 
-fn within(name: &str, value: f64, least: f64, most: f64) -> Result<()> {
-    if (least..=most).contains(&value) {
-        return Ok(());
+impl ImageBound {
+    fn check(self) -> Result<()> {
+        limits::IMAGE_EPSILON.check("image_epsilon", self.angle)?;
+        limits::VIEWING_DISTANCE.check("viewing_distance", self.distance)?;
+        // Leaves on the bounding sphere are nearest to the viewer, so their ε is the least.
+        if self.angle * (self.distance - 1.0) >= limits::EPSILON.low {
+            return Ok(());
+        }
+        Err(Error::invalid(format!(
+            "`image_epsilon` {} at the `viewing_distance` {} is an error of less than {} R; raise one of them",
+            number(self.angle),
+            number(self.distance),
+            number(limits::EPSILON.low)
+        )))
     }
-    Err(Error::invalid(format!("{name} is {}; it must lie between {least} and {most}", number(value))))
 }
 
 impl Preference {
+    fn check_count(&self) -> Result<()> {
+        let count = self.views.len();
+        if limits::VIEWS.hold(count as f64) {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("`views` has {count} directions; their number must be {}", limits::VIEWS)))
+    }
+
     /// Returns the factor of a plane's score, in (0, 1], by its unit normal in the caller's axes.
     #[must_use]
     pub fn factor(&self, normal: DVec3) -> f64 {

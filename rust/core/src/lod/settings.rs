@@ -6,6 +6,7 @@ use crate::atlas::PageSize;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
 use crate::foliage::Foliage;
+use crate::limits;
 use crate::textures::{Channels, Samples};
 
 /// Factor by which ε grows from level to level (the paper: at least 2).
@@ -33,11 +34,8 @@ impl ViewCounts {
 
     fn check(self) -> Result<()> {
         let Self { order, places, amounts, report } = self;
-        let counts = [order.max(1), places, amounts, report];
-        match counts.into_iter().find(|count| !(1..=64).contains(count)) {
-            Some(count) => Err(Error::invalid(format!("the number of view directions is {count}; it must be 1 to 64"))),
-            None => Ok(()),
-        }
+        let counts = [("order", order.max(1)), ("places", places), ("amounts", amounts), ("report", report)];
+        counts.into_iter().try_for_each(|(name, count)| limits::VIEW_COUNT.check(name, count as f64))
     }
 }
 
@@ -47,19 +45,19 @@ impl Default for ViewCounts {
     }
 }
 
-/// Settings of a chain of levels.
+/// Settings of a chain of levels. [`limits`] has the range of each number.
 #[derive(Clone, Debug)]
 #[allow(clippy::struct_excessive_bools)] // The flags are independent.
 pub struct ChainSettings {
     /// The fit of level 1; ε grows by [`EPSILON_STEP`] from level to level.
     pub fit: FitSettings,
-    /// Number of billboard clouds, in [0, 16].
+    /// Number of billboard clouds. With 0, the cross impostor is the only level.
     pub levels: usize,
     /// Adds the cross impostor as the last level.
     pub cross: bool,
     /// Up direction; the planes of the cross impostor contain it.
     pub up: DVec3,
-    /// Atlas size of level 1, both sides in [64, 16384]; halved from level to level.
+    /// Atlas size of level 1, halved from level to level.
     pub texture_size: PageSize,
     /// Sub-samples for baking the textures.
     pub samples: Samples,
@@ -76,7 +74,7 @@ pub struct ChainSettings {
     pub blended: bool,
     /// Spends seconds on packing the atlas tightly, for texels a few percent finer than quick packing gives.
     pub tight_pages: bool,
-    /// Size in pixels, > 0, at which a level's deviation from the leaves is seen where the level takes over. The texels of the cross
+    /// Size in pixels at which a level's deviation from the leaves is seen where the level takes over. The texels of the cross
     /// impostor are at most half a pixel there.
     pub pixels: f64,
     /// Numbers of view directions.
@@ -86,28 +84,28 @@ pub struct ChainSettings {
 /// Settings for pruning the leaves before level 1 takes over.
 #[derive(Clone, Copy, Debug)]
 pub struct PruneSettings {
-    /// λ where level 1 takes over, in (0, 1]. The levels are built from the leaves kept at that λ, at their size there.
+    /// λ where level 1 takes over. The levels are built from the leaves kept at that λ, at their size there.
     pub keep: f64,
-    /// Length of a leaf in pixels where pruning begins, > 0.
+    /// Length of a leaf in pixels where pruning begins.
     pub leaf_pixels: f64,
-    /// h of the law of λ, in (0, ½]; see [`crate::prune::keep`].
+    /// h of the law of λ; see [`crate::prune::keep`].
     pub half: f64,
     /// Measures the loss of contrast.
     pub contrast: bool,
 }
 
+impl Default for PruneSettings {
+    fn default() -> Self {
+        Self { keep: 1.0, leaf_pixels: 16.0, half: 0.5, contrast: true }
+    }
+}
+
 impl PruneSettings {
     fn check(&self) -> Result<()> {
         let Self { keep, leaf_pixels, half, contrast: _ } = *self;
-        let ranges = [
-            ("keep", keep, keep > 0.0 && keep <= 1.0, "greater than 0 and at most 1"),
-            ("leaf_pixels", leaf_pixels, leaf_pixels > 0.0 && leaf_pixels.is_finite(), "greater than 0 and finite"),
-            ("prune_half", half, half > 0.0 && half <= 0.5, "greater than 0 and at most 0.5"),
-        ];
-        match ranges.into_iter().find(|(.., holds, _)| !holds) {
-            Some((name, value, _, limit)) => Err(Error::invalid(format!("{name} is {value}; it must be {limit}"))),
-            None => Ok(()),
-        }
+        limits::KEEP.check("keep", keep)?;
+        limits::LEAF_PIXELS.check("leaf_pixels", leaf_pixels)?;
+        limits::PRUNE_HALF.check("prune_half", half)
     }
 
     /// Returns the crown's width in pixels at the distance where the share `keep` of its leaves is kept, clamped to [12, 192].
@@ -150,26 +148,19 @@ impl ChainSettings {
         self.fit.check()?;
         self.channels.check()?;
         self.views.check()?;
-        if self.levels > 16 {
-            return Err(Error::invalid(format!("levels is {}; it must be at most 16", self.levels)));
-        }
+        limits::LEVELS.check("levels", self.levels as f64)?;
         if self.levels == 0 && !self.cross {
             return Err(Error::invalid(
-                "levels is 0 without a cross impostor; ask for at least one level or for the cross impostor",
+                "`levels` is 0 without a cross impostor; ask for at least one level or for the cross impostor",
             ));
         }
         self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
-        if !(self.pixels > 0.0 && self.pixels.is_finite()) {
-            return Err(Error::invalid(format!("pixels is {}; it must be greater than 0 and finite", self.pixels)));
-        }
-        let PageSize { width, height } = self.texture_size;
-        if let Some(side) = [width, height].into_iter().find(|side| !(64..=16_384).contains(side)) {
-            return Err(Error::invalid(format!("the texture size is {side}; it must lie between 64 and 16384 texels")));
-        }
-        Ok(())
+        limits::PIXELS.check("pixels", self.pixels)?;
+        limits::TEXTURE_SIZE.check("texture_size", self.texture_size.width as f64)?;
+        limits::TEXTURE_SIZE.check("texture_height", self.texture_size.height as f64)
     }
 
     /// Returns the fit settings of the level with this index, from 0; `finer` is the ε of the level before it. A budget applies to the
@@ -192,6 +183,7 @@ impl ChainSettings {
     /// Returns the atlas size of the level with this index, from 0.
     pub(super) fn page(&self, index: usize) -> PageSize {
         let PageSize { width, height } = self.texture_size;
-        PageSize { width: (width >> index).max(64), height: (height >> index).max(64) }
+        let least = limits::TEXTURE_SIZE.low as usize;
+        PageSize { width: (width >> index).max(least), height: (height >> index).max(least) }
     }
 }

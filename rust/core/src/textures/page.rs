@@ -6,8 +6,9 @@ use super::channels::Channel;
 use super::sky::Sky;
 use super::{mips, tone};
 use crate::color::quantise;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::foliage::{AlphaMode, Image, Material};
+use crate::limits;
 
 /// Channels of an atlas page beside base color and alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,10 +35,8 @@ impl Channels {
     /// Normals bent by a share outside [0, 1].
     pub fn check(&self) -> Result<()> {
         match self.normal {
-            Some(bend) if !(0.0..=1.0).contains(&bend) => {
-                Err(Error::invalid(format!("normals are bent by {bend:?}; the share must lie in [0, 1]")))
-            }
-            _ => Ok(()),
+            Some(bend) => limits::NORMALS.check("normals", f64::from(bend)),
+            None => Ok(()),
         }
     }
 

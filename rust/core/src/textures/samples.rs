@@ -7,9 +7,10 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::limits;
 
-/// Sub-samples along each side of a texel, in [1, 16].
+/// Sub-samples along each side of a texel.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples {
     pub(super) side: usize,
@@ -23,12 +24,10 @@ impl Samples {
     /// Returns `samples` × `samples` samples.
     ///
     /// # Errors
-    /// A number outside [1, 16].
+    /// A number outside [`limits::SAMPLES`].
     pub fn new(samples: usize) -> Result<Self> {
-        if (1..=16).contains(&samples) {
-            return Ok(Self { side: samples, ..Self::default() });
-        }
-        Err(Error::invalid(format!("samples is {samples}; it must lie between 1 and 16")))
+        limits::SAMPLES.check("samples", samples as f64)?;
+        Ok(Self { side: samples, ..Self::default() })
     }
 
     /// Returns the number of samples along each side.

@@ -231,8 +231,7 @@ fn recursion_down_to_one_billboard() {
     let foliage = soup(&random_corners(200, 8));
     // Rectangles around parts of the ball reach beyond it, so that no plane holds them all within R; outlines of 16 corners hardly do.
     let fit = FitSettings { max_corners: 16, ..quick() };
-    let settings =
-        ChainSettings { levels: 12, cross: false, texture_size: 128.into(), fit, ..ChainSettings::default() };
+    let settings = ChainSettings { levels: 8, cross: false, texture_size: 128.into(), fit, ..ChainSettings::default() };
     let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
     let counts: Vec<usize> = chain.levels.iter().map(|l| l.cloud.as_ref().unwrap().planes.len()).collect();
     assert!(chain.levels.iter().all(|l| l.coverage > 0.0));

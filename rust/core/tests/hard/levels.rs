@@ -200,7 +200,7 @@ fn foliage_that_is_faint_all_over() {
 fn nothing_asked_for() {
     let none = ChainSettings { levels: 0, cross: false, ..settings() };
     case(GROUP, "no levels and no cross impostor", "a named error")
-        .refuses(chain(&lying(), None, &none).map(|_| ()), "levels is 0");
+        .refuses(chain(&lying(), None, &none).map(|_| ()), "`levels` is 0");
     let cross = chain(&lying(), None, &ChainSettings { levels: 0, ..settings() }).unwrap();
     case(GROUP, "no levels, only the cross impostor", "definition: one level").equals(cross.levels.len(), 1);
 }
