@@ -153,7 +153,7 @@ def tree(alpha: float) -> list[bpy.types.Object]:
         polygon.material_index = polygon.index % 2
         for corner, place in zip(polygon.loop_indices, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
             crown.data.uv_layers[0].data[corner].uv = place
-    sides, rings = 16, 12
+    sides, rings = 16, 6
     turns = [2.0 * math.pi * side / sides for side in range(sides)]
     vertices = [
         (0.1 * math.cos(turn), 0.1 * math.sin(turn), 1.5 * ring / rings - 1.5)

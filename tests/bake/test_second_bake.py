@@ -23,7 +23,7 @@ def sources(shrub: Path) -> list[bpy.types.Object]:
     """The shrub's objects, selected, with settings that bake it quickly."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.candidates = 64, 1, 50
+    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
     found = [bpy.data.objects["leaves"], bpy.data.objects["branches"]]
     select(*found)
     return found
@@ -275,7 +275,7 @@ def test_another_file_brings_nothing_of_the_last(sources: list[bpy.types.Object]
 
 
 def test_a_shorter_chain_in_the_same_folder_leaves_no_level_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
-    out, quick = tmp_path / "out", ("--input", shrub, "--out", tmp_path / "out", "--texture-size", 64, "--samples", 1)
+    out, quick = tmp_path / "out", ("--input", shrub, "--out", tmp_path / "out", "--texture-size", 64, "--epsilon", 0.2)
     assert run(*quick, "--levels", 2).returncode == 0
     (out / "shrub_LOD9.glb").write_bytes(b"not listed in a report: somebody else's")
     (out / "other_LOD3.glb").write_bytes(b"another tree's")
