@@ -50,7 +50,7 @@ def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> 
 
 def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types.Object) -> None:
     status, settings = bpy.context.window_manager.leafcloud, bpy.context.scene.leafcloud
-    settings.texture_size = 64
+    settings.texture_size, settings.epsilon = 64, 0.2
     bpy.ops.leafcloud.bake()
     assert (status.note, status.viewer) == ("The camera stands still, so all levels are made", "camera")
     bpy.ops.leafcloud.bake(viewer=status.viewer)
@@ -103,7 +103,7 @@ def test_the_lamp_counts_as_before(camera: bpy.types.Object) -> None:
 def test_the_command_line_says_so_in_a_line(camera: bpy.types.Object, tmp_path: Path) -> None:
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     source = saved(tmp_path / "garden.blend")
-    quick = ("--input", source, "--texture-size", 64, "--candidates", 50)
+    quick = ("--input", source, "--texture-size", 64, "--epsilon", 0.2)
     still = run(*quick, "--out", tmp_path / "still")
     assert still.returncode == 0, still.stderr
     notes = [line for line in still.stderr.splitlines() if ": note: " in line]
