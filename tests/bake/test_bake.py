@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake, saved
+from command_line import QUICK, bake, bake_apart, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
@@ -33,7 +33,7 @@ LEVEL_KEYS = {
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The shrub, baked with the effects that are there by default, and with ranks to be pruned by."""
     out = tmp_path_factory.mktemp("shrub")
-    return out, bake(shrub, out, *QUICK, "--effects=+pruning")
+    return out, bake_apart(shrub, out, "--texture-size", 256, "--effects=+pruning")
 
 
 # What is written
@@ -251,7 +251,7 @@ def test_the_fitters_options_reach_the_files(
     shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     fit = ("--max-billboards", 20, "--effort", "final", "--max-corners", 6, "--compact", 0.5)
-    report = bake(shrub, tmp_path, *QUICK, *fit)
+    report = bake(shrub, tmp_path, "--texture-size", 256, *fit)
     first, second = report["levels"][1:3]
     assert first["epsilon"] > 0.04
     assert second["epsilon"] == pytest.approx(2.5 * first["epsilon"])
@@ -302,7 +302,7 @@ def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp
     assert len(report["warnings"]) == sheared
     nodes, radius = read_glb(tmp_path / "out" / "far.glb"), report["input"]["radius"]
     levels = [nodes[f"far_LOD{number}"] for number in range(4)]
-    for number, epsilon in [(0, 0.04), (1, 0.1)]:
+    for number, epsilon in [(0, 0.1), (1, 0.25)]:
         found = deviations_on_parents(levels[number], levels[number + 1], radius)
         assert found.max() <= (epsilon + ROUNDING) * radius
     corners = np.concatenate([world(levels[0], primitive) for primitive in levels[0].primitives]).reshape(-1, 3)
@@ -340,7 +340,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
 
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
-    again = bake(shrub, tmp_path, *QUICK, "--effects=+pruning")
+    again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning")
     for name in report["files"]:
         if not name.endswith((".blend", ".json")):
             assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name

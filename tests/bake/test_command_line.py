@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 import pytest
-from command_line import QUICK, bake, run, saved
+from command_line import QUICK, bake_apart, run, saved
 from glb import read_glb
 
 
@@ -19,7 +19,7 @@ def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..
     source = tmp_path / "bush.obj"
     bpy.ops.wm.obj_export(filepath=str(source), path_mode="COPY", export_triangulated_mesh=True)
     out = tmp_path / "out"
-    report = bake(source, out, *QUICK, "--levels", 1)
+    report = bake_apart(source, out, *QUICK, "--levels", 1)
     assert report["input"]["leaves"] == 672
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
     assert "bush_LOD0_trunk" in read_glb(out / "bush.glb")
@@ -36,8 +36,8 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
     camera.data.angle = math.radians(20.0)
     source = tmp_path / "garden.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(source))
-    wide = bake(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
-    report = bake(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
+    wide = bake_apart(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
+    report = bake_apart(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
     assert report["input"]["leaves"] == 2 * 672
     assert len(report["levels"]) == 2
     relative = [one["levels"][1]["switch_distance"] / one["input"]["radius"] for one in (wide, report)]
@@ -92,7 +92,7 @@ def linked_leaves(shrub: Path, folder: Path) -> tuple[bpy.types.Object, Path]:
 def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
     leaves, library = linked_leaves(shrub, tmp_path)
     bpy.context.scene.collection.objects.link(leaves)
-    bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
+    bake_apart(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
     library.unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
     assert not bpy.data.libraries
@@ -145,5 +145,5 @@ def test_a_bake_ends_and_leaves_no_temporary_files(
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    bake(source, tmp_path / "out", *QUICK, "--levels", 1)
+    bake_apart(source, tmp_path / "out", *QUICK, "--levels", 1)
     assert not list(temporary.iterdir())
