@@ -174,7 +174,7 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     """A bake in a scene of its own, of leaves with this alpha, with other settings where they are given."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bake_tree = read(tree(alpha), ["leaves"])
-    settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
+    settings = {"texture_size": 64, "epsilon": 0.2, "effects": effects, "chain": chain, **changed}
     tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
     report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from command_line import run
+from command_line import QUICK, bake
 from glb import read_glb
 from numpy.typing import NDArray
 
@@ -63,8 +63,7 @@ def test_as_much_is_drawn_near_and_far(level: leafcloud.Level) -> None:
 
 def test_files_have_it_and_blender_does_not(tmp_path: Path, shrub: Path) -> None:
     out = tmp_path / "out"
-    baked = run("--input", shrub, "--out", out, "--levels", "1", "--no-cross", "--texture-size", "256")
-    assert baked.returncode == 0, baked.stderr
+    bake(shrub, out, *QUICK, "--levels", 1, "--no-cross")
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
     bpy.ops.wm.open_mainfile(filepath=str(out / "shrub.blend"))
     nodes = bpy.data.materials["shrub_LOD1"].node_tree.nodes

@@ -58,8 +58,9 @@ def seconds(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> float:
     return time.monotonic() - begin
 
 
-MOMENTS = [(signal.SIGINT, number / 20.0) for number in range(21)] + [
-    (signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)
+MOMENTS = [
+    *(pytest.param(signal.SIGINT, number / 20.0, marks=[pytest.mark.long] * (number % 2)) for number in range(21)),
+    *((signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)),
 ]
 
 

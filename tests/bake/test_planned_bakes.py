@@ -15,7 +15,7 @@ from addon.bake.values import Baked
 from addon.export.report import report
 from addon.settings.bake import BakeSettings
 
-QUICK = BakeSettings(texture_size=64, candidates=50, viewer="camera")
+QUICK = BakeSettings(texture_size=64, viewer="camera")
 
 
 def baked(*, radii: float, trees: int = 1, settings: BakeSettings = QUICK) -> Baked:

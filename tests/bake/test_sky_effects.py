@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import run
+from command_line import bake
 from glb import Primitive, read_glb
 
 
 def level_of(out: Path, shrub: Path, effects: str) -> tuple[Primitive, dict[str, Any]]:
     """Level 1, and the effects of the report by name."""
-    shape = ("--levels", "1", "--no-cross", "--texture-size", "128")
-    baked = run("--input", shrub, "--out", out, "--effects", effects, *shape)
-    assert baked.returncode == 0, baked.stderr
+    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1)
+    told = bake(shrub, out, "--effects", effects, *shape)["effects"]
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
-    effects_of = json.loads((out / "report.json").read_text())["effects"]
-    return primitive, {effect["name"]: effect for effect in effects_of}
+    return primitive, {effect["name"]: effect for effect in told}
 
 
 def test_self_shadowing_has_a_texture_and_its_axes(

@@ -322,8 +322,8 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
     red_and_blue()
     bpy.ops.export_scene.gltf(filepath=str(tmp_path / "maple.glb"), use_visible=True)
     out = tmp_path / "out"
-    inputs = ("--input", shrub, tmp_path / "maple.glb", "--texture-size", 128, "--levels", 1, "--engine", "three")
-    done = run(*inputs, "--out", out, "--effects", "normals")
+    inputs = ("--input", shrub, tmp_path / "maple.glb", "--texture-size", 128, "--epsilon", 0.1, "--levels", 1)
+    done = run(*inputs, "--out", out, "--engine", "three", "--effects", "normals")
     assert done.returncode == 0, done.stderr
     assert "of 2 trees" in done.stdout
     content = json_of(out / "shrub_maple_LOD1.glb")

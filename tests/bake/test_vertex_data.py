@@ -150,7 +150,7 @@ def test_every_engine_has_its_form() -> None:
 def test_engines_get_the_form_that_their_importers_keep(
     engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    quick = ("--levels", 1, "--texture-size", 64, "--candidates", 20, "--epsilon", 0.2)
+    quick = ("--levels", 1, "--texture-size", 64, "--epsilon", 0.2)
     bake(shrub, tmp_path, *quick, "--effects", "transitions,pruning", "--engine", engine)
     [leaves] = read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives
     named = {"_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "TEXCOORD_0"}

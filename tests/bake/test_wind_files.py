@@ -219,7 +219,7 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
 def bake_still(out: Path, shrub: Path) -> dict[str, bytes]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     load(shrub)
-    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=2))
+    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, levels=2))
     write(TreeSet.of(baked), out, lambda stage, fraction: None, blend=False)
     return {path.name: path.read_bytes() for path in out.glob("*.glb")}
 
@@ -262,7 +262,7 @@ def test_off_means_absent(shrub: Path, tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_forest_sways(shrub: Path) -> None:
     """Its pruned variants, too; all trees of a variant alike. Without wind none of it is on them."""
     load(shrub)
-    settings = BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=1, effects=EFFECTS)
+    settings = BakeSettings(texture_size=64, epsilon=0.2, levels=1, effects=EFFECTS)
     baked = bake_scene(read(), settings)
     near = baked.switch_distances[1]
     for wind in (None, wind_settings(baked.prepared)):
