@@ -11,12 +11,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import bmesh
 import bpy
 import numpy as np
 import pytest
 from command_line import bake, refusal, run, saved
 from lod_scenes import add_camera
+from scenes import import_part
 
 import addon
 import leafcloud
@@ -192,18 +192,6 @@ def test_a_bake_with_a_wish_reports_what_was_predicted(shrub: Path, tmp_path: Pa
     stages = sum(level["seconds"][stage] for stage in ("fit", "pack", "bake", "look"))
     assert told["seconds"]["measured"] >= stages
     assert bake(source, tmp_path / "plain", *small)["predicted"] is None
-
-
-def import_part(shrub: Path, leaves: int = 100) -> None:
-    """Import the shrub with its first leaves only, because a curve of all leaves takes seconds."""
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    mesh = bpy.data.objects["leaves"].data
-    part = bmesh.new()
-    part.from_mesh(mesh)
-    bmesh.ops.delete(part, geom=part.verts[4 * leaves :], context="VERTS")
-    part.to_mesh(mesh)
-    part.free()
-    assert len(mesh.polygons) == 2 * leaves
 
 
 @pytest.fixture

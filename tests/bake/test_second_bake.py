@@ -9,7 +9,7 @@ import bpy
 import pytest
 from command_line import bake, refusal, run, saved
 from lod_scenes import add_camera
-from scenes import add_mesh, read
+from scenes import add_mesh, import_part, read
 
 from addon.errors import SceneError
 
@@ -20,8 +20,8 @@ KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups
 
 @pytest.fixture
 def sources(shrub: Path) -> list[bpy.types.Object]:
-    """The shrub's objects, selected, with settings that bake it quickly."""
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    """The objects of a part of the shrub, selected, with settings of a quick bake."""
+    import_part(shrub)
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
     found = [bpy.data.objects["leaves"], bpy.data.objects["branches"]]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -75,6 +77,18 @@ def winding_normals(geometry: Geometry, matrix: np.ndarray) -> np.ndarray:
     a, b, c = world_positions(geometry, matrix)[geometry.triangles].transpose(1, 0, 2)
     cross = np.cross(b - a, c - a)
     return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+
+def import_part(shrub: Path, leaves: int = 100) -> None:
+    """Import the shrub with only its first leaves: tests that bake often, or measure curves, take less time."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    mesh = bpy.data.objects["leaves"].data
+    part = bmesh.new()
+    part.from_mesh(mesh)
+    bmesh.ops.delete(part, geom=part.verts[4 * leaves :], context="VERTS")
+    part.to_mesh(mesh)
+    part.free()
+    assert len(mesh.polygons) == 2 * leaves
 
 
 def bake(tree: Tree, settings: BakeSettings) -> Baked:
