@@ -1,4 +1,4 @@
-"""Occlusion and self-shadowing in the files: each where it is asked for, and nothing of it anywhere else."""
+"""Occlusion and self-shadowing in files: present if requested, absent otherwise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from glb import Primitive, read_glb
 
 
 def level_of(out: Path, shrub: Path, effects: str) -> tuple[Primitive, dict[str, Any]]:
-    """Level 1, and the effects of the report by name."""
+    """Bake the shrub. Return level 1 and the report's effects by name."""
     shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1)
     told = bake(shrub, out, "--effects", effects, *shape)["effects"]
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
@@ -42,7 +42,7 @@ def test_occlusion_is_a_texture_of_gltf(tmp_path: Path, shrub: Path) -> None:
 
 
 @pytest.mark.parametrize("effects", ["none", "auto"])
-def test_nothing_of_them_is_there_unless_they_are_asked_for(tmp_path: Path, shrub: Path, effects: str) -> None:
+def test_files_lack_both_effects_unless_requested(tmp_path: Path, shrub: Path, effects: str) -> None:
     primitive, told = level_of(tmp_path, shrub, effects)
     assert "occlusionTexture" not in primitive.material
     assert "metallicRoughnessTexture" not in primitive.material["pbrMetallicRoughness"]

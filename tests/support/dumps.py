@@ -1,4 +1,4 @@
-"""What a .blend holds, in words: every property of every data-block, so that two files can be compared."""
+"""A dump of a .blend file as text lines, one for each property of every data-block, to compare two files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _SKIPPED = {
     "select",
     "tool_settings",
 }
-"""What says nothing of a file, or leads back; what is selected, which Blender 5.0 leaves to chance for edges; settings
-of tools, whose brushes Blender 4.2 may have freed."""
+"""Properties to skip: those that do not belong to the file's content, references back to the owner, the selection (in
+Blender 5.0 the selection of edges is random), and tool settings (Blender 4.2 may have freed their brushes)."""
 _INTERFACE = {"screens", "workspaces", "window_managers", "brushes", "palettes", "texts", "libraries"}
 
 
@@ -91,7 +91,7 @@ class _Dump:
 def _keys(struct: Any) -> list[str]:
     try:
         return sorted(struct.keys())
-    except TypeError:  # of a kind that has no custom properties
+    except TypeError:  # This type has no custom properties.
         return []
 
 
@@ -100,7 +100,7 @@ def _name(item: Any, number: int) -> str:
 
 
 def _plain(value: Any) -> str:
-    """Arrays as tuples, however deep; the contents of an image as a digest."""
+    """Return the value as text: nested arrays as lists, bytes as a digest."""
     if isinstance(value, bytes):
         return hashlib.sha256(value).hexdigest()
     if isinstance(value, (str, int, float, bool, set)):
