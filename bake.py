@@ -196,7 +196,7 @@ def _plan(options: argparse.Namespace, settings: BakeSettings, console: _Console
 
     trees, _ = _trees(options)
     planned = plan_tree_set(trees, settings, layer_of(bpy.context.scene), with_flags)
-    console.notes(camera_notes(planned.values()))
+    console.camera_notes(camera_notes(planned.values()))
     effects = joint_effects([each.effects for each in planned.values()])
     if options.json:
         return json.dumps([asdict(effect) for effect in effects], indent=2)
@@ -236,7 +236,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     scene = bpy.context.scene
     stages("prepare", 0.0)
     prepared = prepare_tree_set(trees, settings, layer_of(scene), with_flags)
-    console.notes(camera_notes(prepared.values()))
+    console.camera_notes(camera_notes(prepared.values()))
     clear_scene(scene)
     tree_set = bake_tree_set(prepared, scene, name, stages)
     make_self_contained()
@@ -304,13 +304,15 @@ class _Console:
         for warning in warnings:
             print(f"{PROGRAM}: warning: {warning}", file=self._err, flush=True)
 
-    def notes(self, notes: Sequence[CameraNote]) -> None:
+    def note(self, text: str) -> None:
+        print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
+
+    def camera_notes(self, notes: Sequence[CameraNote]) -> None:
         from addon.settings.flags import with_flags
 
         for note in notes:
             remedy = f"; `viewer={note.viewer}` makes {_MADE[note.viewer]}" if note.viewer else ""
-            text = with_flags(note.text + remedy)
-            print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
+            self.note(with_flags(note.text + remedy))
 
     def refuse(self, reason: str) -> None:
         print(f"{PROGRAM}: {' '.join(reason.split())}", file=self._err, flush=True)

@@ -1,4 +1,4 @@
-"""The command line from end to end, in processes of its own: what it writes, what it promises, what it refuses."""
+"""Bakes with the command line from end to end: the files, the error bound, different inputs and settings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake, saved
+from command_line import QUICK, bake, bake_apart, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
@@ -31,15 +31,15 @@ LEVEL_KEYS = {
 
 @pytest.fixture(scope="module")
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """The shrub, baked with the effects that are there by default, and with ranks to be pruned by."""
+    """Folder and report of a bake of the shrub with the default effects and with pruning."""
     out = tmp_path_factory.mktemp("shrub")
-    return out, bake(shrub, out, *QUICK, "--effects=+pruning")
+    return out, bake_apart(shrub, out, "--texture-size", 256, "--effects=+pruning")
 
 
-# What is written
+# Files
 
 
-def test_the_report_keeps_its_promise(baked: tuple[Path, dict[str, Any]]) -> None:
+def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[str, Any]]) -> None:
     _, report = baked
     assert set(report) == {"leafcloud", "blender", "input", "levels", "predicted", "effects", "files", "warnings"}
     assert report["predicted"] is None, "no cost curve was measured"
@@ -105,7 +105,7 @@ def test_clouds_are_cut_out_by_alpha(baked: tuple[Path, dict[str, Any]]) -> None
 
 
 def test_tangents_lie_along_the_texture(baked: tuple[Path, dict[str, Any]]) -> None:
-    """Billboards are rectangles, their textures lie along the sides; a normal map's green points up the texture."""
+    """Billboards are rectangles with textures along their sides. Green of a normal map points up the texture."""
     nodes = read_glb(baked[0] / "shrub.glb")
     assert "TANGENT" not in nodes["shrub_LOD0"].primitives[0].attributes, "the leaves have no normal map"
     for number in (1, 2, 3):
@@ -157,7 +157,7 @@ def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
             assert (np.abs(pivots - corners.mean(axis=1)).max(axis=1) <= 2.0 * sizes).all()
 
 
-def test_the_blend_file_holds_the_levels_and_nothing_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
+def test_the_blend_file_holds_the_levels_and_no_data_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(baked[0] / "shrub.blend"))
     objects = {obj.name for obj in bpy.context.scene.objects}
     assert objects == set(read_glb(baked[0] / "shrub.glb"))
@@ -172,7 +172,7 @@ def test_the_blend_file_holds_the_levels_and_nothing_for_engines(baked: tuple[Pa
     assert not bpy.data.texts
 
 
-def test_levels_take_over_from_one_another_before_the_camera(baked: tuple[Path, dict[str, Any]]) -> None:
+def test_the_camera_s_distance_decides_which_level_is_drawn(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     bpy.ops.wm.open_mainfile(filepath=str(out / "shrub.blend"))
     scene = bpy.context.scene
@@ -192,11 +192,11 @@ def _polygons(depsgraph: bpy.types.Depsgraph, name: str) -> int:
     return len(bpy.data.objects[name].evaluated_get(depsgraph).data.polygons)
 
 
-# What is promised
+# The error bound
 
 
 def world(node: Node, primitive: Primitive, target: int | None = None) -> NDArray[np.float64]:
-    """(t, 3, 3) corners of the triangles, at rest or moved by a morph target."""
+    """Return the corners (t, 3, 3) of the triangles in world space, at rest or moved by a morph target."""
     positions = primitive.attributes["POSITION"].astype(np.float64)
     if target is not None:
         positions = positions + primitive.targets[target]["POSITION"].astype(np.float64)
@@ -204,7 +204,7 @@ def world(node: Node, primitive: Primitive, target: int | None = None) -> NDArra
 
 
 def planes(node: Node) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit normals (k, 3) and offsets (k,) of the planes of a cloud's triangles."""
+    """Return unit normals (k, 3) and offsets (k,) of the planes of a level's triangles."""
     corners = np.concatenate([world(node, primitive) for primitive in node.primitives])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -212,10 +212,10 @@ def planes(node: Node) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArray[np.float64]:
-    """(t,) for each triangle the greatest distance of its corners to the plane that it morphs to.
+    """Return for each triangle (t,) the largest distance of its corners to the plane that it morphs to.
 
-    That plane is one of the next level's, on which all three corners come to lie, but for the hair of their height that
-    keeps leaves on one plane in their depth order; a triangle with no such plane is infinitely far.
+    This plane is a plane of the next level that holds all three morphed corners. The corners may keep a small fraction
+    of their height, which preserves the depth order. A triangle without such a plane has an infinite distance.
     """
     normals, offsets = planes(following)
     result = []
@@ -233,7 +233,7 @@ def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArra
 def test_a_bake_keeps_its_bound_and_is_valid(
     tree_path: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    """The error bound, in f64 and from the files alone, on every tree that there is; and the Khronos validator."""
+    """Check the error bound in f64 from the files alone, on every tree, and run the Khronos validator."""
     report = bake(tree_path, tmp_path, "--texture-size", 512)
     name, radius = tree_path.stem, report["input"]["radius"]
     assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
@@ -251,7 +251,7 @@ def test_the_fitters_options_reach_the_files(
     shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     fit = ("--max-billboards", 20, "--effort", "final", "--max-corners", 6, "--compact", 0.5)
-    report = bake(shrub, tmp_path, *QUICK, *fit)
+    report = bake(shrub, tmp_path, "--texture-size", 256, *fit)
     first, second = report["levels"][1:3]
     assert first["epsilon"] > 0.04
     assert second["epsilon"] == pytest.approx(2.5 * first["epsilon"])
@@ -274,7 +274,10 @@ def test_other_methods_bake(method: tuple[object, ...], shrub: Path, tmp_path: P
 
 
 def placed_shrub(shrub: Path, *, mirrored: bool, sheared: bool) -> bpy.types.Object:
-    """Puts the shrub's leaves far away, turned and scaled, and alone; single-sided, so that their fronts matter."""
+    """Import only the shrub's leaves, and move them far away, rotated and scaled.
+
+    The material is single-sided, so that the leaves' fronts matter.
+    """
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.data.objects.remove(bpy.data.objects["branches"])
     leaves = bpy.data.objects["leaves"]
@@ -302,7 +305,7 @@ def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp
     assert len(report["warnings"]) == sheared
     nodes, radius = read_glb(tmp_path / "out" / "far.glb"), report["input"]["radius"]
     levels = [nodes[f"far_LOD{number}"] for number in range(4)]
-    for number, epsilon in [(0, 0.04), (1, 0.1)]:
+    for number, epsilon in [(0, 0.1), (1, 0.25)]:
         found = deviations_on_parents(levels[number], levels[number + 1], radius)
         assert found.max() <= (epsilon + ROUNDING) * radius
     corners = np.concatenate([world(levels[0], primitive) for primitive in levels[0].primitives]).reshape(-1, 3)
@@ -312,7 +315,7 @@ def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp
 
 
 def corner_rows(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
-    """(t, 3, 8) position, texture coordinate and normal of the corners of a mesh of triangles."""
+    """Return position, texture coordinate and normal (t, 3, 8) of the corners of a mesh of triangles."""
 
     def read(values: Any, key: str, width: int) -> NDArray[np.float32]:
         result = np.empty(len(values) * width, np.float32)
@@ -340,7 +343,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
 
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
-    again = bake(shrub, tmp_path, *QUICK, "--effects=+pruning")
+    again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning")
     for name in report["files"]:
         if not name.endswith((".blend", ".json")):
             assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name
@@ -353,13 +356,13 @@ def _timeless(value: Any) -> Any:
     return [_timeless(item) for item in value] if isinstance(value, list) else value
 
 
-# What goes in, and how
+# Inputs and effects
 
 
 def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) -> None:
     report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--effects", "none")
     assert [effect["name"] for effect in report["effects"]] == list(EFFECTS)
-    off = [effect for effect in report["effects"] if effect["name"] != "far_levels"]  # They are what --levels asks for.
+    off = [effect for effect in report["effects"] if effect["name"] != "far_levels"]  # --levels turns far levels on.
     assert not any(effect["on"] or effect["bytes"] for effect in off)
     nodes = read_glb(tmp_path / "shrub.glb")
     for primitive in [*nodes["shrub_LOD0"].primitives, *nodes["shrub_LOD1"].primitives]:
@@ -385,7 +388,7 @@ def test_blended_leaves_are_cut_out_in_gltf_and_stay_blended_in_blender(shrub: P
     assert alpha.links[0].from_node.type == "TEX_IMAGE"
 
 
-def test_leaves_in_one_plane_take_turns_too(tmp_path: Path) -> None:
+def test_leaves_in_one_plane_have_increasing_switch_distances(tmp_path: Path) -> None:
     mesh = bpy.data.meshes.new("leaves")
     corners = [(x + dx, y + dy, 0.0) for x in range(5) for y in range(5) for dx, dy in ((0, 0), (0.5, 0), (0, 0.5))]
     mesh.from_pydata(corners, [], [(i, i + 1, i + 2) for i in range(0, 75, 3)])

@@ -1,4 +1,4 @@
-"""Leaves that are seen through: planned, kept on the clouds' pages, and drawn from back to front."""
+"""Alpha-blended leaves: the plan, the alpha in the atlases, and the drawing order from back to front."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SIDE = 1.0
 
 
 def cards() -> NDArray[np.float64]:
-    """(3, 4, 3) the corners of three squares through one point, none along an axis."""
+    """Return the corners (3, 4, 3) of three squares through one point. No square is parallel to an axis plane."""
     turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
     squares = []
     for normal in range(3):
@@ -42,7 +42,7 @@ def cards() -> NDArray[np.float64]:
 
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three cards that cross one another, each half seen through."""
+    """Folder of a bake of three crossing, half-transparent cards."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     materials = [
         principled(f"leaf {number}", Alpha=ALPHA, Roughness=1.0, Base_Color=(*color, 1.0))
@@ -64,7 +64,7 @@ def node(baked: Path) -> Node:
     return read_glb(baked / "cards_LOD1.glb")["cards_LOD1"]
 
 
-def test_what_is_seen_through_calls_for_it() -> None:
+def test_the_plan_turns_blend_order_on_for_transparent_leaves() -> None:
     plans = {}
     for name, alpha in [("soft", 0.5), ("opaque", 1.0)]:
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -77,8 +77,8 @@ def test_what_is_seen_through_calls_for_it() -> None:
 
 
 @pytest.mark.parametrize(("shades", "on"), [((0.0, 1.0), False), ((0.0, 0.5), True), ((0.0, 0.4, 1.0, 1.0), False)])
-def test_what_is_blended_but_has_hard_edges_is_cut_out(shades: tuple[float, ...], on: bool) -> None:
-    """As exporters and importers leave it where an image's alpha is linked and nobody asked for a cutoff."""
+def test_blended_leaves_with_hard_edges_are_cut_out(shades: tuple[float, ...], on: bool) -> None:
+    """Importers and exporters leave such materials if the image's alpha is linked without a cutoff."""
     material, surface, tree = new_material()
     texture = texture_node(tree, new_image("leaf", [[(0.2, 0.5, 0.1, shade) for shade in shades]] * 2))
     tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
@@ -89,13 +89,13 @@ def test_what_is_blended_but_has_hard_edges_is_cut_out(shades: tuple[float, ...]
 
 
 @pytest.mark.parametrize(("alpha", "on"), [(0.05, True), (0.3, True), (0.8, True), (0.95, False)])
-def test_an_even_alpha_is_seen_through_as_far_as_it_is_one(alpha: float, on: bool) -> None:
+def test_leaves_with_a_constant_alpha_are_blended_below_the_limit(alpha: float, on: bool) -> None:
     assert plan_of(add_crown(principled("leaf", Alpha=alpha)))["blend_order"].on is on
 
 
 @pytest.mark.parametrize(("alphas", "on"), [((0.5, 0.5), True), ((1.0, 1.0), False), ((0.0, 1.0), False)])
-def test_corners_that_are_half_clear_are_seen_through(alphas: tuple[float, float], on: bool) -> None:
-    """Two corners of each card of either."""
+def test_leaves_with_half_transparent_corners_are_blended(alphas: tuple[float, float], on: bool) -> None:
+    """Two corners of each card have the first alpha, two the second."""
     material, surface, tree = new_material()
     attribute = tree.nodes.new("ShaderNodeVertexColor")
     attribute.layer_name = "Col"
@@ -108,8 +108,8 @@ def test_corners_that_are_half_clear_are_seen_through(alphas: tuple[float, float
     assert plan_of(crown)["blend_order"].on is on
 
 
-def test_soft_edges_of_narrow_leaves_are_edges() -> None:
-    """Needles three texels wide, with as much of a soft edge again."""
+def test_soft_edges_of_narrow_leaves_do_not_count_as_transparency() -> None:
+    """Needles are three texels wide, and their soft edges are as wide again."""
     row = [(0.2, 0.5, 0.1, shade) for shade in (0.0, 0.3, 0.7, 1.0, 1.0, 1.0, 0.7, 0.3, 0.0, 0.0)]
     material, surface, tree = new_material()
     texture = texture_node(tree, new_image("needles", [row * 3] * 8))
@@ -118,13 +118,13 @@ def test_soft_edges_of_narrow_leaves_are_edges() -> None:
 
 
 @pytest.mark.parametrize(("count", "on"), [(1, False), (30, True)])
-def test_enough_leaves_have_to_be_seen_through(count: int, on: bool) -> None:
-    """Of 60; the others are opaque."""
+def test_the_plan_needs_a_minimum_fraction_of_transparent_leaves(count: int, on: bool) -> None:
+    """The crown has 60 leaves. The other leaves are opaque."""
     assert plan_of(mixed(count))["blend_order"].on is on
 
 
 def mixed(count: int) -> bpy.types.Object:
-    """A crown of which `count` of the cards are seen through, with a hard and a nearly opaque material beside them."""
+    """Return a crown with `count` transparent cards, beside cut-out and nearly opaque cards."""
     crown = add_crown(principled("hard"))
     for name, alpha in [("soft", 0.4), ("nearly", 0.95)]:
         crown.data.materials.append(principled(name, Alpha=alpha))
@@ -141,8 +141,10 @@ def mixed(count: int) -> bpy.types.Object:
         (("--effects=-blend_order",), 0.0, "BLEND"),
     ],
 )
-def test_leaves_in_files_are_as_they_are_seen(flags: tuple[str, ...], radii: float, soft: str, tmp_path: Path) -> None:
-    """Also where the camera sees nothing but leaves; below ½ an even alpha stays, or nothing would be left of it."""
+def test_glb_leaves_have_the_alpha_mode_of_the_plan(
+    flags: tuple[str, ...], radii: float, soft: str, tmp_path: Path
+) -> None:
+    """The mode also holds if the camera sees only level 0. A cutoff would hide leaves with a constant alpha below ½."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     crown = mixed(30)
     if radii > 0.0:
@@ -158,8 +160,8 @@ def test_leaves_in_files_are_as_they_are_seen(flags: tuple[str, ...], radii: flo
     assert kept is ("-blend_order" in flags[0])
 
 
-def test_a_turned_tree_is_in_order_from_the_front(tmp_path: Path) -> None:
-    """Squares in a row away from the eye, on an object that lies on its back: the farthest comes first."""
+def test_a_rotated_tree_is_sorted_from_back_to_front(tmp_path: Path) -> None:
+    """Squares stand in a row behind each other on a rotated object. The farthest square comes first."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     turn = Matrix.Rotation(1.2, 4, "X")
     rows = [Vector((x, 0.3 * number, z)) for number in range(8) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -175,20 +177,20 @@ def test_a_turned_tree_is_in_order_from_the_front(tmp_path: Path) -> None:
     assert np.ptp(depths) > 1.5
 
 
-def test_it_is_not_part_of_all() -> None:
+def test_effects_all_leaves_blend_order_to_the_plan() -> None:
     crown = add_crown(principled("leaf"))
     for effects, on in [("all", False), ("all,+blend_order", True), ("none", False), ("blend_order", True)]:
         assert plan_of(crown, BakeSettings(effects=effects))["blend_order"].on is on, effects
 
 
-def test_a_camera_that_sees_only_leaves_needs_none() -> None:
+def test_a_camera_that_sees_only_level_0_needs_no_blend_order() -> None:
     crown = add_crown(principled("leaf", Alpha=0.5))
     add_camera(3.2, crown)
     assert plan_of(crown, BakeSettings(viewer="camera"))["blend_order"].on is False
 
 
-def test_pages_keep_how_far_they_are_seen_through() -> None:
-    """Two quads side by side on one billboard: half of what is behind is seen."""
+def test_atlas_pages_keep_the_alpha_of_blended_leaves() -> None:
+    """Two quads on one billboard let half of the background through."""
     quads = np.array([[(x + 1.2 * i, 0.1 * i, z) for x, z in ((0, 0), (1, 0), (1, 1), (0, 1))] for i in (0, 1)], float)
     triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     material = leafcloud.Material(base_color=(0.2, 0.4, 0.1, ALPHA), alpha_mode="BLEND")
@@ -197,7 +199,7 @@ def test_pages_keep_how_far_they_are_seen_through() -> None:
     [level] = leafcloud.build_chain(foliage, blended=True, **options).levels
     assert len(level.corners) == 1
     assert level.alpha_cutoff == 0.0
-    # It moves a little, so that as much is covered as by the leaves, whose rims lie between samples.
+    # The value moves a little, to cover the same area as the leaves, whose edges lie between samples.
     assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * ALPHA, rel=0.05)
     assert level.for_engines()[1] == 0.0
     assert np.array_equal(level.for_engines()[0], level.base_color)
@@ -206,7 +208,7 @@ def test_pages_keep_how_far_they_are_seen_through() -> None:
     assert level.image_error < 0.5 * cut.image_error
 
 
-def test_files_have_the_pieces_and_their_tree(baked: Path, node: Node) -> None:
+def test_files_hold_the_pieces_and_their_bsp_tree(baked: Path, node: Node) -> None:
     [primitive] = node.primitives
     assert primitive.material["alphaMode"] == "BLEND"
     [tree] = node.mesh_extras["leafcloud"]["blend_order"]
@@ -228,7 +230,7 @@ def test_files_have_the_pieces_and_their_tree(baked: Path, node: Node) -> None:
     assert whole.mesh_extras == node.mesh_extras
 
 
-def test_nothing_crosses_a_plane_above_it(node: Node) -> None:
+def test_no_piece_crosses_a_plane_of_its_parent_nodes(node: Node) -> None:
     [primitive] = node.primitives
     [tree] = node.mesh_extras["leafcloud"]["blend_order"]
     planes, children, ranges = (
@@ -248,14 +250,14 @@ def test_nothing_crosses_a_plane_above_it(node: Node) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Eye:
-    """Where the probe's camera stands: it looks at `centre`, as wide as `radius` there."""
+    """The probe's camera. It looks at `centre` and sees `radius` to each side there."""
 
     place: NDArray[np.float64]
     centre: NDArray[np.float64]
     radius: float
 
     def rays(self, size: int) -> NDArray[np.float64]:
-        """(size, size, 3), the first row below."""
+        """Return the ray directions (size, size, 3). The first row is the lowest."""
         forward = self.centre - self.place
         away = np.linalg.norm(forward)
         forward /= away
@@ -266,7 +268,7 @@ class Eye:
 
 
 def composed(eye: Eye, size: int, *, backward: bool = False) -> NDArray[np.float64]:
-    """(size, size, 3) the three cards as rays meet them, each over what is behind it (or before it), on black."""
+    """Ray-trace the three cards over black, composed from back to front or in the opposite order. (size, size, 3)."""
     rays = eye.rays(size).reshape(-1, 3)
     away, colors = [], []
     for corners, color in zip(cards() @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), COLORS, strict=True):
@@ -300,6 +302,6 @@ def test_the_viewer_draws_from_back_to_front(baked: Path) -> None:
         expected, backward = composed(eye, 64), composed(eye, 64, backward=True)
         covered = expected.max(axis=2) > 0.0
         off, other = (np.abs(seen - picture).max(axis=2)[covered] for picture in (expected, backward))
-        # Edges are a pixel wide; elsewhere light is a per cent or two off.
+        # Edges are a pixel wide. Elsewhere the light differs by one or two percent.
         assert np.quantile(off, 0.75) < 0.06, eye.place
         assert np.quantile(other, 0.75) > 0.1, "the other order is seen to be another"

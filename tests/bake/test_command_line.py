@@ -1,4 +1,4 @@
-"""What the command line reads and what it prints: files of all kinds, the plan, the help."""
+"""Inputs and output of the command line: file types, the plan, the help."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 import pytest
-from command_line import QUICK, bake, run, saved
+from command_line import QUICK, bake_apart, run, saved
 from glb import read_glb
 
 
@@ -19,7 +19,7 @@ def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..
     source = tmp_path / "bush.obj"
     bpy.ops.wm.obj_export(filepath=str(source), path_mode="COPY", export_triangulated_mesh=True)
     out = tmp_path / "out"
-    report = bake(source, out, *QUICK, "--levels", 1)
+    report = bake_apart(source, out, *QUICK, "--levels", 1)
     assert report["input"]["leaves"] == 672
     assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
     assert "bush_LOD0_trunk" in read_glb(out / "bush.glb")
@@ -36,12 +36,12 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
     camera.data.angle = math.radians(20.0)
     source = tmp_path / "garden.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(source))
-    wide = bake(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
-    report = bake(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
+    wide = bake_apart(shrub, tmp_path / "wide", *QUICK, "--levels", 1)
+    report = bake_apart(source, tmp_path / "out", *QUICK, "--levels", 1, "--leaves", "leaves", "--no-cross")
     assert report["input"]["leaves"] == 2 * 672
     assert len(report["levels"]) == 2
     relative = [one["levels"][1]["switch_distance"] / one["input"]["radius"] for one in (wide, report)]
-    assert relative[1] > 1.5 * relative[0]  # a narrow view sees errors from farther
+    assert relative[1] > 1.5 * relative[0]  # A narrow field of view shows errors from farther away.
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
     assert {obj.name for obj in bpy.data.objects} == {
         "camera", "garden_LOD0", "garden_LOD0_trunk", "garden_LOD1", "garden_LOD1_trunk"
@@ -68,7 +68,7 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     assert not (tmp_path / "out").exists()
 
 
-def test_help_tells_every_default() -> None:
+def test_help_lists_the_flags_and_their_defaults() -> None:
     shown = run("--help")
     assert shown.returncode == 0
     text = " ".join(shown.stdout.split())
@@ -80,7 +80,7 @@ def test_help_tells_every_default() -> None:
 
 
 def linked_leaves(shrub: Path, folder: Path) -> tuple[bpy.types.Object, Path]:
-    """The shrub's leaves, linked into an empty file, and their library."""
+    """Link the shrub's leaves into an empty file. Return the leaves and the path of their library."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     library = saved(folder / "library.blend")
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -89,10 +89,10 @@ def linked_leaves(shrub: Path, folder: Path) -> tuple[bpy.types.Object, Path]:
     return bpy.data.objects["leaves"], library
 
 
-def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path) -> None:
+def test_a_bake_copies_leaves_linked_from_a_library(shrub: Path, tmp_path: Path) -> None:
     leaves, library = linked_leaves(shrub, tmp_path)
     bpy.context.scene.collection.objects.link(leaves)
-    bake(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
+    bake_apart(saved(tmp_path / "scene.blend"), tmp_path / "out", *QUICK, "--levels", 1)
     library.unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "scene.blend"))
     assert not bpy.data.libraries
@@ -102,7 +102,7 @@ def test_leaves_linked_from_a_library_are_taken_over(shrub: Path, tmp_path: Path
 
 
 def with_a_driver_that_fails(shrub: Path, folder: Path) -> Path:
-    """Its expression is not evaluated, because scripts in files are off."""
+    """Save the shrub with a driver that fails: Blender does not evaluate its expression, because scripts are off."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     driver = bpy.data.objects["leaves"].driver_add("location", 0).driver
     driver.type, driver.expression = "SCRIPTED", "bpy.context.scene.frame_current * 0.0"
@@ -127,7 +127,7 @@ def with_a_driver_in_a_library(shrub: Path, folder: Path) -> Path:
 
 
 def with_a_script(shrub: Path, folder: Path) -> Path:
-    """The script would run if scripts in files were on."""
+    """Save the shrub with a script that Blender would run if scripts were on."""
     text = bpy.data.texts.new("script.py")
     text.write("import bpy\nbpy.app.handlers.depsgraph_update_post.append(lambda *_: None)\n")
     text.use_module = True
@@ -145,5 +145,5 @@ def test_a_bake_ends_and_leaves_no_temporary_files(
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    bake(source, tmp_path / "out", *QUICK, "--levels", 1)
+    bake_apart(source, tmp_path / "out", *QUICK, "--levels", 1)
     assert not list(temporary.iterdir())

@@ -1,4 +1,4 @@
-"""Cost curves: what the wheel measures, the files of `bake.py --cost-curve`, wishes and presets, the panel."""
+"""Cost curves: measurements of the wheel, files of `bake.py --cost-curve`, targets and presets, the panel."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import bake, refusal, run
+from command_line import bake, refusal, run, saved
 from lod_scenes import add_camera
+from scenes import import_part
 
 import addon
 import leafcloud
@@ -29,7 +30,7 @@ SMALL = {"levels": 1, "cross": False, "texture_size": 256}
 
 @pytest.fixture(scope="module")
 def crown() -> leafcloud.Foliage:
-    """Two hundred square leaves at random."""
+    """Return two hundred square leaves at random places."""
     random = np.random.default_rng(3)
     places, sides = random.normal(size=(200, 1, 3)), random.normal(size=(200, 2, 3)) * 0.15
     corners = places + np.stack([-sides[:, 0], sides[:, 1], sides[:, 0], -sides[:, 1]], axis=1)
@@ -42,7 +43,7 @@ def curve(crown: leafcloud.Foliage) -> leafcloud.Curve:
     return leafcloud.cost_curve(crown, quick=True, **SMALL)
 
 
-def test_rows_say_what_a_chain_has(crown: leafcloud.Foliage, curve: leafcloud.Curve) -> None:
+def test_rows_agree_with_the_measured_chains(crown: leafcloud.Foliage, curve: leafcloud.Curve) -> None:
     assert curve.quick
     assert curve.refused == []
     for row in curve.rows:
@@ -56,7 +57,7 @@ def test_rows_say_what_a_chain_has(crown: leafcloud.Foliage, curve: leafcloud.Cu
     assert by_epsilon[0.028] > by_epsilon[0.056] > by_epsilon[0.112]
 
 
-def test_the_front_is_what_nothing_beats(curve: leafcloud.Curve) -> None:
+def test_no_row_is_better_than_a_row_on_the_front(curve: leafcloud.Curve) -> None:
     costs = [(row["seconds"]["total"], row["image_error"]) for row in curve.rows]
     beaten = [any(a[0] <= b[0] and a[1] <= b[1] and a != b for a in costs) for b in costs]
     assert [row["front"] for row in curve.rows] == [not b for b in beaten]
@@ -74,7 +75,7 @@ def test_offers_and_presets_can_be_built(crown: leafcloud.Foliage, curve: leafcl
     assert leafcloud.build_chain(crown, **SMALL).chosen is None
 
 
-def test_an_error_that_is_wished_is_kept(crown: leafcloud.Foliage) -> None:
+def test_a_chain_stays_below_the_requested_image_error(crown: leafcloud.Foliage) -> None:
     most = leafcloud.build_chain(crown, epsilon=0.08, **SMALL).levels[0].image_error
     assert leafcloud.build_chain(crown, image_error=most, **SMALL).levels[0].image_error <= most
 
@@ -90,7 +91,7 @@ def test_an_error_that_is_wished_is_kept(crown: leafcloud.Foliage) -> None:
         ({"image_error": 0.1, "max_billboards": 3}, "`max_billboards` leaves no choice"),
     ],
 )
-def test_wishes_that_cannot_be_kept(crown: leafcloud.Foliage, options: dict[str, Any], words: str) -> None:
+def test_impossible_targets_are_refused(crown: leafcloud.Foliage, options: dict[str, Any], words: str) -> None:
     with pytest.raises(leafcloud.LeafcloudError, match=words):
         leafcloud.build_chain(crown, **SMALL, **options)
 
@@ -106,7 +107,7 @@ def test_a_curve_can_be_cancelled(crown: leafcloud.Foliage) -> None:
         job.result()
 
 
-def test_predictions_pass_through_what_was_measured(curve: leafcloud.Curve) -> None:
+def test_predictions_follow_the_measurements(curve: leafcloud.Curve) -> None:
     coarse, fine = (curve.predict(**SMALL, epsilon=e)["image_error"] for e in (0.16, 0.02))
     assert fine < coarse
     few, many = (curve.predict(**{**SMALL, "texture_size": size})["seconds"] for size in (256, 4096))
@@ -129,14 +130,16 @@ def test_predictions_pass_through_what_was_measured(curve: leafcloud.Curve) -> N
         ({"preset": "final", "max_billboards": 9}, "without `max_billboards`"),
     ],
 )
-def test_settings_that_cannot_be_followed(settings: dict[str, Any], words: str) -> None:
+def test_contradictory_settings_are_refused(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(SettingsError, match=words):
         BakeSettings(**settings)
 
 
 def test_the_command_line_writes_a_curve(shrub: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = run("--input", shrub, "--out", out, "--cost-curve", "quick", "--texture-size", 256)
+    import_part(shrub)
+    source = saved(tmp_path / "shrub.blend")
+    done = run("--input", source, "--out", out, "--cost-curve", "quick", "--texture-size", 256)
     assert done.returncode == 0, done.stderr
     assert sorted(file.name for file in out.iterdir()) == [
         f"shrub_curve.{kind}" for kind in ("csv", "json", "png", "svg")
@@ -160,8 +163,9 @@ def test_the_command_line_writes_a_curve(shrub: Path, tmp_path: Path) -> None:
         assert any(label in text for text in texts)
 
 
-def test_the_command_line_refuses_a_curve_whole(shrub: Path, tmp_path: Path) -> None:
-    source = ("--input", shrub)
+def test_a_refused_curve_writes_no_file(shrub: Path, tmp_path: Path) -> None:
+    import_part(shrub)
+    source = ("--input", saved(tmp_path / "shrub.blend"))
     assert "full" in refusal(tmp_path / "a", *source, "--cost-curve", "slow")
     assert "--plan-only" in refusal(tmp_path / "b", *source, "--cost-curve", "--plan-only")
     assert "--seconds" in refusal(tmp_path / "d", *source, "--cost-curve", "quick", "--seconds", 9)
@@ -174,9 +178,11 @@ def test_the_command_line_refuses_a_curve_whole(shrub: Path, tmp_path: Path) -> 
     assert [file.name for file in taken.iterdir()] == ["shrub_curve.svg"]
 
 
-def test_a_bake_with_a_wish_reports_what_was_predicted(shrub: Path, tmp_path: Path) -> None:
+def test_a_bake_with_a_preset_reports_its_prediction(shrub: Path, tmp_path: Path) -> None:
     small = ("--texture-size", 256, "--levels", 1, "--no-cross")
-    report = bake(shrub, tmp_path / "out", *small, "--preset", "draft")
+    import_part(shrub)
+    source = saved(tmp_path / "shrub.blend")
+    report = bake(source, tmp_path / "out", *small, "--preset", "draft")
     told = report["predicted"]
     level = report["levels"][1]
     assert told["settings"]["epsilon"] >= level["epsilon"]
@@ -185,14 +191,14 @@ def test_a_bake_with_a_wish_reports_what_was_predicted(shrub: Path, tmp_path: Pa
     assert told["seconds"]["predicted"] > 0.0
     stages = sum(level["seconds"][stage] for stage in ("fit", "pack", "bake", "look"))
     assert told["seconds"]["measured"] >= stages
-    assert bake(shrub, tmp_path / "plain", *small)["predicted"] is None
+    assert bake(source, tmp_path / "plain", *small)["predicted"] is None
 
 
 @pytest.fixture
 def _selected(_fresh_scene: None, shrub: Path) -> Iterator[None]:
-    """The shrub, selected, in a scene that has the add-on."""
+    """A part of the shrub, selected, in a scene with the add-on."""
     addon.register()
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    import_part(shrub)
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
@@ -202,7 +208,7 @@ def _selected(_fresh_scene: None, shrub: Path) -> Iterator[None]:
 
 
 class Layout:
-    """Takes what a panel draws, and remembers its words and buttons."""
+    """Stand-in for a panel layout. It records labels and buttons."""
 
     def __init__(self, drawn: list[tuple[str, str]]) -> None:
         self.drawn = drawn
@@ -236,7 +242,7 @@ def drawn() -> list[tuple[str, str]]:
 
 
 @pytest.mark.usefixtures("_selected")
-def test_the_panel_measures_shows_and_picks() -> None:
+def test_the_panel_measures_a_curve_and_applies_an_offer() -> None:
     assert [kind for kind, _ in drawn()] == ["leafcloud.curve", "prop", "prop", "prop"]
     assert not bpy.ops.leafcloud.pick.poll()
     assert bpy.ops.leafcloud.curve() == {"FINISHED"}
@@ -255,7 +261,7 @@ def test_the_panel_measures_shows_and_picks() -> None:
     assert settings.epsilon == pytest.approx(chosen["epsilon"])
     assert settings.texture_size == chosen["texture_size"]
     assert (settings.samples, settings.effort) == (chosen["samples"], chosen["effort"])
-    # Seconds decide which offer is the balanced one; of so few it may be the last, too.
+    # The measured seconds decide which offer is the balanced one. It may be the last offer, too.
     presets = [preset.title() for preset, offer in last.presets.items() if offer == last.offers[-1]]
     assert "Final" in presets
     pressed = [text for kind, text in drawn() if kind == "pressed"]
@@ -269,7 +275,7 @@ def test_the_panel_measures_shows_and_picks() -> None:
 
 
 @pytest.mark.usefixtures("_selected")
-def test_a_bake_after_a_curve_reports_both(tmp_path: Path) -> None:
+def test_a_bake_after_a_curve_reports_prediction_and_measurement(tmp_path: Path) -> None:
     bpy.ops.leafcloud.curve()
     settings = bpy.context.scene.leafcloud
     settings.directory = str(tmp_path)
@@ -284,7 +290,7 @@ def test_a_bake_after_a_curve_reports_both(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_selected")
-def test_the_panel_expects_only_what_the_curve_knows() -> None:
+def test_the_panel_predicts_only_settings_that_the_curve_measured() -> None:
     bpy.ops.leafcloud.curve()
     last, settings = measured.last(), bpy.context.scene.leafcloud
     assert last is not None
@@ -299,8 +305,8 @@ def test_the_panel_expects_only_what_the_curve_knows() -> None:
 
 
 @pytest.mark.usefixtures("_selected")
-def test_the_panel_expects_what_the_plan_leaves(tmp_path: Path) -> None:
-    """Only for a camera among the leaves: of the levels only the first is made."""
+def test_the_panel_predicts_only_the_levels_of_the_plan(tmp_path: Path) -> None:
+    """For a camera among the leaves, the plan keeps only level 1."""
     add_camera((0.0, 0.0, 0.1))
     settings = bpy.context.scene.leafcloud
     settings.levels, settings.directory, settings.viewer = 2, str(tmp_path), "camera"
@@ -318,7 +324,7 @@ def test_the_panel_expects_what_the_plan_leaves(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_selected")
-def test_a_page_keeps_its_proportions() -> None:
+def test_an_offer_keeps_the_aspect_ratio_of_the_atlas() -> None:
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.texture_height = 256, 128
     bpy.ops.leafcloud.curve()

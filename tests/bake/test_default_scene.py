@@ -1,4 +1,4 @@
-"""A first bake in the scene that Blender starts with: its cube, lamp and still camera, beside an imported tree."""
+"""A first bake of an imported tree in Blender's default scene, with its cube, lamp and still camera."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from addon.ui.panels import LEAFCLOUD_PT_bake
 pytestmark = pytest.mark.usefixtures("registered")
 
 LEVELS = ["leaves_LOD0", "leaves_LOD1", "leaves_LOD2", "leaves_LOD3"]
-"""Of a bake with the settings that a new scene has: the leaves, two clouds, the cross."""
+"""Levels of a bake with default settings: the leaves, two billboard levels, the cross impostor."""
 
 
 @pytest.fixture
 def camera(shrub: Path) -> bpy.types.Object:
-    """The camera of Blender's own first scene, into which the shrub was imported, as an artist does it."""
+    """Open Blender's default scene and import the shrub. Return the scene's camera."""
     bpy.ops.wm.read_factory_settings()
     assert {obj.type for obj in bpy.context.scene.objects} == {"MESH", "LIGHT", "CAMERA"}
     bpy.ops.import_scene.gltf(filepath=str(shrub))
@@ -28,7 +28,7 @@ def camera(shrub: Path) -> bpy.types.Object:
 
 
 def drawn() -> set[str]:
-    """The levels of which something is drawn before the scene's camera, as Blender evaluates them."""
+    """Return the levels that have visible polygons after evaluation for the scene's camera."""
     graph = bpy.context.evaluated_depsgraph_get()
     levels = [bpy.data.objects[name] for name in LEVELS if name in bpy.data.objects]
     return {obj.name for obj in levels if obj.visible_get() and len(obj.evaluated_get(graph).data.polygons)}
@@ -50,7 +50,7 @@ def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> 
 
 def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types.Object) -> None:
     status, settings = bpy.context.window_manager.leafcloud, bpy.context.scene.leafcloud
-    settings.texture_size = 64
+    settings.texture_size, settings.epsilon = 64, 0.2
     bpy.ops.leafcloud.bake()
     assert (status.note, status.viewer) == ("The camera stands still, so all levels are made", "camera")
     bpy.ops.leafcloud.bake(viewer=status.viewer)
@@ -65,9 +65,9 @@ def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types
     assert (settings.viewer, status.note) == ("anywhere", "")
 
 
-def test_the_main_panel_has_a_box_with_the_way_out(camera: bpy.types.Object) -> None:
+def test_the_main_panel_explains_the_levels_and_offers_the_other_choice(camera: bpy.types.Object) -> None:
     def drawn() -> tuple[str, list[str]]:
-        """What the box says, and its buttons."""
+        """Return the text of the box, and the labels of its buttons."""
         layout = MagicMock()
         context = SimpleNamespace(
             scene=bpy.context.scene,
@@ -92,18 +92,18 @@ def test_the_main_panel_has_a_box_with_the_way_out(camera: bpy.types.Object) -> 
     assert buttons == ["Make All Levels"]
 
 
-def test_the_lamp_counts_as_before(camera: bpy.types.Object) -> None:
-    """The camera says nothing about who looks, but the scene is still the one that lights the tree."""
+def test_the_plan_uses_the_lights_of_the_scene(camera: bpy.types.Object) -> None:
+    """The plan ignores the still camera, but it uses the lights of the same scene."""
     bpy.ops.leafcloud.plan()
     rows = bpy.context.window_manager.leafcloud.plan
     assert rows["normals"].reason.startswith("Blender lights the tree as it renders")
     assert rows["far_levels"].reason.startswith("the camera stands still, and the viewer may be anywhere")
 
 
-def test_the_command_line_says_so_in_a_line(camera: bpy.types.Object, tmp_path: Path) -> None:
+def test_the_command_line_notes_the_camera_s_effect_in_one_line(camera: bpy.types.Object, tmp_path: Path) -> None:
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     source = saved(tmp_path / "garden.blend")
-    quick = ("--input", source, "--texture-size", 64, "--candidates", 50)
+    quick = ("--input", source, "--texture-size", 64, "--epsilon", 0.2)
     still = run(*quick, "--out", tmp_path / "still")
     assert still.returncode == 0, still.stderr
     notes = [line for line in still.stderr.splitlines() if ": note: " in line]

@@ -1,7 +1,8 @@
-"""An effect that is off costs nothing: a bake does without the code that is its own, and nothing is left of it.
+"""An effect that is off costs nothing: a bake calls none of its code, and leaves no data of it.
 
-For each effect all others are on. What is baked with it off is compared with what is baked when all that it alone uses
-raises as soon as it is called: the files, the data-blocks, the report. And where it is on, its traces are there.
+Each test turns one effect off and all others on. It bakes twice: the second time, all functions that only this effect
+uses raise when called. Files, data-blocks and reports must be equal. Other tests check the traces of effects that are
+on.
 """
 
 from __future__ import annotations
@@ -29,18 +30,19 @@ from addon.settings.bake import EFFECTS, BakeSettings
 
 @dataclass(frozen=True)
 class Own:
-    """What an effect alone uses: modules, or `module:name` of what stands beside others; and what it leaves behind.
+    """The code that only this effect uses, and the data that it leaves.
 
-    traces: parts of lines of the dump, or of a file's JSON, all of which are there just where the effect is on.
+    modules: names of whole modules, or `module:name` of single functions and classes.
+    traces: parts of lines in the dump or in a file's JSON. All are present if the effect is on, none if it is off.
     """
 
     modules: tuple[str, ...]
     traces: tuple[str, ...]
     without: tuple[str, ...] = ()
-    """Other effects that share some of it, off as well."""
+    """Other effects to turn off, because they share this code."""
     chain: str = "both"
     alpha: float = 1.0
-    """Of the leaves."""
+    """Alpha of the leaves."""
 
 
 EFFECTS_APART = {
@@ -67,13 +69,13 @@ EFFECTS_APART = {
         without=("wind",),
         chain="billboards",
     ),
-    # The core alone decides whether sides differ.
+    # Only the core decides whether front and back differ.
     "back_sides": Own(("addon.nodes.sides",), ("materials tree_LOD1 use_backface_culling = True",)),
     "trunk_levels": Own(
         ("addon.levels.trunk:simplified", "addon.levels.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
         ("meshes tree_trunk_1 is there",),
     ),
-    # The functions that make the first level make the others, too.
+    # The same functions make the first level and the others.
     "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),
     "normals": Own(("addon.levels.material:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
     "gloss": Own(
@@ -90,7 +92,7 @@ EFFECTS_APART = {
         ),
         ("images tree_LOD1_translucency is there", "KHR_materials_diffuse_transmission"),
     ),
-    # `all` leaves it to the plan, which has it on for these leaves.
+    # `all` leaves blend_order to the plan, which turns it on for these leaves.
     "blend_order": Own(
         ("addon.export.blend_order",), ('"blend_order"', '"alphaMode": "BLEND"'), chain="billboards", alpha=0.7
     ),
@@ -132,7 +134,7 @@ EFFECTS_APART = {
 
 @dataclass(frozen=True)
 class Written:
-    """All that a bake leaves."""
+    """The results of a bake: files, their JSON, the dump of the scene, the report."""
 
     files: dict[str, bytes]
     documents: list[str]
@@ -145,7 +147,7 @@ class Written:
 
 
 def tree(alpha: float) -> list[bpy.types.Object]:
-    """Cards of two materials that differ in gloss and let light through, on a tube of more triangles than it needs."""
+    """Add cards of two translucent materials with different roughness, and a trunk with more triangles than needed."""
     crown = add_crown(principled("shiny", Roughness=0.2, Subsurface_Weight=0.5, Alpha=alpha))
     crown.data.materials.append(principled("dull", Roughness=0.9, Subsurface_Weight=0.5, Alpha=alpha))
     crown.data.uv_layers.new(name="UVMap")
@@ -153,7 +155,7 @@ def tree(alpha: float) -> list[bpy.types.Object]:
         polygon.material_index = polygon.index % 2
         for corner, place in zip(polygon.loop_indices, [(0, 0), (1, 0), (1, 1), (0, 1)], strict=True):
             crown.data.uv_layers[0].data[corner].uv = place
-    sides, rings = 16, 12
+    sides, rings = 16, 6
     turns = [2.0 * math.pi * side / sides for side in range(sides)]
     vertices = [
         (0.1 * math.cos(turn), 0.1 * math.sin(turn), 1.5 * ring / rings - 1.5)
@@ -171,10 +173,10 @@ def tree(alpha: float) -> list[bpy.types.Object]:
 
 
 def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: Any) -> Written:
-    """A bake in a scene of its own, of leaves with this alpha, with other settings where they are given."""
+    """Bake leaves with this alpha in a new scene. `changed` overrides settings."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bake_tree = read(tree(alpha), ["leaves"])
-    settings = {"texture_size": 64, "epsilon": 0.2, "candidates": 50, "effects": effects, "chain": chain, **changed}
+    settings = {"texture_size": 64, "epsilon": 0.2, "effects": effects, "chain": chain, **changed}
     tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
     report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]
@@ -194,7 +196,10 @@ def all_but(effect: str) -> str:
 
 
 def forbid(monkeypatch: pytest.MonkeyPatch, entry: str) -> int:
-    """Makes all functions and classes of a module, or the one that is named, raise wherever the add-on calls them."""
+    """Make the functions and classes of `entry` raise on every call in the add-on. Return their number.
+
+    `entry` is a module, or `module:name` for one function or class.
+    """
     module, _, name = entry.partition(":")
     members = vars(importlib.import_module(module))
     found = [members[name]] if name else [each for each in members.values() if _is_own(each, module)]
@@ -213,12 +218,14 @@ def _is_own(value: object, module: str) -> bool:
     return (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__ == module
 
 
-def test_every_effect_says_what_is_its_own() -> None:
+def test_every_effect_has_an_entry_in_this_file() -> None:
     assert tuple(sorted(EFFECTS_APART)) == tuple(sorted(EFFECTS))
 
 
 @pytest.mark.parametrize("effect", [name for name in EFFECTS if EFFECTS_APART[name].modules])
-def test_an_effect_that_is_off_is_not_touched(effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_that_is_off_calls_no_code_and_leaves_no_trace(
+    effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = EFFECTS_APART[effect]
     off = baked(tmp_path / "off", all_but(effect), own.chain, own.alpha)
     with monkeypatch.context() as patched:
@@ -246,14 +253,14 @@ def test_an_effect_that_is_on_leaves_its_traces(effects: str, chain: str, shown:
     assert [trace for name in shown for trace in EFFECTS_APART[name].traces if trace not in words] == []
 
 
-def test_an_effect_that_is_on_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """That what is forbidden is felt, at the hands of one that is on."""
+def test_forbidden_code_of_an_effect_that_is_on_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This checks `forbid` itself."""
     forbid(monkeypatch, "addon.levels.leaf_map")
     with pytest.raises(AssertionError, match="leaf_map was touched"):
         baked(tmp_path, "all", "billboards")
 
 
-def test_without_far_levels_a_bake_is_that_of_one_level(tmp_path: Path) -> None:
+def test_a_bake_without_far_levels_equals_a_bake_of_one_level(tmp_path: Path) -> None:
     short = baked(tmp_path / "short", "none,-far_levels", "billboards")
     one = baked(tmp_path / "one", "none", "billboards", levels=1, cross=False)
     assert short.files == one.files

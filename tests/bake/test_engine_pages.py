@@ -1,6 +1,6 @@
-"""Base colour in the files for engines, whose mip levels are plain means: from farther away a crown stays as dense.
+"""Base color for engines, which use box-filtered mips: a crown keeps its density at a distance.
 
-The oracle: means of 2 × 2, and alpha looked up between the middles of texels on a grid six times as fine.
+The oracle computes means of 2 × 2 texels, and bilinear alpha on a grid that is six times as fine.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from command_line import run
+from command_line import QUICK, bake
 from glb import read_glb
 from numpy.typing import NDArray
 
@@ -18,7 +18,7 @@ import leafcloud
 
 
 def bilinear(alpha: NDArray[np.float64], fine: int = 6) -> NDArray[np.float64]:
-    """`alpha` between the middles of its texels, which repeats, on a grid `fine` times as fine."""
+    """Return bilinear samples of the tiling texture `alpha` on a grid that is `fine` times as fine."""
     for axis in (0, 1):
         places = (np.arange(fine * alpha.shape[axis]) + 0.5) / fine - 0.5
         low = np.floor(places).astype(int)
@@ -30,7 +30,7 @@ def bilinear(alpha: NDArray[np.float64], fine: int = 6) -> NDArray[np.float64]:
 
 
 def area(pixels: NDArray[np.uint8], cutoff: float, level: int) -> float:
-    """The share of the page that is drawn at a mip level of plain means."""
+    """Return the fraction of the atlas above the cutoff at a box-filtered mip level."""
     alpha = pixels[..., 3] / 255.0
     for _ in range(level):
         alpha = (alpha[::2, ::2] + alpha[1::2, ::2] + alpha[::2, 1::2] + alpha[1::2, 1::2]) / 4.0
@@ -39,7 +39,7 @@ def area(pixels: NDArray[np.uint8], cutoff: float, level: int) -> float:
 
 @pytest.fixture(scope="module")
 def level() -> leafcloud.Level:
-    """Slender leaves in all directions."""
+    """Return level 1 of slender leaves in all directions."""
     random = np.random.default_rng(5)
     places, along = random.uniform(-1.0, 1.0, (2, 400, 3))
     across = np.cross(along, random.uniform(-1.0, 1.0, (400, 3)))
@@ -50,7 +50,7 @@ def level() -> leafcloud.Level:
     return level
 
 
-def test_as_much_is_drawn_near_and_far(level: leafcloud.Level) -> None:
+def test_mip_levels_keep_the_area_above_the_cutoff(level: leafcloud.Level) -> None:
     page, cutoff = level.for_engines()
     near = area(level.base_color, level.alpha_cutoff, 0)
     assert area(page, cutoff, 0) == pytest.approx(near, rel=0.03)
@@ -61,10 +61,9 @@ def test_as_much_is_drawn_near_and_far(level: leafcloud.Level) -> None:
     assert np.array_equal(page[..., :3], level.base_color[..., :3])
 
 
-def test_files_have_it_and_blender_does_not(tmp_path: Path, shrub: Path) -> None:
+def test_only_files_for_engines_have_the_adjusted_cutoff(tmp_path: Path, shrub: Path) -> None:
     out = tmp_path / "out"
-    baked = run("--input", shrub, "--out", out, "--levels", "1", "--no-cross", "--texture-size", "256")
-    assert baked.returncode == 0, baked.stderr
+    bake(shrub, out, *QUICK, "--levels", 1, "--no-cross")
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
     bpy.ops.wm.open_mainfile(filepath=str(out / "shrub.blend"))
     nodes = bpy.data.materials["shrub_LOD1"].node_tree.nodes

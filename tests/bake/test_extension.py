@@ -1,4 +1,4 @@
-"""The extension as users get it: built, validated, installed and enabled in a Blender of its own."""
+"""The extension: the build, Blender's validation, and the installation in a separate Blender."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ print("FOUND " + json.dumps(found), flush=True)
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The zip, built from the add-on and the wheel that make setup built; Blender's tool validates it."""
+    """Build the zip from the add-on and the wheel of `make setup`. Blender's tool validates it. Return its path."""
     wheels = list((ROOT / "target" / "wheels").glob("leafcloud-*.whl"))
     assert len(wheels) == 1, "make setup builds exactly one wheel"
     command = [sys.executable, "tools/build_extension.py", "--wheel", str(wheels[0])]
@@ -56,7 +56,7 @@ def test_archive_holds_the_addon_the_wheel_and_the_licence(archive: Path) -> Non
 
 
 def test_installed_extension_works(archive: Path, tmp_path: Path) -> None:
-    """Enabling registers the operator and unpacks the wheel onto the path, disabling takes the operator back."""
+    """Enabling registers the operator and makes the wheel importable. Disabling removes the operator."""
     resources = tmp_path / "resources"
     resources.mkdir()
     result = subprocess.run(

@@ -1,4 +1,4 @@
-"""Textures with mip levels of their own in the files for engines that take them, read back as three.js reads them."""
+"""KTX2 textures with their own mip levels in files for engines that read them, decoded with three.js."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import run
+from command_line import QUICK, bake
 
 import leafcloud
 
@@ -26,7 +26,7 @@ def header(file: bytes) -> dict[str, int]:
 
 
 def transfer(file: bytes) -> str:
-    """How the data format descriptor says that codes are meant."""
+    """Return the transfer function in the data format descriptor: linear or sRGB."""
     start = struct.unpack_from("<I", file, 48)[0]
     assert file[start + 12] == 166, "UASTC"
     return {1: "linear", 2: "sRGB"}[file[start + 14]]
@@ -41,13 +41,12 @@ def document_of(path: Path) -> tuple[dict[str, Any], bytes]:
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Path:
     out = tmp_path_factory.mktemp("three")
-    shape = ("--levels", "1", "--texture-size", "256", "--effects", "normals,occlusion,self_shadowing")
-    baked = run("--input", shrub, "--out", out, "--engine", "three", *shape)
-    assert baked.returncode == 0, baked.stderr
+    effects = ("--effects", "normals,occlusion,self_shadowing")
+    bake(shrub, out, *QUICK, "--engine", "three", "--levels", 1, *effects)
     return out
 
 
-def test_each_texture_of_a_level_has_both(files: Path) -> None:
+def test_each_texture_of_a_level_is_stored_as_png_and_ktx2(files: Path) -> None:
     document, binary = document_of(files / "shrub_LOD1.glb")
     assert document["extensionsUsed"].count("KHR_texture_basisu") == 1
     assert "KHR_texture_basisu" not in document.get("extensionsRequired", [])
@@ -73,10 +72,9 @@ def test_each_texture_of_a_level_has_both(files: Path) -> None:
 
 
 @pytest.mark.parametrize("effects", ["none", "blend_order"])
-def test_a_page_that_is_no_square_has_all_its_levels(effects: str, tmp_path: Path, shrub: Path) -> None:
-    shape = ("--levels", "1", "--no-cross", "--texture-size", "256", "--texture-height", "128", "--effects", effects)
-    baked = run("--input", shrub, "--out", tmp_path, "--engine", "three", *shape)
-    assert baked.returncode == 0, baked.stderr
+def test_a_page_that_is_not_square_has_all_mip_levels(effects: str, tmp_path: Path, shrub: Path) -> None:
+    shape = ("--levels", 1, "--no-cross", "--texture-height", 128, "--effects", effects)
+    bake(shrub, tmp_path, *QUICK, "--engine", "three", *shape)
     document, binary = document_of(tmp_path / "shrub_LOD1.glb")
     [image] = [image for image in document["images"] if image["mimeType"] == "image/ktx2"]
     view = document["bufferViews"][image["bufferView"]]
@@ -89,7 +87,7 @@ def test_the_leaves_keep_their_own_textures(files: Path) -> None:
     assert "KHR_texture_basisu" not in document.get("extensionsUsed", [])
 
 
-def test_the_occlusion_texture_is_that_of_gloss(files: Path) -> None:
+def test_occlusion_and_roughness_share_a_texture(files: Path) -> None:
     document, _ = document_of(files / "shrub_LOD1.glb")
     [material] = [material for material in document["materials"] if material["name"] == "shrub_LOD1"]
     gloss = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]
@@ -100,7 +98,7 @@ def test_the_validator_finds_nothing_but_the_extension(
     files: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     found = gltf_issues(*files.glob("*.glb"))
-    # It does not know KTX2.
+    # The validator does not know KTX2.
     assert {issue["code"] for issue in found} <= {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
     assert all("/images/" in issue["pointer"] for issue in found)
 
@@ -111,7 +109,7 @@ def chain(side: int) -> leafcloud.Chain:
     return leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=side)
 
 
-def test_what_there_is_not_is_refused() -> None:
+def test_missing_channels_and_odd_sizes_are_refused() -> None:
     [level] = chain(64).levels
     assert header(level.ktx2("base_color"))["levels"] == 7
     with pytest.raises(leafcloud.LeafcloudError, match=r'no channel "normal" with mips; it has base_color'):
@@ -121,18 +119,17 @@ def test_what_there_is_not_is_refused() -> None:
         odd.ktx2("base_color")
 
 
-def test_pages_that_gltf_does_not_take_stay_png(tmp_path: Path, shrub: Path) -> None:
-    """132² is a multiple of 4, 66² is none."""
-    baked = run("--input", shrub, "--out", tmp_path, "--engine", "three", "--texture-size", "132", "--levels", "2")
-    assert baked.returncode == 0, baked.stderr
-    assert "pages of 66 × 66 stay PNG only" in baked.stderr
+def test_pages_with_sizes_that_gltf_forbids_stay_png(tmp_path: Path, shrub: Path) -> None:
+    """The side 132 is a multiple of 4, the side 66 is not."""
+    report = bake(shrub, tmp_path, "--engine", "three", "--texture-size", 132, "--epsilon", 0.1)
+    assert any("pages of 66 × 66 stay PNG only" in warning for warning in report["warnings"])
     first, second = (document_of(tmp_path / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
     assert "extensionsUsed" in first
     assert "extensionsUsed" not in second
 
 
 def needles() -> leafcloud.Level:
-    """Level 1 of cards by chance that show a thin needle each."""
+    """Return level 1 of random cards. Each card shows a thin needle."""
     random = np.random.default_rng(5)
     places, sides = random.normal(size=(300, 1, 3)), random.normal(size=(300, 2, 3)) * 0.15
     corners = places + np.stack([-sides[:, 0], sides[:, 1], sides[:, 0], -sides[:, 1]], axis=1)
@@ -149,14 +146,14 @@ def needles() -> leafcloud.Level:
     return level
 
 
-def test_as_much_of_each_billboard_passes_at_every_level(tmp_path: Path) -> None:
+def test_each_billboard_keeps_its_area_above_the_cutoff_at_every_mip_level(tmp_path: Path) -> None:
     level = needles()
     (tmp_path / "page.ktx2").write_bytes(level.ktx2("base_color"))
     command = ["node", HERE / "transcode.mjs", THREE, tmp_path / "page.ktx2", tmp_path]
     subprocess.run(command, check=True, timeout=60)
     page, cutoff = level.for_engines()
     size = len(page)
-    # Columns and rows of each rectangle, from the left and from the top.
+    # Column and row ranges of each rectangle, from the top left.
     low, high = level.uvs.min(axis=1), level.uvs.max(axis=1)
     rectangles = np.round(np.stack([low[:, 0], high[:, 0], 1.0 - high[:, 1], 1.0 - low[:, 1]], axis=1) * size)
     passes = page[..., 3] >= cutoff * 255.0 - 1e-3

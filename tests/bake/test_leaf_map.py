@@ -1,4 +1,4 @@
-"""Another season without baking again: which leaf a texel shows, decoded by nodes and told to engines."""
+"""The leaf map: it stores which leaf each texel shows, so that leaves can change color without a new bake."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import run
+from command_line import bake as bake_files
 from node_trees import new_image, new_material, texture_node
 from numpy.typing import NDArray
 from renders import render
@@ -38,7 +38,7 @@ Color = tuple[float, float, float]
 
 
 def leaf_image(name: str, color: Color) -> bpy.types.Image:
-    """A round leaf whose halves, and the two ends of each, differ: sRGB, nothing around it."""
+    """Return an sRGB image of a round leaf on transparency. Its quarters have different colors."""
     y, x = (np.mgrid[0:32, 0:32] + 0.5) / 32.0
     shade = np.where(x < 0.5, 1.0, 0.4) * (0.6 + 0.4 * y)
     pixels = np.dstack([shade[..., None] * np.array(color), np.hypot(x - 0.5, y - 0.5) < 0.48])
@@ -59,7 +59,7 @@ def leaf(name: str, color: Color) -> bpy.types.Material:
 
 
 def crown(colors: dict[str, Color]) -> bpy.types.Object:
-    """Square cards that face about the viewer at −y, of two materials by turns."""
+    """Add square cards that roughly face the viewer at −y, with two alternating materials."""
     random = np.random.default_rng(3)
     centres = random.uniform((-1, -0.3, -1), (1, 0.3, 1), (60, 3))
     across, up = (axis + random.normal(0.0, 0.3, (60, 3)) for axis in ((0.2, 0, 0), (0, 0, 0.2)))
@@ -73,13 +73,13 @@ def crown(colors: dict[str, Color]) -> bpy.types.Object:
 
 
 def laid_out(obj: bpy.types.Object) -> None:
-    """The whole texture on each quad, from its first corner on."""
+    """Map the whole texture to each quad, starting at its first corner."""
     uvs = np.tile(np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32), (len(obj.data.polygons), 1))
     obj.data.uv_layers.new(name="UVMap").data.foreach_set("uv", uvs.ravel())
 
 
 def trunk() -> bpy.types.Object:
-    """Blue, and alone in its part of the view."""
+    """Add a blue trunk that no leaf covers in the view."""
     material, principled, _ = new_material()
     material.name = "bark"
     principled.inputs["Base Color"].default_value = (*BARK, 1.0)
@@ -100,7 +100,7 @@ def material_of(result: Baked, number: int) -> bpy.types.Material:
 
 
 def wear(material: bpy.types.Material, colors: dict[str, Color]) -> None:
-    """What an artist does: another image in the node of each leaf, and Season linked to Base Color."""
+    """Change the season as an artist does: set another image in each leaf's node, and link Season to Base Color."""
     nodes = material.node_tree.nodes
     for name, color in colors.items():
         [node] = [node for node in nodes if node.type == "TEX_IMAGE" and node.label == name]
@@ -115,7 +115,7 @@ def show(material: bpy.types.Material, color: bpy.types.NodeSocket) -> None:
 
 
 def seen(obj: bpy.types.Object, folder: Path, width: float = 3.0) -> Pixels:
-    """(SIDE, SIDE, 4) the base colour of an object's one material, unlit, seen along y; lowest row first."""
+    """Render the object's base color without light along y. Return (SIDE, SIDE, 4) with the lowest row first."""
     materials, own = obj.data.materials, obj.data.materials[0]
     with emitting(own, color_and_alpha) as flat:
         materials[0], obj.hide_render = flat, False
@@ -133,15 +133,15 @@ def seen(obj: bpy.types.Object, folder: Path, width: float = 3.0) -> Pixels:
 
 
 def mean_color(pixels: Pixels) -> NDArray[np.float32]:
-    """Of what is covered."""
+    """Return the mean color of the covered pixels."""
     return pixels[..., :3].sum((0, 1)) / pixels[..., 3].sum()
 
 
 # Another season
 
 
-def test_a_cloud_in_autumn_is_that_of_autumn_leaves(tmp_path: Path) -> None:
-    """Within 2 % of the mean colour, and of 5 % at each pixel; summer is far from both."""
+def test_a_level_with_autumn_images_matches_autumn_leaves(tmp_path: Path) -> None:
+    """The mean color matches within 2%, each pixel within 5%. Summer leaves differ much more."""
     summer, autumn = baked(SUMMER, "leaf_map"), baked(AUTUMN, "none")
     before = seen(summer.levels[1].object, tmp_path)
     wear(material_of(summer, 1), AUTUMN)
@@ -153,8 +153,8 @@ def test_a_cloud_in_autumn_is_that_of_autumn_leaves(tmp_path: Path) -> None:
     assert np.abs(before - expected).mean() > 0.5 * light
 
 
-def test_levels_behind_the_first_know_the_leaves_too(tmp_path: Path) -> None:
-    """The second cloud is baked from the first; it is coarser, so what it shows is compared as a whole."""
+def test_later_levels_have_a_leaf_map_too(tmp_path: Path) -> None:
+    """Level 2 is baked from level 1 and is coarser, so only its mean color is compared."""
     summer, autumn = (baked(colors, "leaf_map", levels=2) for colors in (SUMMER, AUTUMN))
     wear(material_of(summer, 2), AUTUMN)
     after, expected = (seen(result.levels[2].object, tmp_path) for result in (summer, autumn))
@@ -178,7 +178,7 @@ def test_trunk_in_the_cross_keeps_its_colour(tmp_path: Path) -> None:
 
 
 def sheet(uv: NDArray[np.uint8], leaf: NDArray[np.uint8], leaves: list[bpy.types.Material | None]) -> bpy.types.Object:
-    """A square that faces the viewer and shows all labels (4, 4, 4), on a page of one blue."""
+    """Return a square that faces the viewer and shows all labels (4, 4, 4) on a uniformly blue atlas."""
     page = atlas_image("page", np.full((4, 4, 4), (0, 0, 255, 255), np.uint8))
     material = atlas_material("page", Page(page), alpha_cutoff=0.5, double_sided=True)
     labels = (atlas_image(name, codes, data=True) for name, codes in (("uv", uv), ("id", leaf)))
@@ -190,13 +190,13 @@ def sheet(uv: NDArray[np.uint8], leaf: NDArray[np.uint8], leaves: list[bpy.types
 
 
 def of_cells(pixels: Pixels) -> Pixels:
-    """(4, 4, 3) what a sheet shows in the middle of each of its cells, row 0 on top."""
+    """Return the color (4, 4, 3) in the center of each cell of a sheet. Row 0 is the top row."""
     cell = SIDE // 4
     return pixels[::-1][cell // 2 :: cell, cell // 2 :: cell, :3]
 
 
 def codes(seed: int) -> NDArray[np.uint8]:
-    """(4, 4, 4) any labels, the least and the greatest among them."""
+    """Return random labels (4, 4, 4), including the smallest and the largest."""
     labels = np.random.default_rng(seed).integers(0, 256, (4, 4, 4), np.uint8)
     labels[0, :2, :3] = [(0, 0, 0), (255, 255, 255)]
     labels[..., 3] = 255
@@ -221,7 +221,10 @@ def test_the_group_decodes_labels(tmp_path: Path) -> None:
 
 
 def test_each_material_has_its_own_colour(tmp_path: Path) -> None:
-    """A number, an image by a factor, none where it is rendered; the sixteenth for all after it; the page for bark."""
+    """Colors: a number, an image times a factor, or none for rendered materials. Material 16 and later share one color.
+
+    Bark shows the atlas.
+    """
     leaves = [new_material() for _ in range(18)]
     for number, (_, principled, _) in enumerate(leaves):
         principled.inputs["Base Color"].default_value = (0.05 * number, 0.5, 0.0, 1.0)
@@ -248,7 +251,7 @@ def test_each_material_has_its_own_colour(tmp_path: Path) -> None:
     np.testing.assert_allclose(shown, list(expected.values()), atol=0.002)
 
 
-def test_the_nodes_wait_and_share_one_group() -> None:
+def test_the_optional_nodes_share_one_group() -> None:
     result = baked(SUMMER, "leaf_map", levels=2, cross=True)
     for number in (1, 2, 3):
         tree = material_of(result, number).node_tree
@@ -276,7 +279,7 @@ def document_of(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def test_gltf_has_the_labels_as_they_are(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
-    """Looked up as the nearest, PNG for all engines; what a renderer knows is as it is without them."""
+    """Labels use nearest filtering and PNG for all engines. The standard parts of the material stay unchanged."""
     plain, result = baked(SUMMER, "normals"), baked(SUMMER, "normals,leaf_map")
     file, other = tmp_path / "leaf_map.glb", tmp_path / "plain.glb"
     export_level(result.levels[1], file)
@@ -310,7 +313,7 @@ def test_gltf_has_the_labels_as_they_are(tmp_path: Path, gltf_issues: Callable[.
 
 
 @pytest.mark.parametrize("effects", ["none", "auto"])
-def test_nothing_of_it_is_there_unless_it_is_asked_for(tmp_path: Path, effects: str) -> None:
+def test_a_bake_without_the_effect_has_no_leaf_map(tmp_path: Path, effects: str) -> None:
     result = baked(SUMMER, effects)
     tree = material_of(result, 1).node_tree
     assert not {UV_NODE, ID_NODE, SEASON_NODE} & {node.name for node in tree.nodes}
@@ -322,10 +325,9 @@ def test_nothing_of_it_is_there_unless_it_is_asked_for(tmp_path: Path, effects: 
     assert "extras" not in document["materials"][0]
 
 
-def test_the_command_line_counts_its_bytes(tmp_path: Path, shrub: Path) -> None:
-    shape = ("--levels", "1", "--no-cross", "--texture-size", "128")
-    done = run("--input", shrub, "--out", tmp_path, "--effects", "leaf_map", *shape)
-    assert done.returncode == 0, done.stderr
-    told = {effect["name"]: effect for effect in json.loads((tmp_path / "report.json").read_text())["effects"]}
+def test_the_report_counts_the_bytes_of_the_leaf_map(tmp_path: Path, shrub: Path) -> None:
+    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1)
+    report = bake_files(shrub, tmp_path, "--effects", "leaf_map", *shape)
+    told = {effect["name"]: effect for effect in report["effects"]}
     assert told["leaf_map"]["bytes"] == 2 * 128 * 128 * 4
     assert not any(effect["bytes"] for name, effect in told.items() if name != "leaf_map")

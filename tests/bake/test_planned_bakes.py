@@ -1,4 +1,4 @@
-"""What is baked before a camera of the scene: which levels are made, which is shown, what the report says."""
+"""Bakes for a camera of the scene: the levels that the bake makes and shows, and the costs in the report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from addon.bake.values import Baked
 from addon.export.report import report
 from addon.settings.bake import BakeSettings
 
-QUICK = BakeSettings(texture_size=64, candidates=50, viewer="camera")
+QUICK = BakeSettings(texture_size=64, viewer="camera")
 
 
 def baked(*, radii: float, trees: int = 1, settings: BakeSettings = QUICK) -> Baked:
@@ -57,7 +57,7 @@ def test_trees_at_many_distances_switch_by_the_camera() -> None:
     assert result.levels[0].object.data.shape_keys is None
 
 
-def test_the_report_tells_what_was_expected_beside_what_it_cost() -> None:
+def test_the_report_has_estimated_and_actual_costs() -> None:
     result = baked(radii=12.0)
     effects = {effect["name"]: effect for effect in report(result, [0.0] * len(result.levels), [])["effects"]}
     normals = effects["normals"]
@@ -67,7 +67,7 @@ def test_the_report_tells_what_was_expected_beside_what_it_cost() -> None:
     assert effects["transitions"]["estimate"] == {"seconds": 0.0, "bytes": 0}
 
 
-def test_the_camera_of_a_blend_file_counts_on_the_command_line(tmp_path: Path) -> None:
+def test_the_command_line_plans_for_the_camera_of_a_blend_file(tmp_path: Path) -> None:
     crown = add_crown()
     add_camera(3.2, crown)
     source = saved(tmp_path / "garden.blend")

@@ -1,4 +1,4 @@
-"""What the command line refuses: in one line, with an exit status, and with nothing left in the folder."""
+"""Refusals of the command line: one line, an exit status, and an unchanged folder."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_an_empty_scene_is_refused(tmp_path: Path) -> None:
 def test_leaves_that_are_not_there_are_refused(shrub: Path, tmp_path: Path) -> None:
     line = refusal(tmp_path / "out", "--input", shrub, "--leaves", "petals")
     assert "'petals'" in line
-    assert "branches" in line, "the objects that are there are named"
+    assert "branches" in line, "the message names the objects of the scene"
 
 
 def test_a_mesh_without_faces_is_refused(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_folder_that_cannot_be_made_is_refused(shrub: Path, tmp_path: Path) ->
 
 
 def test_a_folder_that_is_full_is_refused_and_left_as_it_was(shrub: Path, tmp_path: Path) -> None:
-    """No file may grow over some size: to the program it is as if the disk were full."""
+    """A limit on file sizes stands in for a full disk."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "report.json").write_text("of an earlier bake")

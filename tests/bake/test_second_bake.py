@@ -1,4 +1,4 @@
-"""A bake after a bake: the levels of the same objects give way, and baked levels are no tree."""
+"""Repeated bakes: a second bake replaces the levels of the same objects, and levels do not count as trees."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import bpy
 import pytest
-from command_line import refusal, run, saved
+from command_line import bake, refusal, run, saved
 from lod_scenes import add_camera
-from scenes import add_mesh, read
+from scenes import add_mesh, import_part, read
 
 from addon.errors import SceneError
 from addon.ui.viewport import is_previewed, start_preview, stop_preview
@@ -23,10 +23,10 @@ KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups
 
 @pytest.fixture
 def sources(shrub: Path) -> list[bpy.types.Object]:
-    """The shrub's objects, selected, with settings that bake it quickly."""
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    """The objects of a part of the shrub, selected, with settings of a quick bake."""
+    import_part(shrub)
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.candidates = 64, 1, 50
+    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
     found = [bpy.data.objects["leaves"], bpy.data.objects["branches"]]
     select(*found)
     return found
@@ -41,7 +41,7 @@ def select(*objects: bpy.types.Object, active: bpy.types.Object | None = None) -
 
 
 def names() -> dict[str, list[str]]:
-    """What is in the file and has users, by its kind."""
+    """Return the names of all data-blocks with users, by collection."""
     return {kind: sorted(item.name for item in getattr(bpy.data, kind) if item.users) for kind in KINDS}
 
 
@@ -49,7 +49,7 @@ def shown() -> dict[str, tuple[bool, bool]]:
     return {obj.name: (obj.visible_get(), obj.hide_render) for obj in bpy.context.scene.objects}
 
 
-def test_a_second_bake_takes_the_place_of_the_first(sources: list[bpy.types.Object]) -> None:
+def test_a_second_bake_replaces_the_first(sources: list[bpy.types.Object]) -> None:
     bpy.ops.leafcloud.bake()
     first, before, seen = bpy.data.objects["leaves_LOD0"].session_uid, names(), shown()
     select(*sources)
@@ -61,7 +61,7 @@ def test_a_second_bake_takes_the_place_of_the_first(sources: list[bpy.types.Obje
 
 
 def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.types.Object]) -> None:
-    """Its drawing is left out: that needs a window."""
+    """The function that draws does nothing: drawing needs a window."""
     drawn: list[list[bpy.types.Object]] = []
 
     def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
@@ -83,7 +83,7 @@ def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.ty
         stop_preview()
 
 
-def test_a_selected_level_stands_for_what_it_was_made_of(sources: list[bpy.types.Object]) -> None:
+def test_a_bake_of_a_selected_level_bakes_its_sources(sources: list[bpy.types.Object]) -> None:
     bpy.ops.leafcloud.bake()
     before = names()
     assert [obj.name for obj in bpy.context.selected_objects] == ["leaves_LOD0"]
@@ -107,7 +107,7 @@ def test_a_level_can_be_planned_and_measured(sources: list[bpy.types.Object]) ->
     assert shown() == seen
 
 
-def test_a_bake_of_more_of_a_tree_takes_the_place_of_that_of_its_leaves(sources: list[bpy.types.Object]) -> None:
+def test_a_bake_with_the_trunk_replaces_a_bake_of_the_leaves_alone(sources: list[bpy.types.Object]) -> None:
     select(sources[0])
     bpy.ops.leafcloud.bake()
     assert "leaves_LOD0_trunk" not in bpy.data.objects
@@ -174,7 +174,7 @@ def test_a_refusal_leaves_everything_as_it_was(sources: list[bpy.types.Object]) 
     assert (names(), shown()) == (before, seen)
 
 
-def test_several_trees_take_the_place_of_themselves(sources: list[bpy.types.Object]) -> None:
+def test_a_second_bake_of_several_trees_replaces_the_first(sources: list[bpy.types.Object]) -> None:
     other = sources[0].copy()
     other.location.x = 9.0
     bpy.context.scene.collection.objects.link(other)
@@ -192,7 +192,7 @@ def test_several_trees_take_the_place_of_themselves(sources: list[bpy.types.Obje
     assert {child.name for child in bpy.data.collections["trees"].children} == {"leaves", "leaves.001"}
 
 
-def test_a_level_whose_tree_is_gone_says_so_at_once(sources: list[bpy.types.Object]) -> None:
+def test_a_bake_of_a_level_without_its_sources_is_refused(sources: list[bpy.types.Object]) -> None:
     bpy.ops.leafcloud.bake()
     bpy.data.objects.remove(sources[0])
     with pytest.raises(
@@ -202,7 +202,7 @@ def test_a_level_whose_tree_is_gone_says_so_at_once(sources: list[bpy.types.Obje
         bpy.ops.leafcloud.bake()
 
 
-def test_names_follow_what_is_selected(sources: list[bpy.types.Object]) -> None:
+def test_the_selected_objects_give_the_levels_their_name(sources: list[bpy.types.Object]) -> None:
     cube = add_mesh("Cube", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     select(*sources, active=cube)
     cube.select_set(False)
@@ -216,9 +216,7 @@ def test_reading_a_level_as_a_tree_is_refused(sources: list[bpy.types.Object]) -
         read()
 
 
-def test_the_command_line_says_at_once_that_a_file_holds_levels(
-    sources: list[bpy.types.Object], tmp_path: Path
-) -> None:
+def test_the_command_line_refuses_a_file_that_shows_levels(sources: list[bpy.types.Object], tmp_path: Path) -> None:
     bpy.ops.leafcloud.bake()
     source = saved(tmp_path / "baked.blend")
     line = refusal(tmp_path / "out", "--input", source)
@@ -240,7 +238,7 @@ def test_the_command_line_says_at_once_that_a_file_holds_levels(
 
 @pytest.fixture
 def no_bake(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The core must not be reached."""
+    """Fail the test if the bake reaches the core."""
 
     def start(*_: object) -> None:
         raise AssertionError("the bake has begun")
@@ -249,7 +247,7 @@ def no_bake(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_bake")
-def test_a_folder_that_cannot_be_written_to_is_told_before_the_bake(
+def test_a_folder_that_is_not_writable_is_refused_before_the_bake(
     sources: list[bpy.types.Object], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("in the way")
@@ -259,20 +257,20 @@ def test_a_folder_that_cannot_be_written_to_is_told_before_the_bake(
 
 
 @pytest.mark.usefixtures("no_bake")
-def test_a_folder_beside_a_file_that_is_not_saved_is_told_before_the_bake(sources: list[bpy.types.Object]) -> None:
+def test_a_relative_folder_of_an_unsaved_file_is_refused_before_the_bake(sources: list[bpy.types.Object]) -> None:
     bpy.context.scene.leafcloud.directory = "//out"
     with pytest.raises(RuntimeError, match=r"Folder is '//out', .* this file is not saved: save it"):
         bpy.ops.leafcloud.bake()
 
 
-def test_a_folder_beside_the_file_is_written_to(sources: list[bpy.types.Object], tmp_path: Path) -> None:
+def test_a_bake_writes_to_a_relative_folder(sources: list[bpy.types.Object], tmp_path: Path) -> None:
     saved(tmp_path / "garden.blend")
     bpy.context.scene.leafcloud.directory = "//out"
     bpy.ops.leafcloud.bake()
     assert (tmp_path / "out" / "report.json").is_file()
 
 
-def test_the_folders_property_takes_paths_beside_the_file() -> None:
+def test_the_folder_property_accepts_relative_paths() -> None:
     said = bpy.context.scene.leafcloud.bl_rna.properties["directory"]
     assert getattr(said, "is_path_supports_blend_relative", True)
     assert said.is_animatable
@@ -281,7 +279,7 @@ def test_the_folders_property_takes_paths_beside_the_file() -> None:
 # Another file
 
 
-def test_another_file_brings_nothing_of_the_last(sources: list[bpy.types.Object], tmp_path: Path) -> None:
+def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Object], tmp_path: Path) -> None:
     from addon.ui import measured
 
     add_camera((0.0, -9.0, 0.0))
@@ -300,11 +298,10 @@ def test_another_file_brings_nothing_of_the_last(sources: list[bpy.types.Object]
         assert measured.told() == ""
 
 
-def test_a_shorter_chain_in_the_same_folder_leaves_no_level_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
-    out, quick = tmp_path / "out", ("--input", shrub, "--out", tmp_path / "out", "--texture-size", 64, "--samples", 1)
-    assert run(*quick, "--levels", 2).returncode == 0
+def test_a_shorter_chain_removes_the_files_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
+    out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2)
+    bake(shrub, out, *quick, "--levels", 2)
     (out / "shrub_LOD9.glb").write_bytes(b"not listed in a report: somebody else's")
     (out / "other_LOD3.glb").write_bytes(b"another tree's")
-    assert run(*quick, "--levels", 1, "--no-cross").returncode == 0
-    listed = set(json.loads((out / "report.json").read_text(encoding="utf-8"))["files"])
+    listed = set(bake(shrub, out, *quick, "--levels", 1, "--no-cross")["files"])
     assert {file.name for file in out.iterdir()} == listed | {"shrub_LOD9.glb", "other_LOD3.glb"}

@@ -1,4 +1,4 @@
-"""The set-up, the tools and the example: what a fresh clone starts with."""
+"""Setup, tools and the example tree of a fresh clone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOCK = ROOT / "tests" / "gltf_validator" / "package-lock.json"
 
 
 def run(*command: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs a command in the repository's root, outside of the make that may have started the tests."""
+    """Run a command in the repository's root, without the variables of a make that may have started the tests."""
     inherited = {key: value for key, value in os.environ.items() if key not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
     return subprocess.run(
         command, cwd=ROOT, env={**inherited, **environment}, capture_output=True, text=True, timeout=60, check=False
@@ -31,14 +31,14 @@ def run(*command: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def bare_path(tmp_path: Path) -> Path:
-    """A folder for PATH with what every Unix has, and no compiler, interpreter or package manager."""
+    """Return a folder for PATH with standard Unix tools only: no compiler, interpreter or package manager."""
     for tool in ("bash", "sh", "env", "dirname", "id", "uname"):
         (tmp_path / tool).symlink_to(str(shutil.which(tool)))
     return tmp_path
 
 
 def add_tool(folder: Path, name: str, script: str = "exit 0") -> None:
-    """Puts a shell script called ``name`` into ``folder``."""
+    """Write a shell script called ``name`` into ``folder``."""
     (folder / name).write_text(f"#!/bin/sh\n{script}\n")
     (folder / name).chmod(0o755)
 

@@ -1,4 +1,4 @@
-"""What shaders read of a vertex: each number once in a file, in the form that the engine's importer keeps."""
+"""Vertex data for shaders: files store each number once, in the form that the engine's importer keeps."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ PRUNING = ("--chain", "both", "--prune-pixels", "24")
 """Level 1 takes over where some of the shrub's leaves are pruned already."""
 
 PLAIN, PRUNED, WINDY = 44, 32, 48
-"""Bytes of a vertex of the leaves: position, normal, texture coordinates and morph target; what pruning adds in sets of
-two numbers, rank and two pivots in one of eight; what wind adds to that, another pivot, phase and freedom."""
+"""Bytes per leaf vertex. PLAIN: position, normal, texture coordinates, morph target. PRUNED, added by pruning: rank and
+two pivots. WINDY, added by pruning and wind: also the billboard pivot, phase and flutter."""
 
 
 @pytest.fixture(scope="module")
 def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The shrub, pruned and in the wind, for one engine of each form."""
+    """Folders of two bakes of the shrub with pruning and wind, one engine for each form of vertex data."""
     found = {}
     for engine in ("generic", "godot"):
         found[engine] = tmp_path_factory.mktemp(engine)
@@ -46,7 +46,7 @@ def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 
 
 def own_rows(mesh: bpy.types.Mesh) -> set[tuple[float, ...]]:
-    """Of each vertex in Blender, Y-up: place, rank, pivot; pivot target, phase; billboard pivot, freedom."""
+    """Return a row per vertex, Y up: position, rank, pivot, pivot target, phase, billboard pivot, flutter."""
 
     def read(name: str, key: str, width: int) -> NDArray[np.float32]:
         values = np.empty(width * len(mesh.vertices), np.float32)
@@ -71,7 +71,7 @@ def own_rows(mesh: bpy.types.Mesh) -> set[tuple[float, ...]]:
 
 @pytest.mark.parametrize("level", [0, 1])
 def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str, Path], level: int) -> None:
-    """Equal to the level's own attributes in every bit, for each vertex."""
+    """The vectors equal the level's attributes in every bit."""
     name = f"shrub_LOD{level}"
     surfaces = read_as_godot(folders["godot"] / f"{name}.glb")[name]
     rows = {tuple(row) for each in surfaces for row in np.hstack([each.vertices, *each.customs]).tolist()}
@@ -80,7 +80,7 @@ def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str,
     assert rows == own_rows(bpy.data.objects[name].data)
 
 
-def test_godot_gets_two_vectors_where_nothing_blows(shrub: Path, tmp_path: Path) -> None:
+def test_godot_gets_two_vectors_without_wind(shrub: Path, tmp_path: Path) -> None:
     bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", "godot")
     [surface] = read_as_godot(tmp_path / "shrub_LOD0.glb")["shrub_LOD0"]
     assert [custom.shape[1] for custom in surface.customs] == [4, 4]
@@ -93,7 +93,7 @@ def test_godot_gets_two_vectors_where_nothing_blows(shrub: Path, tmp_path: Path)
 
 
 def test_both_forms_hold_the_same_numbers(folders: dict[str, Path]) -> None:
-    """By name: rank, phase and freedom, then the pivots. By coordinates: as Godot's vectors have them."""
+    """The texture coordinates hold the named attributes in the order of Godot's vectors."""
     named, packed = (read_glb(folders[engine] / "shrub.glb") for engine in ("generic", "godot"))
     for level in (0, 1):
         for one, other in zip(*(nodes[f"shrub_LOD{level}"].primitives for nodes in (named, packed)), strict=True):
@@ -113,7 +113,7 @@ def test_both_forms_hold_the_same_numbers(folders: dict[str, Path]) -> None:
 
 
 def bytes_of_a_vertex(path: Path, node: str) -> float:
-    """What the file stores for each vertex of a node, each accessor once."""
+    """Return the bytes per vertex of a node in the file. Each accessor counts once."""
     document, _ = read_chunks(path)
     [mesh] = [document["meshes"][each["mesh"]] for each in document["nodes"] if each["name"] == node]
     [primitive] = mesh["primitives"]
@@ -126,7 +126,7 @@ def bytes_of_a_vertex(path: Path, node: str) -> float:
 
 @pytest.mark.parametrize("engine", ["generic", "godot"])
 def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str, Path], tmp_path: Path) -> None:
-    """At most a number of padding for each attribute; a file has no accessor and no view that nothing reads."""
+    """Padding is at most four bytes per vertex. Files have no unused accessors and buffer views."""
     bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", engine)
     spare = 4 if engine == "generic" else 0
     assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") <= PLAIN + PRUNED + spare
@@ -140,7 +140,7 @@ def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str,
 
 
 @pytest.mark.parametrize("chain", ["billboards", "both"])
-def test_leaves_that_nothing_prunes_are_stored_without_ranks(chain: str, shrub: Path, tmp_path: Path) -> None:
+def test_files_without_pruning_store_no_ranks(chain: str, shrub: Path, tmp_path: Path) -> None:
     """By default the shrub's leaves are too large for `both`: level 1 takes over before any is pruned."""
     report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--chain", chain)
     states = {effect["name"]: effect["on"] for effect in report["effects"]}
@@ -156,7 +156,7 @@ def test_every_engine_has_its_form() -> None:
 def test_engines_get_the_form_that_their_importers_keep(
     engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    quick = ("--levels", 1, "--texture-size", 64, "--candidates", 20, "--epsilon", 0.2)
+    quick = ("--levels", 1, "--texture-size", 64, "--epsilon", 0.2)
     bake(shrub, tmp_path, *quick, "--effects", "transitions,pruning", "--engine", engine)
     [leaves] = read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives
     named = {"_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "TEXCOORD_0"}
@@ -166,7 +166,7 @@ def test_engines_get_the_form_that_their_importers_keep(
 
 
 def test_attributes_by_name_survive_blender_s_importer(folders: dict[str, Path]) -> None:
-    """Which fails, by the hashes of the names, on attributes of several widths."""
+    """Blender's importer fails on attributes of different widths with some orders of names, so try three hash seeds."""
     script = "import bpy, sys; bpy.ops.import_scene.gltf(filepath=sys.argv[-1])"
     for seed in ("0", "3", "4"):
         command = [sys.executable, "-c", script, str(folders["generic"] / "shrub_LOD0.glb")]
@@ -181,8 +181,8 @@ def test_attributes_by_name_survive_blender_s_importer(folders: dict[str, Path])
         assert "Traceback" not in done.stderr, done.stderr
 
 
-def test_three_names_of_a_map_leave_the_sets_their_places(tmp_path: Path) -> None:
-    """A tree whose materials call their map by three names has three sets, all the same."""
+def test_three_uv_maps_do_not_move_the_sets_of_vertex_data(tmp_path: Path) -> None:
+    """Materials that name three UV maps give three equal sets."""
     corners, faces, materials = [], [], []
     for number in range(12):
         x, y, z = number % 4, number // 4, 0.3 * number
@@ -218,7 +218,7 @@ def test_three_names_of_a_map_leave_the_sets_their_places(tmp_path: Path) -> Non
 
 
 @pytest.mark.browser
-def test_the_viewer_moves_leaves_by_either_form_alike(folders: dict[str, Path]) -> None:
+def test_the_viewer_moves_leaves_equally_with_both_forms(folders: dict[str, Path]) -> None:
     node = read_glb(folders["generic"] / "shrub.glb")["shrub_LOD0"]
     extras = node.extras["leafcloud"]
     centre = node.to_world(np.array([extras["centre"]]))[0]

@@ -1,4 +1,4 @@
-"""NAME.glb: a plain reader sees the leaves with their trunk, and a reader of MSFT_lod finds the other levels."""
+"""NAME.glb with all levels: plain readers show the leaves and the trunk, readers of MSFT_lod find the other levels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLACE = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Ve
 
 
 def placed(shrub: Path, place: Matrix) -> None:
-    """Imports the shrub and moves it."""
+    """Import the shrub and move it."""
     known = set(bpy.context.scene.objects)
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     for obj in set(bpy.context.scene.objects) - known:
@@ -32,7 +32,7 @@ def placed(shrub: Path, place: Matrix) -> None:
 
 @pytest.fixture(scope="module")
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shrub turned, scaled and far from the origin."""
+    """Folder of a bake of the shrub, rotated, scaled and far from the origin."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     placed(shrub, PLACE)
     out = tmp_path_factory.mktemp("whole")
@@ -45,7 +45,7 @@ def report_of(folder: Path) -> dict[str, Any]:
 
 
 def chains(path: Path) -> dict[str, list[str]]:
-    """By the name of each node in the scene with MSFT_lod the names of the nodes that are its other levels."""
+    """Return the names of the other levels for each root node with MSFT_lod."""
     document, _ = read_chunks(path)
     nodes = document["nodes"]
     roots = [nodes[number] for number in document["scenes"][document["scene"]]["nodes"]]
@@ -80,8 +80,8 @@ def test_a_reader_of_the_extension_finds_the_other_levels_with_their_trunks(bake
         assert np.array_equal(node.matrix, nodes["shrub_LOD0"].matrix)
 
 
-def test_levels_hand_over_at_their_share_of_the_picture_s_height(baked: Path) -> None:
-    """The crown's sphere from each switch distance, over 50°."""
+def test_screen_coverage_matches_the_switch_distances(baked: Path) -> None:
+    """The oracle is the crown's sphere at each switch distance in a field of view of 50°."""
     report = report_of(baked)
     shares = read_glb(baked / "shrub.glb")["shrub_LOD0"].extras["MSFT_screencoverage"]
     halves = [level["switch_distance"] * math.tan(math.radians(25.0)) for level in report["levels"][1:]]
@@ -94,10 +94,10 @@ def test_files_of_single_levels_have_no_extension(baked: Path) -> None:
         assert "MSFT_lod" not in str(read_chunks(baked / f"shrub_LOD{number}.glb")[0])
 
 
-def test_each_level_says_where_the_crown_is(baked: Path) -> None:
-    """From its own file: the middle of the box about the leaves in the world, and their farthest vertex from it."""
+def test_each_level_stores_the_crown_s_center_and_radius(baked: Path) -> None:
+    """The center is that of the leaves' bounding box in world space. The radius reaches the farthest vertex."""
     leaves = read_glb(baked / "shrub_LOD0.glb")["shrub_LOD0"]
-    # The box is the world's, and the file's axes are the world's.
+    # The box has the axes of the world, as the file does.
     places = leaves.to_world(np.concatenate([each.attributes["POSITION"] for each in leaves.primitives]))
     middle = (places.min(axis=0) + places.max(axis=0)) / 2.0
     radius = np.linalg.norm(places - middle, axis=1).max()
@@ -121,7 +121,7 @@ def test_the_report_counts_the_trunk_beside_each_level(baked: Path) -> None:
 
 def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) -> None:
     (tmp_path / "bush.glb").write_bytes(shrub.read_bytes())
-    quick = ("--texture-size", 128, "--levels", 1, "--effects", "transitions")
+    quick = ("--texture-size", 128, "--epsilon", 0.1, "--levels", 1, "--effects", "transitions")
     done = run("--input", shrub, tmp_path / "bush.glb", "--out", tmp_path / "out", *quick)
     assert done.returncode == 0, done.stderr
     path = tmp_path / "out" / "shrub_bush.glb"
@@ -130,10 +130,10 @@ def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) ->
     assert set(read_scene(path)) == {*expected, *(f"{name}_trunk" for name in expected)}
 
 
-# What reads it back
+# Readers
 
 
-def test_a_bake_read_back_in_is_its_leaves_and_trunk(baked: Path) -> None:
+def test_loading_a_bake_gives_its_leaves_and_trunk(baked: Path) -> None:
     load(baked / "shrub.glb")
     level = report_of(baked)["levels"][0]
     assert {obj.name for obj in bpy.data.objects} == {"shrub_LOD0", "shrub_LOD0_trunk"}
@@ -143,19 +143,19 @@ def test_a_bake_read_back_in_is_its_leaves_and_trunk(baked: Path) -> None:
     assert len(tree.trunk.triangles) == level["trunk_triangles"]
 
 
-def test_a_bake_read_in_beside_another_leaves_the_other_s_levels_alone(baked: Path) -> None:
+def test_loading_a_bake_beside_another_keeps_the_other_s_levels(baked: Path) -> None:
     load(baked / "shrub_LOD1.glb")
     assert len(load_beside(baked / "shrub.glb")) == 2
     assert {obj.name for obj in bpy.data.objects} >= {"shrub_LOD1", "shrub_LOD0"}
     assert not [obj.name for obj in bpy.data.objects if "LOD2" in obj.name]
 
 
-def test_a_bake_may_be_baked_again(baked: Path, tmp_path: Path) -> None:
+def test_a_baked_file_can_be_baked_again(baked: Path, tmp_path: Path) -> None:
     again = bake(baked / "shrub.glb", tmp_path, *QUICK, "--levels", 1)
     assert again["input"]["triangles"] == report_of(baked)["input"]["triangles"]
     assert chains(tmp_path / "shrub.glb") == {"shrub_LOD0": ["shrub_LOD1", "shrub_LOD2"]}
 
 
-def test_the_core_reads_the_leaves_of_a_bake_alone(baked: Path) -> None:
+def test_the_core_reads_only_the_leaves_of_a_bake(baked: Path) -> None:
     foliage = leafcloud.read_gltf(str(baked / "shrub.glb"))
     assert foliage.triangle_count == report_of(baked)["levels"][0]["triangles"]

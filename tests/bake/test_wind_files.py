@@ -1,4 +1,4 @@
-"""The wind in files: what engines find, that the viewer moves leaves as Blender does, and that off it is not there."""
+"""Wind in files: data for engines, equal motion in the viewer and in Blender, and no trace without the effect."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PLACE = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Ve
 
 @pytest.fixture(scope="module")
 def windy_scene(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shrub turned, scaled and far from the origin, in a wind of 7."""
+    """Save the shrub, rotated, scaled and far from the origin, with a wind field of strength 7. Return the path."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     for obj in bpy.context.scene.objects:
@@ -54,7 +54,7 @@ def windy_scene(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(windy_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Baked with the effects that the scene calls for, wind among them, and with ranks to be pruned by."""
+    """Folder of a bake with the planned effects, which include wind, and with pruning."""
     out = tmp_path_factory.mktemp("windy")
     bake(windy_scene, out, *QUICK, "--effects=+pruning")
     return out
@@ -69,7 +69,7 @@ def primitives(nodes: dict[str, Node], number: int) -> list[Primitive]:
     return nodes[f"shrub_LOD{number}"].primitives
 
 
-# What is there
+# Contents
 
 
 def test_a_field_in_the_scene_calls_for_wind(folder: Path) -> None:
@@ -94,20 +94,20 @@ def test_the_baked_scene_keeps_the_field_and_follows_it(folder: Path) -> None:
     assert np.abs(turned - stronger).max() > 0.01
 
 
-def test_every_level_says_what_blows(nodes: dict[str, Node]) -> None:
+def test_every_level_stores_the_wind(nodes: dict[str, Node]) -> None:
     for number in range(4):
         wind = nodes[f"shrub_LOD{number}"].extras["leafcloud"]["wind"]
         # Rx(90°) turns Z to −Y, Rz(0.8) turns that on; Y-up.
         assert wind["direction"] == pytest.approx([math.sin(0.8), 0.0, math.cos(0.8)], abs=1e-6)
         assert (wind["strength"], wind["gusts"]) == (7.0, 0.5)
         assert np.linalg.norm(wind["up"]) == pytest.approx(1.0)
-        # Up is the world's.
+        # Up is that of the world.
         turn = nodes[f"shrub_LOD{number}"].matrix[:3, :3]
         assert turn @ wind["up"] / np.linalg.norm(turn @ wind["up"]) == pytest.approx([0.0, 1.0, 0.0], abs=1e-5)
         assert 0.9 < wind["height"] < 1.7
 
 
-def test_levels_have_what_they_need_and_no_more(nodes: dict[str, Node]) -> None:
+def test_levels_have_only_the_attributes_they_need(nodes: dict[str, Node]) -> None:
     def names(number: int) -> set[str]:
         return {
             name
@@ -145,7 +145,7 @@ def test_the_files_are_valid(folder: Path, gltf_issues: Callable[..., list[dict[
 
 
 def eyes(nodes: dict[str, Node]) -> list[tuple[int, Floats]]:
-    """With the level that is seen from each: at rest, half and almost all of the way, then clouds and the cross."""
+    """Return viewpoints and their levels: start, middle and end of the transitions, and the far levels."""
     extras = [nodes[f"shrub_LOD{number}"].extras["leafcloud"] for number in range(4)]
     points = np.concatenate([each.attributes["POSITION"] for each in primitives(nodes, 0)])
     places = nodes["shrub_LOD0"].to_world(points)
@@ -163,7 +163,7 @@ def by_place(rest: Floats, *more: Floats) -> list[bytes]:
 
 
 def moved_by_nodes(obj: bpy.types.Object) -> dict[bytes, Floats]:
-    """By place and pivots at rest, in glTF's coordinates."""
+    """Return the moved positions by the position and pivots at rest, in glTF's coordinates."""
     mesh, points = obj.data, [points_of(obj.data)]
     for name in ("leaf_pivot", "leaf_billboard_pivot"):
         if name in mesh.attributes:
@@ -175,7 +175,7 @@ def moved_by_nodes(obj: bpy.types.Object) -> dict[bytes, Floats]:
 
 
 def apart(seen: dict[str, Any], primitive: Primitive, moved: dict[bytes, Floats]) -> float:
-    """The greatest distance between where the viewer and where Blender has a vertex."""
+    """Return the largest distance between a vertex in the viewer and in Blender."""
     names = ("POSITION", "_LEAF_PIVOT", "_LEAF_BILLBOARD_PIVOT")
     keys = by_place(*(primitive.attributes[name] for name in names if name in primitive.attributes))
     places = np.frombuffer(base64.b64decode(seen["places"]), "<f4").reshape(-1, 3).astype(float)
@@ -184,8 +184,11 @@ def apart(seen: dict[str, Any], primitive: Primitive, moved: dict[bytes, Floats]
 
 @pytest.mark.browser
 def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Node]) -> None:
-    """Leaves, clouds, cross and trunk. Sines in GLSL are within 2⁻¹¹, and of that a tenth of height and spread, at most
-    half of a leaf's arm, is left; a is off by rounding of the distance."""
+    """Compare leaves, billboards, cross impostor and trunk.
+
+    GLSL allows errors of 2⁻¹¹ in sines. Wind scales the error by a tenth of height and spread and by at most half of a
+    leaf's arm. The blend a also differs, by the rounding of the distance.
+    """
     places = eyes(nodes)
     question = {
         "tree": "/files/shrub.glb",
@@ -213,19 +216,21 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
         assert max(float(np.linalg.norm(moved[key] - still[key])) for key in moved) > 0.01
 
 
-# Off
+# Without wind
 
 
 def bake_still(out: Path, shrub: Path) -> dict[str, bytes]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     load(shrub)
-    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=2))
+    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, levels=2))
     write(TreeSet.of(baked), out, lambda stage, fraction: None, blend=False)
     return {path.name: path.read_bytes() for path in out.glob("*.glb")}
 
 
-def test_off_means_absent(shrub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With all that belongs to the wind raising, a bake without it gives the same bytes and leaves nothing behind."""
+def test_a_bake_without_wind_calls_no_code_of_the_wind(
+    shrub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All functions of the wind raise. A bake without wind must give the same bytes and leave no trace of wind."""
     before = bake_still(tmp_path / "before", shrub)
 
     def touched(*arguments: object, **named: object) -> None:
@@ -260,9 +265,9 @@ def test_off_means_absent(shrub: Path, tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_forest_sways(shrub: Path) -> None:
-    """Its pruned variants, too; all trees of a variant alike. Without wind none of it is on them."""
+    """Pruned variants sway, too. All trees of a variant sway alike. Without wind, variants lack its attributes."""
     load(shrub)
-    settings = BakeSettings(texture_size=64, epsilon=0.2, candidates=20, levels=1, effects=EFFECTS)
+    settings = BakeSettings(texture_size=64, epsilon=0.2, levels=1, effects=EFFECTS)
     baked = bake_scene(read(), settings)
     near = baked.switch_distances[1]
     for wind in (None, wind_settings(baked.prepared)):

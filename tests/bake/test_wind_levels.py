@@ -1,4 +1,4 @@
-"""A tree that is baked with wind: its levels stay closed, its files say what engines need, and off it is not there."""
+"""Levels of a tree baked with wind: leaves stay on the moving billboards of the next level."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def by_hand(obj: bpy.types.Object, transition: float) -> None:
 
 @pytest.fixture(scope="module")
 def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shrub, turned, scaled and far from the origin, baked with wind."""
+    """Folder of a bake with wind of the shrub, rotated, scaled and far from the origin."""
     out, source = tmp_path_factory.mktemp("windy"), tmp_path_factory.mktemp("source")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(shrub))
@@ -62,14 +62,16 @@ def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def levels(folder: Path) -> list[bpy.types.Object]:
-    """Of the baked file, opened anew."""
+    """Open the baked file. Return its levels."""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "shrub.blend"))
     return [bpy.data.objects[f"shrub_LOD{number}"] for number in range(4)]
 
 
 def affine(rest: Floats, moved: Floats) -> Floats:
-    """(4, 3) the map x ↦ (x, 1) · result that carries a billboard's corners to where they are; its plane's normal goes
-    along. Fails where they do not lie in a plane, before or after."""
+    """Return the affine map (4, 3) of a billboard's corners and normal, as x ↦ (x, 1) · result.
+
+    Fail if the corners do not lie in a plane, before or after the motion.
+    """
     normal = np.cross(rest[1] - rest[0], rest[2] - rest[0])
     normal /= np.linalg.norm(normal)
     size = np.ptp(rest, axis=0).max()
@@ -80,8 +82,10 @@ def affine(rest: Floats, moved: Floats) -> Floats:
 
 
 def corners_of_billboards(leaves: bpy.types.Mesh, cloud: bpy.types.Mesh) -> dict[int, list[int]]:
-    """By billboard of the leaves its corners in the cloud, which have its pivot; they lie in one plane with all
-    targets, but for the 1/4096 of their height that these keep."""
+    """Return the corners of each billboard in the next level, found by the pivot.
+
+    The corners lie in one plane with all targets. Targets keep 1/4096 of their height over the plane.
+    """
     targets, billboards = attribute(leaves, "leaf_target"), attribute(leaves, "leaf_billboard")
     carriers, pivots = attribute(leaves, "leaf_billboard_pivot"), attribute(cloud, "leaf_pivot")
     rest, found = points_of(cloud).astype(float), {}
@@ -98,7 +102,7 @@ def corners_of_billboards(leaves: bpy.types.Mesh, cloud: bpy.types.Mesh) -> dict
 
 
 def heights(corners: Floats, points: Floats) -> Floats:
-    """(n,) of points over the plane of a billboard's corners."""
+    """Return the heights (n,) of points over the plane of a billboard's corners."""
     arms = corners - corners.mean(axis=0)
     normal = np.linalg.svd(arms)[2][-1]
     return np.abs((points - corners.mean(axis=0)) @ normal)
@@ -109,8 +113,10 @@ def heights(corners: Floats, points: Floats) -> Floats:
 def test_leaves_lie_on_the_swayed_billboards_of_the_next_level(
     levels: list[bpy.types.Object], finer: int, coarser: int, strength: float
 ) -> None:
-    """At a = 1, at any time: where a billboard's corners have gone, its texture has what lies between them, and there
-    the leaves are, but for the height that targets keep over their plane."""
+    """At the end of the transition (a = 1), at any time, leaves lie where the moved billboard's texture shows them.
+
+    Targets keep a small height over the plane.
+    """
     blow(strength)
     leaves, cloud = levels[finer], levels[coarser]
     by_hand(leaves, 1.0)
@@ -132,7 +138,7 @@ def test_leaves_lie_on_the_swayed_billboards_of_the_next_level(
 
 
 def test_a_field_of_points_alone_would_not_close(levels: list[bpy.types.Object]) -> None:
-    """Why leaves and billboards follow affine maps: w bends more over a large billboard than levels may be apart."""
+    """Show why leaves and billboards follow affine maps: w bends more over a large billboard than levels may differ."""
     blow(50.0)
     leaves, cloud = levels[0], levels[1]
     targets, billboards = attribute(leaves.data, "leaf_target"), attribute(leaves.data, "leaf_billboard")
@@ -146,9 +152,11 @@ def test_a_field_of_points_alone_would_not_close(levels: list[bpy.types.Object])
     assert gap > 1000.0 * ROUNDING
 
 
-def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[bpy.types.Object]) -> None:
-    """At a = 0.998 leaves lack 0.002 of their flutter, and of how their own branch moves otherwise than the billboard;
-    the rest is the way to their targets, as without wind."""
+def test_the_error_at_the_switch_is_as_small_as_the_formula_predicts(levels: list[bpy.types.Object]) -> None:
+    """At a = 0.998, leaves keep 0.002 of their flutter and of their branch's own motion.
+
+    The rest of the distance is the way to their targets, as without wind.
+    """
     blow(1e6)
     leaves = levels[0]
     moved, targets = {}, attribute(leaves.data, "leaf_target")
@@ -174,7 +182,7 @@ def test_what_is_left_at_the_hand_over_is_as_small_as_the_law_says(levels: list[
 
 
 def test_trunk_and_cloud_stand_in_one_field(levels: list[bpy.types.Object]) -> None:
-    """The trunk is where w has it, and each billboard's pivot, too: the middle of its corners, which go along."""
+    """The displacement w moves the trunk and each billboard's pivot, which is the center of its corners."""
     blow(9.0)
     cloud, trunk = levels[1], bpy.data.objects["shrub_LOD1_trunk"]
     by_hand(cloud, 0.0)
@@ -192,7 +200,7 @@ def test_trunk_and_cloud_stand_in_one_field(levels: list[bpy.types.Object]) -> N
 
 
 def air_of(obj: bpy.types.Object, seconds: float) -> Air:
-    """The inputs of the level's modifier, in its coordinates."""
+    """Return the inputs of the level's modifier, in the level's coordinates."""
     wind = obj.modifiers[GROUP_NAME]
     value = {name: get_modifier_input(wind, name) for name in ("Direction", "Up", "Foot", "Period")}
     numbers = ("Height", "Spread", "Strength", "Gusts")

@@ -37,7 +37,6 @@ def baked_crown(name: str = "tree", chain: str = "both", *, trunk: bool = True) 
         chain=chain,
         levels=1,
         texture_size=64,
-        candidates=20,
         epsilon=0.1,
         prune_pixels=60.0,
         effects="transitions,pruning",

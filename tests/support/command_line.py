@@ -1,4 +1,4 @@
-"""The command line as its tests use it: in a process of its own."""
+"""Helpers that run the command line: in a process of its own, or within the process of the tests."""
 
 from __future__ import annotations
 
@@ -7,28 +7,52 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import bpy
 
 ROOT = Path(__file__).resolve().parents[2]
 BAKE = ROOT / "bake.py"
-QUICK = ("--texture-size", "256")
+QUICK = ("--texture-size", "256", "--epsilon", "0.1")
+"""Flags of a quick bake. Default billboards take twice as long as the fewer ones of this error bound."""
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run bake.py in a process of its own. Return the ended process."""
     command = [sys.executable, str(BAKE), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
 
 
 def bake(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
-    """A bake that has to work; its report."""
+    """Bake `source` into `out` as the command line does. Return the report. The bake replaces the open scene.
+
+    The bake runs in the process of the tests, which saves the start of Blender. Use `bake_apart` to test the process.
+    """
+    import bake as program
+
+    with patch("addon.ending.own_temporary_folder"):  # The folder would last until the process ends.
+        status = program.main([str(each) for each in ("--input", source, "--out", out, *arguments)])
+    assert status == 0, "see bake.py's line on standard error"
+    return report_in(out)
+
+
+def bake_apart(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
+    """Bake `source` into `out` in a process of its own. Return the report. The open scene stays."""
     done = run("--input", source, "--out", out, *arguments)
     assert done.returncode == 0, done.stderr
+    return report_in(out)
+
+
+def report_in(out: Path) -> dict[str, Any]:
+    """Return the report of the bake in the folder `out`."""
     return json.loads((out / "report.json").read_text(encoding="utf-8"))
 
 
 def refusal(out: Path, *arguments: object) -> str:
-    """A bake that has to be refused: in one line, with nothing left in its folder. Gives the line."""
+    """Run a bake in a process of its own; fail unless bake.py refuses the bake in one line. Return the line.
+
+    The bake must leave nothing in its folder.
+    """
     done = run("--out", out, *arguments)
     assert done.returncode not in (0, -6, -11)
     assert not out.is_dir() or not list(out.iterdir())
@@ -39,5 +63,6 @@ def refusal(out: Path, *arguments: object) -> str:
 
 
 def saved(path: Path) -> Path:
+    """Save the open scene as `path`. Return the path."""
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     return path

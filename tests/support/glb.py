@@ -1,4 +1,4 @@
-"""A small reader of GLB files, by the specification and with nothing of what it is to check."""
+"""Small reader of GLB files. It follows the specification and shares no code with the add-on, whose files it checks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Primitive:
-    """Triangles of one material: `indices` (t, 3); attributes and morph targets by name, (v, …), as stored."""
+    """Triangles of one material.
+
+    `indices` is (t, 3). Attributes and morph targets are (v, …) by name, as stored in the file.
+    """
 
     material: dict[str, Any]
     indices: NDArray[np.int64]
@@ -27,7 +30,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class Node:
-    """One node with its mesh's primitives; `matrix` (4, 4) carries them to the world."""
+    """A node with the primitives of its mesh. `matrix` (4, 4) transforms them to world space."""
 
     name: str
     matrix: NDArray[np.float64]
@@ -41,20 +44,20 @@ class Node:
 
 
 def read_glb(path: Path) -> dict[str, Node]:
-    """All nodes of the file by name, also those that lie in no scene."""
+    """Return all nodes of the file by name, including nodes outside of all scenes."""
     content, binary = read_chunks(path)
     inner = {child for node in content["nodes"] for child in node.get("children", ())}
     return _nodes(content, binary, [number for number in range(len(content["nodes"])) if number not in inner])
 
 
 def read_scene(path: Path) -> dict[str, Node]:
-    """The nodes of the default scene by name: what a plain reader draws."""
+    """Return the nodes of the default scene by name. A reader without extensions draws these."""
     content, binary = read_chunks(path)
     return _nodes(content, binary, content["scenes"][content["scene"]]["nodes"])
 
 
 def read_chunks(path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk of the file."""
+    """Return the JSON document and the binary chunk of the file."""
     data = path.read_bytes()
     magic, _, length = struct.unpack_from("<4sII", data)
     assert magic == b"glTF"

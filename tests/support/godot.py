@@ -1,12 +1,12 @@
-"""Meshes of a GLB file as Godot 4.6 imports them, by the rules of its `GLTFDocument` and with nothing of the add-on.
+"""Reader of GLB files that follows the rules of Godot 4.6 (`GLTFDocument`). It shares no code with the add-on.
 
-- Of the nodes only those of the default scene are made.
-- A surface has the vertices that its indices use, in their order; the second and third corner of each triangle change
-  places. Morph targets become blend shapes.
-- TEXCOORD_0 is UV, TEXCOORD_1 is UV2. CUSTOM0 to CUSTOM2 are made of the pairs TEXCOORD_2 and _3, _4 and _5, _6 and
-  _7, unchanged. The first pair that is missing ends that. The first set alone gives two numbers, else there are four,
-  with 0 for a first set that is missing.
-- Other attributes, such as those whose names begin with an underscore, are dropped.
+- Godot makes only the nodes of the default scene.
+- A surface has only the vertices that its indices use, in their order. The second and third corner of each triangle
+  are swapped. Morph targets become blend shapes.
+- TEXCOORD_0 is UV, TEXCOORD_1 is UV2. Each of CUSTOM0 to CUSTOM2 is one pair of TEXCOORD_2 to TEXCOORD_7, unchanged.
+  The first missing pair ends the list. A pair without its second set gives two numbers. Every other pair gives four,
+  with 0 for a missing first set.
+- Godot drops other attributes, such as those with names that start with an underscore.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Surface:
-    """`vertices` (v, 3); `indices` (t, 3); `customs`, up to three, (v, 2) or (v, 4); `blend_shapes` (v, 3) places."""
+    """A surface: `vertices` (v, 3), `indices` (t, 3), up to three `customs` (v, 2) or (v, 4), `blend_shapes` (v, 3)."""
 
     vertices: Floats
     indices: NDArray[np.int64]
@@ -34,7 +34,7 @@ class Surface:
 
 
 def read_as_godot(path: Path) -> dict[str, list[Surface]]:
-    """The surfaces of each node that is made, by its name."""
+    """Return the surfaces of each imported node by the node's name."""
     return {name: [_surface(each) for each in node.primitives] for name, node in read_scene(path).items()}
 
 

@@ -23,9 +23,9 @@ import bpy
 
 @atexit.register
 def _free_cached_types() -> None:
-    """Lets Blender 4.2 exit: it crashes while anything still refers to ``bpy``, as its glTF exporter's type hints do.
+    """Clear the caches of ``typing`` at exit. Blender 4.2 crashes at exit while any object still refers to ``bpy``.
 
-    ``typing`` caches what its generics were made of, here classes whose methods refer to ``bpy``.
+    ``typing`` caches the arguments of generics. The type hints of the glTF exporter refer to ``bpy`` in this way.
     """
     for clear_cache in typing._cleanups:
         clear_cache()
@@ -33,13 +33,13 @@ def _free_cached_types() -> None:
 
 @pytest.fixture(autouse=True)
 def _fresh_scene() -> None:
-    """Starts every test in Blender's factory settings with an empty scene."""
+    """Start every test in Blender's factory settings with an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
 @pytest.fixture(autouse=True)
 def _no_handlers_left(_fresh_scene: None) -> Iterator[None]:
-    """Fails a test that leaves functions in Blender's handlers: at exit they crash Blender 4.2 and hang 4.5."""
+    """Fail a test that leaves functions in Blender's handlers. At exit they crash Blender 4.2 and hang Blender 4.5."""
     before = _handlers()
     yield
     left = [(name, function) for name, function in _handlers() if (name, function) not in before]
@@ -50,7 +50,7 @@ def _no_handlers_left(_fresh_scene: None) -> Iterator[None]:
 
 @pytest.fixture
 def registered(_no_handlers_left: None) -> Iterator[None]:
-    """Registers the add-on during a test."""
+    """Register the add-on during a test."""
     import addon
 
     addon.register()
@@ -60,7 +60,7 @@ def registered(_no_handlers_left: None) -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="session")
 def _no_classes_left() -> Iterator[None]:
-    """Fails the run when classes of the add-on are still registered at its end: they crash and hang Blender, too."""
+    """Fail the run if classes of the add-on are still registered at its end. They crash and hang Blender, too."""
     yield
     bases = (bpy.types.Operator, bpy.types.Panel, bpy.types.PropertyGroup, bpy.types.AddonPreferences)
     classes = [each for base in bases for each in base.__subclasses__() if each.__module__.startswith("addon.")]
@@ -71,7 +71,7 @@ def _no_classes_left() -> Iterator[None]:
 
 
 def _handlers() -> list[tuple[str, Callable[..., Any]]]:
-    """All functions in ``bpy.app.handlers`` with the names of their lists."""
+    """Return all functions in ``bpy.app.handlers`` with the names of their lists."""
     lists = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)}
     return [
         (name, function) for name, functions in lists.items() if isinstance(functions, list) for function in functions

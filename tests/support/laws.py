@@ -1,4 +1,8 @@
-"""The laws of transition, pruning and wind in f64, as addon/nodes/lod.py and wind.py state them."""
+"""Reference formulas for transitions, pruning and wind in f64, as addon/nodes/lod.py and wind.py define them.
+
+Symbols: γ growth, κ contrast, λ kept fraction of the leaves, ρ width of the ramp, τ phase in turns, φ phase of a leaf,
+f flutter of a leaf, c pivot of a leaf, C pivot of its billboard.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 KNOTS = (np.arange(65) / 64) ** 2
-"""The ranks of the table of areas."""
+"""Ranks of the entries in the table of area fractions."""
 
 
 def transition(distance: Floats, start: Floats, end: Floats) -> Floats:
@@ -30,19 +34,19 @@ def ramp(rank: Floats, keep: Floats) -> Floats:
 
 
 def drawn_share(keep: Floats | float, shares: Floats) -> Any:
-    """1/s² by the table: C(λ(1−ρ)) + (C(λ) − C(λ(1−ρ)))/3."""
+    """Return the drawn fraction of the area, 1/s², from the table C: C(λ(1−ρ)) + (C(λ) − C(λ(1−ρ)))/3."""
     whole = np.interp(keep * (1.0 - np.minimum(0.05, 1.0 - keep)), KNOTS, shares)
     return whole + (np.interp(keep, KNOTS, shares) - whole) / 3.0
 
 
 def trend(keep: Floats, first: Floats, second: Floats) -> Floats:
-    """γ, and κ before it is cut off at 1; of `keep` above 0."""
+    """Return γ, or κ without its limit of 1, for a kept fraction above 0."""
     logarithm = np.log(keep)
     return np.exp(logarithm * (first + second * logarithm))
 
 
 def bisected(rises: Callable[[float], float], low: float, high: float) -> float:
-    """Where the function, which rises, passes 0."""
+    """Return the root of an increasing function between `low` and `high`, by bisection."""
     for _ in range(60):
         middle = (low + high) / 2.0
         low, high = (middle, high) if rises(middle) < 0.0 else (low, middle)
@@ -50,8 +54,11 @@ def bisected(rises: Callable[[float], float], low: float, high: float) -> float:
 
 
 def sun_share(opened: float, toward: float, cosine: float) -> float:
-    """Of the ramps clamp(c + k · cos) the one whose mean over the sphere is `opened`, and three times whose mean with
-    the cosine is `toward`, found by search; `toward` above 0 and below that of a cone, 3 · opened · (1 − opened)."""
+    """Return the visible fraction of the sun at an angle with this cosine, from the fitted ramp clamp(c + k · cos).
+
+    Bisection fits the ramp: its mean over the sphere is `opened`, and three times its mean with the cosine is `toward`.
+    `toward` lies between 0 and the value of a cone, 3 · opened · (1 − opened).
+    """
     heights = (np.arange(2000) + 0.5) / 1000 - 1.0
 
     def ramp_of(slope: float) -> Callable[[Any], Any]:
@@ -68,7 +75,10 @@ PLACE_TURNS = np.array([0.1732, 0.1414, 0.2236])
 
 @dataclass(frozen=True)
 class Air:
-    """The wind's inputs: d and u of length 1; foot, height and spread in the tree's coordinates; `turns` is τ."""
+    """Inputs of the wind.
+
+    `direction` and `up` have length 1. `foot`, `height` and `spread` are in the tree's coordinates. `turns` is τ.
+    """
 
     direction: Floats
     up: Floats
@@ -97,12 +107,15 @@ class Air:
 
 
 def tree_turns(seconds: float, period: float, place: Floats) -> float:
-    """τ of a tree at `place` in the world."""
+    """Return τ of a tree at the world position `place`."""
     return seconds / period + float(PLACE_TURNS @ place)
 
 
 def sway_at(places: Floats, air: Air) -> Any:
-    """w (n, 3): how far the trunk at `places` (n, 3) is moved. Places may be complex: it is analytic above the foot."""
+    """Return the displacement w (n, 3) of the trunk at `places` (n, 3).
+
+    Places may be complex, because w is analytic above the foot.
+    """
     y = places - air.foot
     rise = y @ air.up
     above = np.where(rise.real > 0.0, rise, 0.0)
@@ -114,14 +127,14 @@ def sway_at(places: Floats, air: Air) -> Any:
 
 
 def carried(points: Floats, pivots: Floats, air: Air) -> Floats:
-    """W_c (n, 3): w and its derivative along x − c. By a complex step, which is exact and needs no formula."""
+    """Return W_c (n, 3), the sum of w and its derivative along x − c. A complex step gives the exact derivative."""
     step = 1e-20
     moved = sway_at(pivots + 1j * step * (points - pivots), air)
     return moved.real + moved.imag / step
 
 
 def turned(arms: Floats, axes: Floats, angles: Floats) -> Floats:
-    """The vectors (n, 3) turned about `axes` (n, 3), of any length, by `angles` (n,): Rodrigues."""
+    """Rotate the vectors (n, 3) about `axes` (n, 3) of any length by `angles` (n,), with Rodrigues' formula."""
     length = np.linalg.norm(axes, axis=1, keepdims=True)
     n = np.divide(axes, length, out=np.zeros_like(axes), where=length > 0.0)
     cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
@@ -129,7 +142,7 @@ def turned(arms: Floats, axes: Floats, angles: Floats) -> Floats:
 
 
 def fluttered(points: Floats, centres: Floats, phases: Floats, free: Floats, a: float, air: Air) -> Floats:
-    """p (n, 3): points turned about c(a), with φ and f (n,) of their leaves."""
+    """Return the points (n, 3) after the flutter: turned about c(a), with φ and f (n,) of their leaves."""
     rolls = np.sin(2.0 * np.pi * (5.0 * air.turns + phases))[:, None] * air.direction
     rolls = rolls + np.sin(2.0 * np.pi * (6.9 * air.turns + 3.0 * phases))[:, None] * air.across
     axes = rolls / np.sqrt(2.0)
@@ -138,5 +151,5 @@ def fluttered(points: Floats, centres: Floats, phases: Floats, free: Floats, a: 
 
 
 def blown(points: Floats, pivots: Floats, carriers: Floats, a: float, air: Air) -> Floats:
-    """p' (n, 3) of fluttered points: their leaves' pivots are c, those of the billboards C."""
+    """Return the fluttered points (n, 3) after sway and branch motion. Leaf pivots are c, billboard pivots are C."""
     return points + (1.0 - a) * carried(points, pivots, air) + a * carried(points, carriers, air)

@@ -1,4 +1,4 @@
-"""Leaves with the attributes that the LOD nodes read, and what the nodes make of them."""
+"""Leaves with the attributes of the LOD nodes, and helpers that evaluate the nodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Leaves:
-    """Triangular leaves that share no points: leaf i has the points 3i, 3i + 1, 3i + 2."""
+    """Triangular leaves without shared points. Leaf i has the points 3i, 3i + 1, 3i + 2."""
 
     points: NDArray[np.float32]  # (3n, 3)
     targets: NDArray[np.float32]  # (3n, 3)
@@ -28,12 +28,12 @@ class Leaves:
 
 
 def triangle_areas(points: NDArray[np.float32]) -> Floats:
-    """(n,) of the triangles of three points each."""
+    """Return the areas (n,) of triangles, given three points each."""
     a, b, c = points.astype(np.float64).reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
 
 
-# Right triangles of the areas ½, ½, 2, 1, each with its pivot at its right angle. Their billboard is the plane z = 0.
+# Right triangles with the areas ½, ½, 2, 1 and pivots at the right angles. Their billboard is the plane z = 0.
 FOUR = Leaves(
     points=np.float32(
         [
@@ -58,7 +58,7 @@ FOUR = Leaves(
 
 
 def many_leaves(count: int) -> Leaves:
-    """Leaves of all sizes in a random order, ranks i / count."""
+    """Return leaves of random sizes in a random order, with ranks i / count."""
     rng = np.random.default_rng(7)
     pivots = rng.normal(size=(count, 3)).astype(np.float32)
     sizes = rng.uniform(0.01, 0.2, size=(count, 1, 1))

@@ -1,4 +1,4 @@
-"""Materials for tests, node by node."""
+"""Helpers that build materials node by node."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def new_material() -> tuple[bpy.types.Material, bpy.types.Node, Any]:
-    """A fresh material, its Principled BSDF, and the tree."""
+    """Return a new material, its Principled BSDF and its node tree."""
     material = bpy.data.materials.new("m")
     with warnings.catch_warnings():  # Blender 5 always uses nodes and deprecates the setting
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -26,7 +26,7 @@ def new_image(
     space: str = "sRGB",
     alpha_mode: str = "STRAIGHT",
 ) -> bpy.types.Image:
-    """An image in memory, the first row on top."""
+    """Return an image in memory. The first row is the top row."""
     values = np.array(pixels, np.float32)[::-1]
     image = bpy.data.images.new(name, values.shape[1], values.shape[0], alpha=True, float_buffer=is_float)
     image.colorspace_settings.name = space
@@ -42,7 +42,7 @@ def texture_node(tree: Any, image: bpy.types.Image | None) -> bpy.types.Node:
 
 
 def math_node(tree: Any, operation: str, first: Any, second: Any = 0.0) -> bpy.types.NodeSocket:
-    """The output of a Math node; each operand a number or an output socket."""
+    """Add a Math node and return its output. Each operand is a number or an output socket."""
     node = tree.nodes.new("ShaderNodeMath")
     node.operation = operation
     for target, value in zip(node.inputs, (first, second), strict=False):

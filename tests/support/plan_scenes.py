@@ -1,4 +1,4 @@
-"""Scenes of simple parts for the plan: a crown of cards about the origin, what lights it, and who sees it."""
+"""Simple scenes for the plan: a crown of cards at the origin, lights and cameras."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from addon.plan.facts import Facts
 from addon.settings.bake import BakeSettings
 
 ONLY_THIS_VIEW = BakeSettings(viewer="camera")
-"""Plans by a camera that stands still, too."""
+"""Settings with which the plan also uses a still camera."""
 
 CARDS = 60
 FRAMES = 24
 
 
 def add_crown(leaf: bpy.types.Material | None = None) -> bpy.types.Object:
-    """Cards of side 0.1 all over a sphere whose bounds have their middle in the origin and reach 1 from there."""
+    """Add a crown of cards with sides of 0.1. Its bounds are centered at the origin, with a radius of about 1."""
     rng = np.random.default_rng(1)
     places = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     middles = [0.5 * np.array(place) for place in places] + list(rng.uniform(-0.5, 0.5, (CARDS - len(places), 3)))
@@ -40,7 +40,7 @@ def add_crown(leaf: bpy.types.Material | None = None) -> bpy.types.Object:
 
 
 def add_camera(radii: float, crown: bpy.types.Object) -> bpy.types.Object:
-    """The scene's camera, so many radii away from the middle of the crown's bounds."""
+    """Add the scene's camera at a distance of `radii` crown radii from the center of the crown's bounds."""
     centre, radius = bounds(crown)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.location = centre + Vector((0.0, -radii * radius, 0.0))
@@ -52,14 +52,14 @@ def add_camera(radii: float, crown: bpy.types.Object) -> bpy.types.Object:
 
 
 def bounds(crown: bpy.types.Object) -> tuple[Vector, float]:
-    """The middle of the mesh's axis-aligned box, and how far its vertices reach from there."""
+    """Return the center of the mesh's axis-aligned box and the largest distance of a vertex from the center."""
     points = np.array([crown.matrix_world @ vertex.co for vertex in crown.data.vertices])
     centre = (points.min(0) + points.max(0)) / 2.0
     return Vector(centre), float(np.linalg.norm(points - centre, axis=1).max())
 
 
 def fly(obj: bpy.types.Object, *stops: tuple[float, float, float]) -> None:
-    """Moves an object from stop to stop over the frames."""
+    """Animate an object from stop to stop over the frames."""
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, FRAMES
     for number, stop in enumerate(stops):
         obj.location = stop
@@ -75,7 +75,7 @@ def add_light(kind: str, energy: float = 3.0) -> bpy.types.Object:
 
 
 def add_wind(strength: float, rotation: tuple[float, float, float]) -> bpy.types.Object:
-    """A field that blows along its own Z axis."""
+    """Add a wind field that blows along its own Z axis."""
     bpy.ops.object.effector_add(type="WIND", rotation=rotation)
     wind = bpy.context.object
     wind.field.strength = strength
@@ -83,7 +83,7 @@ def add_wind(strength: float, rotation: tuple[float, float, float]) -> bpy.types
 
 
 def copies(crown: bpy.types.Object, count: int, step: float) -> None:
-    """More trees with the crown's mesh, farther and farther behind it."""
+    """Add trees with the crown's mesh in a row behind the crown, `step` apart, for `count` trees in all."""
     for number in range(1, count):
         other = bpy.data.objects.new(f"tree {number}", crown.data)
         other.matrix_world = Matrix.Translation((0.0, number * step, 0.0))
@@ -91,7 +91,7 @@ def copies(crown: bpy.types.Object, count: int, step: float) -> None:
 
 
 def principled(name: str, **values: float) -> bpy.types.Material:
-    """A material whose Principled BSDF has these inputs; _ stands for a space."""
+    """Return a material with these inputs of the Principled BSDF. An underscore in a name stands for a space."""
     made = material(name)
     use_nodes(made)
     shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
@@ -101,7 +101,7 @@ def principled(name: str, **values: float) -> bpy.types.Material:
 
 
 def facts_of(crown: bpy.types.Object, settings: BakeSettings | None = None) -> Facts:
-    """What is found of the scene where the crown alone is baked."""
+    """Return the scene facts for a bake of the crown alone."""
     bpy.context.view_layer.update()
     settings = settings or BakeSettings()
     return describe(read([crown]), settings, layer_of(bpy.context.scene))

@@ -1,4 +1,4 @@
-"""The preview's shader outside of Blender, which draws with it in windows only: in Chromium's WebGL 2."""
+"""The preview's shader in Chromium's WebGL 2. Blender draws the preview only in windows, so tests use Chromium."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAGE, PATIENCE = "tests/browser/probe.html", 120.0
 
 
 def shader() -> dict[str, str]:
-    """The sources with what Blender declares by itself, as GLSL ES 3.00."""
+    """Return the shader sources in GLSL ES 3.00, with the declarations that Blender adds by itself."""
     samplers = "".join(f"uniform sampler2D {name};\n" for name in SAMPLERS)
     return {
         "vertex": _declared(ATTRIBUTES, VARYINGS, ("in", "out")) + VERTEX,
@@ -43,15 +43,18 @@ def attributes_of(part: Part) -> dict[str, Any]:
 
 
 def numbers(uniforms: dict[str, Any]) -> dict[str, list[float]]:
-    """Each uniform as a list of numbers, a matrix by rows."""
+    """Return each uniform as a list of numbers. Matrices are in row order."""
     return {name: np.array(value, np.float64).ravel().tolist() for name, value in uniforms.items()}
 
 
 def preview_pictures(
     folder: Path, cameras: Sequence[bpy.types.Object], side: int, objects: Sequence[bpy.types.Object] | None = None
 ) -> list[NDArray[np.float32]]:
-    """(side, side, 4) the levels of the scene, or `objects` of them, as the preview draws them from where each of the
-    cameras stands: linear, the lowest row first, alpha 1 where anything is drawn. `folder` is for the images."""
+    """Draw the scene's levels, or only `objects`, with the preview's shader, once from each camera.
+
+    Each picture is (side, side, 4), linear, with the lowest row first. Alpha is 1 where the shader draws anything.
+    `folder` takes temporary image files.
+    """
     bpy.context.view_layer.update()
     objects = levels_in(bpy.context.scene) if objects is None else objects
     parts = [(obj, part) for obj in objects for part in parts_of(obj)]
@@ -85,7 +88,7 @@ def _draw(part: Part, uniforms: dict[str, Any]) -> dict[str, Any]:
 
 
 def _stored(file: Path, image: bpy.types.Image) -> dict[str, Any]:
-    """Writes an image's codes, as Blender hands them to the graphics card."""
+    """Write the image's bytes as Blender uploads them to the GPU. Return the description for the browser page."""
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(values)

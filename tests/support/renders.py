@@ -1,4 +1,4 @@
-"""Small pictures by Cycles, which tests compare."""
+"""Small Cycles renders for comparisons."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ def render(
     samples: int = 64,
     pixel_filter: str = "BLACKMAN_HARRIS",
 ) -> NDArray[np.float32]:
-    """(rows, columns, 4) what an orthographic camera sees, linear, premultiplied, lowest row first.
+    """Render the scene with an orthographic camera over a transparent background.
 
-    `rotation` in radians, from looking down; `width` of the longer side of what is seen; nothing behind it.
+    Return (rows, columns, 4), linear, premultiplied, with the lowest row first. `rotation` is in radians. Without a
+    rotation the camera looks down. `width` is the longer side of the visible rectangle.
     """
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.location, camera.rotation_euler = location, rotation
@@ -42,7 +43,7 @@ def render_from(
     samples: int,
     pixel_filter: str = "BLACKMAN_HARRIS",
 ) -> NDArray[np.float32]:
-    """(rows, columns, 4) what a camera sees, which becomes the scene's; else as `render`."""
+    """Render the scene with this camera, which becomes the scene's camera. Return pixels as `render` does."""
     scene = bpy.context.scene
     scene.camera, scene.render.engine, scene.render.film_transparent = camera, "CYCLES", True
     cycles = scene.cycles

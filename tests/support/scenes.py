@@ -1,9 +1,11 @@
-"""Small scenes for tests, and their extraction."""
+"""Helpers that build, extract and bake small scenes."""
 
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -41,7 +43,7 @@ def add_mesh(
 
 
 def add_field(kind: str, name: str = "Breeze", **settings: float) -> bpy.types.Object:
-    """An empty with a force field."""
+    """Add an empty with a force field."""
     obj = bpy.data.objects.new(name, None)
     bpy.context.scene.collection.objects.link(obj)
     bpy.context.view_layer.objects.active = obj
@@ -67,19 +69,31 @@ def read(objects: list[bpy.types.Object] | None = None, leaf_names: list[str] | 
 
 
 def corners(geometry: Geometry) -> list[list[tuple[float, ...]]]:
-    """The coordinates of each triangle's corners."""
+    """Return the coordinates of each triangle's corners."""
     return [[tuple(corner) for corner in triangle] for triangle in geometry.positions[geometry.triangles].tolist()]
 
 
 def winding_normals(geometry: Geometry, matrix: np.ndarray) -> np.ndarray:
-    """(t, 3) in the world, by the right-hand rule."""
+    """Return the triangles' normals (t, 3) in world space, from the right-hand rule."""
     a, b, c = world_positions(geometry, matrix)[geometry.triangles].transpose(1, 0, 2)
     cross = np.cross(b - a, c - a)
     return cross / np.linalg.norm(cross, axis=1, keepdims=True)
 
 
+def import_part(shrub: Path, leaves: int = 100) -> None:
+    """Import the shrub with only its first leaves: tests that bake often, or measure curves, take less time."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    mesh = bpy.data.objects["leaves"].data
+    part = bmesh.new()
+    part.from_mesh(mesh)
+    bmesh.ops.delete(part, geom=part.verts[4 * leaves :], context="VERTS")
+    part.to_mesh(mesh)
+    part.free()
+    assert len(mesh.polygons) == 2 * leaves
+
+
 def bake(tree: Tree, settings: BakeSettings) -> Baked:
-    """The whole bake, without writing a file; the levels are in the scene afterwards."""
+    """Bake the tree into the open scene without writing a file."""
     scene = bpy.context.scene
     prepared = {"tree": prepare(tree, settings, layer_of(scene))}
     return bake_tree_set(prepared, scene, "tree", lambda stage, fraction: None).trees[0]

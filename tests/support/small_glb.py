@@ -1,4 +1,4 @@
-"""Writes small .glb files, byte by byte, so that tests know what is in them."""
+"""Writer of small .glb files with known content."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ QUAD_UVS = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]
 
 
 def png(rows: list[list[tuple[int, int, int, int]]]) -> bytes:
-    """An RGBA image, the first row on top."""
+    """Return an RGBA image as PNG bytes. The first row is the top row."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
@@ -37,7 +37,7 @@ def write_quad_glb(
     colors: list[tuple[float, float, float, float]] | None = None,
     node: dict[str, Any] | None = None,
 ) -> Path:
-    """One node "leaves" with a quad of two triangles, its material and one image, embedded or beside the file."""
+    """Write a file with one node "leaves": a quad with a material and an embedded or separate image."""
     attributes: dict[str, tuple[np.ndarray, str]] = {
         "POSITION": (np.array(positions, "<f4"), "VEC3"),
         "TEXCOORD_0": (np.array(QUAD_UVS, "<f4"), "VEC2"),

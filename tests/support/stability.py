@@ -1,5 +1,8 @@
-"""Hard cases: what was measured is asserted here, and recorded for docs/stability.md when ``LEAFCLOUD_STABILITY`` names
-a file (``make bench-stability``). Each line of that file is a case in JSON, as the Rust tests write it."""
+"""Assertions for hard cases. They also record the results for docs/stability.md.
+
+If ``LEAFCLOUD_STABILITY`` names a file, each case becomes a line of JSON in the file, in the format of the Rust tests.
+``make bench-stability`` sets the variable.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,14 @@ import os
 
 
 def holds(group: str, name: str, oracle: str, worst: float, allowed: float) -> None:
-    """The greatest error is at most what the oracle allows."""
+    """Record the case, and fail if the largest error exceeds the oracle's limit."""
     finite = [value if math.isfinite(value) else None for value in (float(worst), float(allowed))]
     _record(group, name, oracle, {"worst": finite[0], "allowed": finite[1]})
     assert worst <= allowed, f"{group} · {name}: {worst}, allowed {allowed} ({oracle})"
 
 
 def refuses(group: str, name: str, error: BaseException, naming: str) -> None:
-    """There is no result, and the error says why."""
+    """Record the refusal, and fail if its message does not contain `naming`."""
     _record(group, name, "a named error", {"error": str(error)})
     assert naming in str(error), f"{group} · {name}: {error}, which does not name {naming!r}"
 

@@ -1,4 +1,4 @@
-"""What the viewer of baked files draws and what the node group of the baked .blend draws, leaf by leaf."""
+"""Leaves as drawn by the viewer, and leaves as drawn by the node group of the baked .blend file, to compare both."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATIENCE = 120.0
 
 @dataclass(frozen=True)
 class Pruning:
-    """d₀ in the scene's units, h, the numbers of γ and κ, and the mean of the leaves' colours."""
+    """Pruning settings: start distance in scene units, h, the terms of γ and κ, and the mean color of the leaves."""
 
     start: float
     half: float = 0.5
@@ -36,25 +36,28 @@ class Pruning:
 
 
 def by_leaf(ranks: Floats, rows: Floats) -> dict[float, Floats]:
-    """`rows` (n, …) by their `ranks` (n,)."""
+    """Group `rows` (n, …) by their `ranks` (n,)."""
     order = np.argsort(ranks, kind="stable")
     keys, first = np.unique(ranks[order], return_index=True)
     return dict(zip(keys.tolist(), np.split(rows[order], first[1:]), strict=True))
 
 
 def attribute(primitive: Primitive, name: str) -> Floats:
-    """(v, 3), all 0 where the level does not have it."""
+    """Return the attribute (v, 3), or zeros if the level lacks it."""
     places = primitive.attributes["POSITION"]
     return primitive.attributes.get(name, np.zeros_like(places)).astype(float)
 
 
 def pivots_of(primitive: Primitive) -> Floats:
-    """(v, 6) at rest, and on the billboard of each vertex: a leaf that lies on several has several."""
+    """Return both pivots (v, 6) of each vertex: at rest, and on its billboard. A leaf may have several billboards."""
     return np.hstack([attribute(primitive, "_LEAF_PIVOT"), attribute(primitive, "_LEAF_PIVOT_TARGET")])
 
 
 def drawn_by_shader(node: Node, meshes: list[dict[str, Any]]) -> dict[float, Floats]:
-    """Leaves of which a triangle is more than a point: by rank, of each corner the place and the pivots (n, 9)."""
+    """Return the positions and pivots (n, 9) of the corners that the shader draws, by leaf rank.
+
+    Triangles that shrank to a point count as not drawn.
+    """
     ranks, rows = [], []
     for primitive, mesh in zip(node.primitives, meshes, strict=True):
         assert mesh["material"] == primitive.material["name"]
@@ -67,7 +70,7 @@ def drawn_by_shader(node: Node, meshes: list[dict[str, Any]]) -> dict[float, Flo
 
 
 def drawn_by_nodes(obj: bpy.types.Object) -> dict[float, Floats]:
-    """By rank the points that the evaluated modifier leaves, in glTF's coordinates."""
+    """Return the points after the modifier by leaf rank, in glTF's coordinates."""
     mesh = evaluate(obj)
     ranks = np.zeros(len(mesh.vertices), np.float32)
     if "leaf_rank" in mesh.attributes:
@@ -76,6 +79,6 @@ def drawn_by_nodes(obj: bpy.types.Object) -> dict[float, Floats]:
 
 
 def apart(one: Floats, other: Floats) -> float:
-    """The greatest distance from a point of either to the nearest of the other."""
+    """Return the Hausdorff distance between two point sets."""
     distances = np.linalg.norm(one[:, None] - other[None], axis=2)
     return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))

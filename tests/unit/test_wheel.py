@@ -111,7 +111,7 @@ def test_a_job_has_an_answer_before_its_end(foliage: Foliage) -> None:
 
 @pytest.mark.parametrize("corners", [3, 4, 5, 8])
 def test_outlines_have_as_many_corners_as_asked(foliage: Foliage, corners: int) -> None:
-    chain = leafcloud.build_chain(foliage, texture_size=256, levels=2, max_corners=corners)
+    chain = leafcloud.build_chain(foliage, epsilon=0.1, texture_size=256, levels=2, max_corners=corners)
     first, second, cross = chain.levels
     count = len(first.corners)
     assert first.corners.shape == (count, corners, 3)
@@ -220,13 +220,13 @@ def test_other_threads_run_while_the_core_works(foliage: Foliage) -> None:
 
 
 def test_job(foliage: Foliage) -> None:
-    job = leafcloud.start_chain(foliage, texture_size=128)
+    job = leafcloud.start_chain(foliage, texture_size=128, epsilon=0.1)
     chain = job.result(timeout=60)
     assert job.done
     assert job.fraction == 1.0
     assert job.best is not None
     assert len(chain.levels) == 3
-    expected = leafcloud.build_chain(foliage, texture_size=128)
+    expected = leafcloud.build_chain(foliage, texture_size=128, epsilon=0.1)
     assert chain.levels[0].base_color.tobytes() == expected.levels[0].base_color.tobytes()
 
 
