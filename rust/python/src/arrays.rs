@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use leafcloud::Image;
 use leafcloud::geometry::Placement;
+use leafcloud::limits;
 use leafcloud::textures::Samples;
 use numpy::ndarray::ArrayView2;
 use numpy::{
@@ -155,7 +156,7 @@ pub fn point_groups<const M: usize>(
 
 /// Reads the number of samples along each side of a texel or pixel.
 pub fn samples(value: &Bound<'_, PyAny>) -> PyResult<Samples> {
-    let count = read(value, "samples", "a whole number between 1 and 16")?;
+    let count = read(value, "samples", &format!("a whole number {}", limits::SAMPLES))?;
     Ok(Samples::new(count).map_err(Failure::from)?)
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use leafcloud::limits;
 use leafcloud::metrics::{self, View};
 use leafcloud::textures::Samples;
 use leafcloud::textures::image::write_png as core_write_png;
@@ -76,9 +77,9 @@ pub fn leaf_ids<'py>(
 #[pyfunction]
 #[pyo3(signature = (distance, start, half = 0.5))]
 pub fn keep(distance: f64, start: f64, half: f64) -> PyResult<f64> {
-    let allowed = start > 0.0 && half > 0.0 && half <= 0.5;
-    if !allowed {
-        return Err(refuse(format!("start is {start:?} and half {half:?}; start must be above 0, half in (0, 0.5]")));
+    if !(start > 0.0 && limits::PRUNE_HALF.hold(half)) {
+        let limits = limits::PRUNE_HALF;
+        return Err(refuse(format!("start is {start:?} and half {half:?}; start must be above 0, half {limits}")));
     }
     Ok(prune::keep(distance, start, half))
 }

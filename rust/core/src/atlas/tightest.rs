@@ -2,11 +2,12 @@
 
 use super::rectangles::{BoxSize, pack};
 use super::{MANY, PageSize, on_shelves, orders};
+use crate::limits;
 
 /// Tried widths, in tenths of the side of a square page without waste. Heights grow by `GROWTH` until all boxes fit.
 const WIDTHS: std::ops::RangeInclusive<u32> = 5..=20;
 const GROWTH: f64 = 1.01;
-const LARGEST: usize = 16_384;
+const LARGEST: usize = limits::ATLAS_SIDE.high as usize;
 
 /// Most orders tried on each page.
 const ORDERS: usize = 20;
