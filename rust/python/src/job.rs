@@ -126,13 +126,13 @@ impl Work {
         work::start(move || {
             let report = |stage: &str, fraction: f64| caller.tell(stage, fraction);
             let result = guard(|| self.run(Progress::new(&report), None));
-            let _ = caller.events.send(Event::Ended(result)); // Nobody receives it after Ctrl-C.
+            let _ = caller.events.send(Event::Ended(Box::new(result))); // Nobody receives it after Ctrl-C.
         })?;
         let stop = |_: &PyErr| stopped.store(true, Ordering::Relaxed);
         loop {
             let waited = &mut happened;
             match py.detach(move || waited.recv_timeout(PATIENCE)) {
-                Ok(Event::Ended(result)) => return result?.into_python(py),
+                Ok(Event::Ended(result)) => return (*result)?.into_python(py),
                 Ok(Event::Told { stage, fraction, waits }) => {
                     let callback = progress.as_ref().map(|callback| callback.bind(py).call1((stage, fraction)));
                     let wish = callback.transpose().inspect_err(stop)?;
@@ -154,7 +154,7 @@ impl Work {
 /// A message of the work to its caller.
 enum Event {
     Told { stage: String, fraction: f64, waits: bool },
-    Ended(Result<Output, Failure>),
+    Ended(Box<Result<Output, Failure>>),
 }
 
 /// The calling thread as the work sees it.
