@@ -1,4 +1,4 @@
-"""The choice of the leaves: names given, names that say so, many small components."""
+"""Detection of leaves: by given names, by telling names, by many small components."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SAY_LEAF = [
 
 
 @pytest.mark.parametrize("name", SAY_LEAF)
-def test_names_that_say_leaf(name: str) -> None:
+def test_telling_names_are_recognized(name: str) -> None:
     assert says_leaf(name)
 
 
 @pytest.mark.parametrize("name", ["", "bark", "branches", "trunk", "overleafing", "leafless_twigs", "relief", "lea f"])
-def test_names_that_do_not(name: str) -> None:
+def test_other_names_are_not_recognized(name: str) -> None:
     assert not says_leaf(name)
 
 
@@ -44,12 +44,12 @@ def test_given_name_of_an_object_takes_all_its_slots() -> None:
     assert choose_leaves(parts, ["tree"], never).indices == (0, 1)
 
 
-def test_given_name_of_an_instancer_takes_what_it_places() -> None:
+def test_given_name_of_an_instancer_takes_its_instances() -> None:
     parts = [Part("card", "a", 10, "crown"), Part("card", "a", 10, "hedge")]
     assert choose_leaves(parts, ["crown"], never).indices == (0,)
 
 
-def test_given_names_are_exact_and_an_unknown_one_lists_what_there_is() -> None:
+def test_given_names_are_exact_and_an_unknown_name_lists_all_names() -> None:
     parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "", 5)]
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["leaf", "Leaf"], never)
@@ -115,7 +115,7 @@ def test_a_thousand_names_still_make_one_line() -> None:
 
 
 def test_component_sizes() -> None:
-    # Two triangles share vertices 0 and 2; a third touches vertex 4's place only by coordinates; the fourth is alone.
+    # Two triangles share vertices 0 and 2. A third only shares the coordinates of vertex 4. The fourth is separate.
     points = np.array(
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0], [0, 2, 0], [1, 2, 0], [9, 9, 9], [8, 9, 9], [9, 8, 9]],
         np.float32,
@@ -125,7 +125,7 @@ def test_component_sizes() -> None:
 
 
 def test_component_sizes_of_a_long_strip_and_a_fan() -> None:
-    # The orders of numbers that need most passes: a path in shuffled order and a fan about the highest number.
+    # Numberings that need the most passes: a path in shuffled order, and a fan around the highest number.
     order = np.random.default_rng(1).permutation(2000)
     strip = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
     fan = np.stack([np.full(999, 3000), np.arange(2000, 2999), np.arange(2001, 3000)], axis=1)
