@@ -35,6 +35,7 @@ def drawn() -> set[str]:
 
 
 def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> None:
+    bpy.context.scene.leafcloud.texture_size = 256
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert all(bpy.data.objects[name].visible_get() for name in LEVELS)

@@ -13,12 +13,12 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from command_line import QUICK, bake, saved
 from glb import read_chunks, read_glb
 from godot import read_as_godot
 from node_trees import new_material
 from numpy.typing import NDArray
-from scenes import add_mesh
+from scenes import add_mesh, import_part
 from viewing import PAGE, PATIENCE
 
 from addon.settings.bake import ENGINES
@@ -157,12 +157,14 @@ def test_engines_get_the_form_that_their_importers_keep(
     engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     quick = ("--levels", 1, "--texture-size", 64, "--epsilon", 0.2)
-    bake(shrub, tmp_path, *quick, "--effects", "transitions,pruning", "--engine", engine)
-    [leaves] = read_glb(tmp_path / "shrub.glb")["shrub_LOD0"].primitives
+    import_part(shrub)
+    source, out = saved(tmp_path / "shrub.blend"), tmp_path / "out"
+    bake(source, out, *quick, "--effects", "transitions,pruning", "--engine", engine)
+    [leaves] = read_glb(out / "shrub.glb")["shrub_LOD0"].primitives
     named = {"_LEAF_RANK", "_LEAF_PIVOT", "_LEAF_PIVOT_TARGET", "TEXCOORD_0"}
     sets = {f"TEXCOORD_{number}" for number in range(6)}
     assert set(leaves.attributes) - {"POSITION", "NORMAL"} == (named if engine in BY_NAME else sets)
-    assert [issue for issue in gltf_issues(*tmp_path.glob("*.glb")) if issue["severity"] == 0] == []
+    assert [issue for issue in gltf_issues(*out.glob("*.glb")) if issue["severity"] == 0] == []
 
 
 def test_attributes_by_name_survive_blender_s_importer(folders: dict[str, Path]) -> None:

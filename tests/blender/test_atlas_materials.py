@@ -1,4 +1,4 @@
-"""The clouds' pages as images and materials in Blender."""
+"""Atlas pages as images and materials in Blender."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_the_atlas_material_shows_normals_and_gloss() -> None:
     assert spaces == ["sRGB", "Non-Color", "Non-Color"]
 
 
-def test_occlusion_finds_a_place_in_a_group_that_is_there() -> None:
+def test_occlusion_uses_an_existing_gltf_output_group() -> None:
     theirs = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
     theirs.interface.new_socket("Thickness", in_out="INPUT", socket_type="NodeSocketFloat")
     color, gloss = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("color", "gloss"))
@@ -60,7 +60,7 @@ def test_occlusion_finds_a_place_in_a_group_that_is_there() -> None:
     assert group.inputs["Occlusion"].is_linked
 
 
-def test_occlusion_and_visibility_wait_for_the_export() -> None:
+def test_occlusion_and_bent_normals_are_optional_nodes_for_the_export() -> None:
     color, gloss, visibility = (
         atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
         for name in ("color", "gloss", "visibility")

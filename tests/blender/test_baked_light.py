@@ -1,4 +1,4 @@
-"""Baked light: what Cycles finds on either side of leaves, and that levels shine with it as the lit leaves do."""
+"""Baked light: the light on both sides of leaves in Cycles, and the brightness of levels beside the lit leaves."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def world(color: tuple[float, float, float]) -> None:
 
 
 def sun(strength: float, angle: float) -> bpy.types.Object:
-    """At an angle from the zenith, sharp."""
+    """Add a sun with sharp shadows at an angle from the zenith."""
     made = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     made.data.energy, made.data.angle, made.rotation_euler = strength, 0.0, (angle, 0.0, 0.0)
     bpy.context.scene.collection.objects.link(made)
@@ -50,7 +50,7 @@ def sun(strength: float, angle: float) -> bpy.types.Object:
 
 
 def matt(color: tuple[float, float, float] = GREEN) -> bpy.types.Material:
-    """Without highlights."""
+    """Return a material without highlights."""
     material, principled, _ = new_material()
     principled.inputs["Base Color"].default_value = (*color, 1.0)
     principled.inputs["Roughness"].default_value, principled.inputs["Specular IOR Level"].default_value = 1.0, 0.0
@@ -58,7 +58,7 @@ def matt(color: tuple[float, float, float] = GREEN) -> bpy.types.Material:
 
 
 def square(name: str, height: float, side: float = 1.0, material: bpy.types.Material | None = None) -> bpy.types.Object:
-    """About the origin, seen counter-clockwise from above."""
+    """Add a square around the origin, counter-clockwise seen from above."""
     half = side / 2.0
     corners = [(x, y, height) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
     obj = add_mesh(name, corners, [(0, 1, 2, 3)], materials=[material or matt()])
@@ -75,7 +75,7 @@ def lit(tree: Tree, **options: Any) -> BakedLight:
 
 
 def test_a_sun_lights_the_front_and_the_sky_both_sides() -> None:
-    """Strength S at the angle θ: S · cos θ / π in front, and what a world of one colour gives everywhere."""
+    """A sun of strength S at the angle θ gives S · cos θ / π in front. A uniform world adds its color everywhere."""
     leaf = square("leaf", 0.0)
     world(SKY)
     sun(2.0, math.radians(60.0))
@@ -86,7 +86,7 @@ def test_a_sun_lights_the_front_and_the_sky_both_sides() -> None:
     assert result.warnings == ()
 
 
-def test_brighter_light_is_kept_over_its_strength() -> None:
+def test_bright_light_is_stored_relative_to_its_strength() -> None:
     leaf = square("leaf", 0.0)
     sun(3.0 * math.pi, 0.0)
     result = lit(read([leaf], ["leaf"]))
@@ -114,8 +114,8 @@ def test_the_front_stays_the_front_when_the_tree_is_mirrored(mirrored: bool) -> 
     np.testing.assert_allclose(result.leaves.back, 0.0, atol=1e-6)
 
 
-def test_normals_that_lean_are_followed_through_the_leaf() -> None:
-    """A leaf that stands upright, its normals 60° from the sun in the zenith, as Cycles shows it."""
+def test_custom_normals_decide_the_light_on_both_sides() -> None:
+    """The leaf stands upright, with normals 60° from the sun in the zenith. The oracle is a Cycles render."""
     leaf = add_mesh("leaf", [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)], [(0, 1, 2, 3)], materials=[matt()])
     leaf.data.normals_split_custom_set([(0.0, -math.sin(math.pi / 3.0), 0.5)] * 4)
     for angle in (0.3, -0.3):  # Before the leaf and behind it.
@@ -127,8 +127,8 @@ def test_normals_that_lean_are_followed_through_the_leaf() -> None:
 
 
 @pytest.mark.parametrize("by", ["leaf", "trunk", "other"])
-def test_what_stands_in_the_light_casts_its_shadow(by: str) -> None:
-    """On a leaf below; whether it is of the tree or not."""
+def test_objects_in_the_light_cast_shadows_on_leaves(by: str) -> None:
+    """The object may belong to the tree or not."""
     leaf, above = square("leaf", 0.0), square("above", 1.0, 2.0)
     sun(math.pi, 0.0)
     objects, names = ([leaf], ["leaf"]) if by == "other" else ([leaf, above], ["leaf", "above"][: 1 + (by == "leaf")])
@@ -144,7 +144,7 @@ def test_what_stands_in_the_light_casts_its_shadow(by: str) -> None:
 
 
 def test_a_cut_out_leaf_casts_a_cut_out_shadow() -> None:
-    """Of the leaf above only the left half is there; small leaves lie under both halves."""
+    """Only the left half of the upper leaf is opaque. Small leaves lie under both halves."""
     material = matt()
     tree = material.node_tree
     image = texture_node(tree, new_image("i", [[(1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.0)]]))
@@ -161,12 +161,12 @@ def test_a_cut_out_leaf_casts_a_cut_out_shadow() -> None:
     front = lit(geometry).leaves.front
     corners = geometry.leaves.positions[geometry.leaves.triangles] @ geometry.matrix[:3, :3].T + geometry.matrix[:3, 3]
     left, right = ((corners[..., 2] < 0.5).all(axis=1) & (sign * corners[..., 0] > 0.0).all(axis=1) for sign in (-1, 1))
-    # What the one in the sun reflects lights the other.
+    # The leaf in the sun reflects light onto the other.
     np.testing.assert_allclose(front[left], 0.0, atol=0.01)
     np.testing.assert_allclose(front[right], 1.0, atol=0.01)
 
 
-def test_the_same_light_twice() -> None:
+def test_two_bakes_give_the_same_light() -> None:
     leaves = [square(f"leaf {number}", 0.2 * number) for number in range(3)]
     world(SKY)
     sun(2.0, 0.5).data.angle = 0.2
@@ -193,7 +193,7 @@ def state() -> Any:
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_the_scene_is_as_it_was(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_light_bake_leaves_the_scene_unchanged(fails: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     leaf, trunk, hidden = square("leaf", 0.0), square("trunk", 1.0), square("hidden", 2.0)
     hidden.hide_render = True
     world(SKY)
@@ -216,7 +216,7 @@ def test_the_scene_is_as_it_was(fails: bool, monkeypatch: pytest.MonkeyPatch) ->
     assert state() == before
 
 
-def test_what_is_left_out_of_the_view_layer_casts_no_shadow() -> None:
+def test_objects_outside_of_the_view_layer_cast_no_shadow() -> None:
     leaf = square("leaf", 0.0)
     out = bpy.data.collections.new("out")
     bpy.context.scene.collection.children.link(out)
@@ -240,7 +240,7 @@ def test_baked_light_is_asked_for_by_name() -> None:
     assert is_on(plan_effects(BakeSettings(effects="baked_light"), facts), "baked_light")
 
 
-def test_what_is_for_moving_light_is_left_out_beside_it() -> None:
+def test_baked_light_turns_effects_for_moving_lights_off() -> None:
     settings = BakeSettings(effects=",".join(EFFECTS))
     effects = plan_effects(settings, Facts("generic", 2))
     on = {effect.name for effect in effects if effect.on}
@@ -260,7 +260,7 @@ def test_the_plan_alone_bakes_nothing() -> None:
 
 
 def field(material: bpy.types.Material, stacked: int = 1) -> bpy.types.Object:
-    """Leaves about flat side by side, in one layer or several that stand in each other's light."""
+    """Add nearly flat leaves side by side, in one layer or in several layers that shade each other."""
     heights = np.random.default_rng(2).uniform(-0.02, 0.02, 16 * stacked)
     corners = [
         (x + dx, y + dy, 0.5 * layer + float(heights[16 * layer + 4 * x + y]))
@@ -280,7 +280,7 @@ def baked(obj: bpy.types.Object, *others: bpy.types.Object, **settings: Any) -> 
 
 
 def seen(objects: list[bpy.types.Object], folder: Path, *, behind: bool) -> float:
-    """Mean luminance of what alone is shown, seen from above or from below against nothing."""
+    """Show only this object, and return its mean luminance from above or from below."""
     scene = bpy.context.scene
     shown = {obj.name for obj in objects}
     for obj in scene.objects:
@@ -293,7 +293,7 @@ def seen(objects: list[bpy.types.Object], folder: Path, *, behind: bool) -> floa
 
 @pytest.mark.parametrize("strength", [1.0, 3.0])
 def test_levels_are_as_bright_as_the_lit_leaves(strength: float, tmp_path: Path) -> None:
-    """From either side: LOD 0 within 2 %, level 1, whose edges gain by what a texel adds to them, within 5 %."""
+    """Check both sides: level 0 within 2%, level 1 within 5%, because texels enlarge the leaves' edges."""
     obj = field(matt())
     world(SKY)
     lamp = sun(strength * math.pi, 0.5)
@@ -308,8 +308,8 @@ def test_levels_are_as_bright_as_the_lit_leaves(strength: float, tmp_path: Path)
     assert expected < 0.5 * seen([obj], tmp_path, behind=False), "the sides differ"
 
 
-def test_leaves_in_each_others_light(tmp_path: Path) -> None:
-    """Two layers, a sun that reaches part of the lower one, leaves with a colour attribute: within 5 %."""
+def test_levels_match_leaves_that_shade_each_other(tmp_path: Path) -> None:
+    """Two layers with a color attribute. The sun reaches part of the lower layer. The tolerance is 5%."""
     material = matt()
     tree = material.node_tree
     attribute, product = tree.nodes.new("ShaderNodeVertexColor"), tree.nodes.new("ShaderNodeMix")
@@ -339,7 +339,7 @@ def test_leaves_in_each_others_light(tmp_path: Path) -> None:
 
 
 def textured() -> bpy.types.Material:
-    """Cut out by an image, and with a normal map, which is of no use to what is not lit."""
+    """Return a material with a cutout image and a normal map. Unlit materials have no use for the normal map."""
     material = matt((1.0, 1.0, 1.0))
     tree = material.node_tree
     principled = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
@@ -361,7 +361,7 @@ def documents(result: Baked, folder: Path) -> list[tuple[dict[str, Any], bytes]]
 
 
 def values(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
-    """Of an accessor, normalised where it says so."""
+    """Return the values of an accessor, normalized if the accessor says so."""
     accessor = document["accessors"][number]
     view = document["bufferViews"][accessor["bufferView"]]
     kind = {5121: np.uint8, 5123: np.uint16, 5126: np.float32}[accessor["componentType"]]
@@ -370,8 +370,10 @@ def values(document: dict[str, Any], binary: bytes, number: int) -> np.ndarray:
     return found / np.iinfo(kind).max if accessor.get("normalized") else found
 
 
-def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
-    """LOD 0 under the mean of the light on its two sides over the strength; clouds cut out, with a side each."""
+def test_gltf_files_with_baked_light_are_unlit(
+    tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    """Level 0 stores the mean light of both sides over the strength. Billboards are cut out, with a light per side."""
     obj = square("leaves", 0.0, 2.0, textured())
     world(SKY)
     sun(3.0 * math.pi, 0.0)
@@ -394,7 +396,7 @@ def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[st
     ]
     assert [name for name in primitive["attributes"] if name.startswith("COLOR")] == ["COLOR_0"]
     colors = values(leaves, binary, primitive["attributes"]["COLOR_0"])
-    # The trunk above shades the middle of one of the two triangles a little.
+    # The trunk above slightly shades the middle of one of the two triangles.
     assert colors[:, :3].max(axis=0) == pytest.approx((np.array(SKY) + 1.5) / strength, rel=0.01)
     assert len(leaves["images"]) == 1, "nothing asks for the normal map"
     material = next(material for material in cloud["materials"] if material["name"] == "tree_LOD1")
@@ -411,7 +413,7 @@ def test_gltf_is_not_lit(tmp_path: Path, gltf_issues: Callable[..., list[dict[st
     assert names == {"leafcloud_light", "leafcloud_light_back"}
 
 
-def test_the_artists_materials_stay(tmp_path: Path) -> None:
+def test_the_source_materials_stay_unchanged(tmp_path: Path) -> None:
     material = textured()
     before = [(node.name, node.bl_idname) for node in material.node_tree.nodes]
     obj = square("leaves", 0.0, 2.0, material)
@@ -426,8 +428,8 @@ def test_the_artists_materials_stay(tmp_path: Path) -> None:
     assert [level.object.data.materials[0].use_backface_culling for level in result.levels[1:]] == [True] * 3
 
 
-def test_the_cross_shows_lit_trunk() -> None:
-    """Only it shows the trunk, so only for it the light on trunk is baked."""
+def test_the_cross_impostor_shows_the_lit_trunk() -> None:
+    """Only the cross impostor shows the trunk, so only its bake needs the light on the trunk."""
     world(SKY)
     result = baked(square("leaves", 0.0), square("bark", 0.5, 0.1), cross=True)
     assert result.prepared.light is not None
@@ -436,7 +438,7 @@ def test_the_cross_shows_lit_trunk() -> None:
     bpy.data.objects["tree_LOD0"].hide_render = True
 
 
-def test_the_report_has_what_it_cost() -> None:
+def test_the_report_has_the_cost_of_baked_light() -> None:
     world(SKY)
     result = baked(field(matt()))
     said = next(each for each in report(result, [0.0, 0.0], [])["effects"] if each["name"] == "baked_light")
@@ -447,7 +449,7 @@ def test_the_report_has_what_it_cost() -> None:
 
 
 def test_the_command_line_bakes_the_light_of_a_file(tmp_path: Path) -> None:
-    """Lights are read before the scene is cleared, and the leaves' own materials may go with it."""
+    """The bake reads the lights before it clears the scene, which may remove the leaves' own materials."""
     obj = field(matt())
     sun(math.pi, 0.0)
     source = tmp_path / "tree.blend"

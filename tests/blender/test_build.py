@@ -1,4 +1,4 @@
-"""From arrays to Blender: tiny literal leaves and billboards, every vertex and attribute known beforehand."""
+"""Levels built in Blender from small literal arrays, with known vertices and attributes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
 @dataclass
 class FakeLevel:
-    """A level with literal arrays, as the core would give it."""
+    """Stand-in for a level of the core, with literal arrays."""
 
     corners: NDArray[np.float64]
     targets: NDArray[np.float64]
@@ -61,7 +61,7 @@ def rectangle(y: float) -> list[list[float]]:
 
 
 def leaves() -> Geometry:
-    """Three leaves: a card of two triangles, one triangle on vertex 4 … 6, another of the second material."""
+    """Return a card of two triangles, a triangle on vertices 4 to 6, and a triangle of the second material."""
     positions = np.array(
         [
             [0, 0, 0],
@@ -118,7 +118,10 @@ RANKS = np.array([0.5, 0.25, 0.0], np.float32)
 
 
 def chain() -> SimpleNamespace:
-    """Two clouds and the cross. The card's triangles part: one goes to plane 1, everything else to plane 0."""
+    """Return two billboard levels and the cross impostor.
+
+    One triangle of the card goes to plane 1, and all other triangles go to plane 0.
+    """
     random = np.random.default_rng(3)
     first = FakeLevel(
         corners=np.array([rectangle(0.0), rectangle(1.0)]),
@@ -178,7 +181,7 @@ def corner_vertices(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
 
 
 def at_corners(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
-    """A point attribute at the corners of a mesh of triangles (t, 3, …)."""
+    """Return a point attribute at the corners (t, 3, …) of a mesh of triangles."""
     found = values(mesh, name)[corner_vertices(mesh)]
     return found.reshape(-1, 3, *found.shape[1:])
 
@@ -186,7 +189,7 @@ def at_corners(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
 # Arrays
 
 
-def test_a_vertex_that_two_parents_share_is_split() -> None:
+def test_a_vertex_of_triangles_on_two_billboards_is_split() -> None:
     triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     together, apart = split_vertices(triangles, np.array([7, 7])), split_vertices(triangles, np.array([0, 1]))
     assert together.corners.tolist() == [[0, 1, 2], [0, 2, 3]]
@@ -201,7 +204,7 @@ def test_vertices_that_no_triangle_uses_are_left_out() -> None:
     assert split.first.tolist() == [1, 2, 0]
 
 
-def test_triangles_on_the_same_vertices_are_parted() -> None:
+def test_triangles_on_the_same_vertices_get_their_own_vertices() -> None:
     triangles = np.array([[0, 1, 2], [2, 1, 0], [1, 2, 3], [1, 0, 2]], np.int32)
     split = split_vertices(triangles, np.zeros(4, np.int32))
     assert len({frozenset(corners) for corners in split.corners.tolist()}) == 4
@@ -209,7 +212,7 @@ def test_triangles_on_the_same_vertices_are_parted() -> None:
     assert np.array_equal(triangles.ravel()[split.first][split.corners], triangles)
 
 
-def test_a_billboard_is_one_quad_unless_its_triangles_part() -> None:
+def test_a_billboard_is_one_quad_unless_its_triangles_separate() -> None:
     faces = fans(np.array([[4, 4], [1, 2]]), mirrored=False)
     assert faces.sizes.tolist() == [4, 3, 3]
     assert faces.first.tolist() == [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
@@ -224,7 +227,7 @@ def test_an_outline_of_more_corners_is_one_polygon_or_a_fan() -> None:
     assert faces.billboards.tolist() == [0, 1, 1, 1]
 
 
-def test_faces_of_a_mirrored_tree_are_wound_the_other_way() -> None:
+def test_faces_of_a_mirrored_tree_have_reversed_winding() -> None:
     faces = fans(np.array([[4, 4], [1, 2]]), mirrored=True)
     assert faces.first.tolist() == [0, 5, 2, 1, 6, 8, 7, 9, 11, 10]
 
@@ -246,7 +249,7 @@ def test_a_prefix_holds_the_leaves_whose_rank_is_below() -> None:
 # The world
 
 
-def test_a_shear_is_seen_and_a_rotation_is_not() -> None:
+def test_a_matrix_with_a_shear_is_detected() -> None:
     sheared = np.eye(4)
     sheared[0, 1] = 0.5
     turned = np.eye(4)
@@ -255,7 +258,7 @@ def test_a_shear_is_seen_and_a_rotation_is_not() -> None:
     assert not is_sheared(turned @ np.diag([1.0, 2.0, 3.0, 1.0]))
 
 
-def test_normals_stay_at_right_angles_to_their_faces() -> None:
+def test_normals_stay_perpendicular_to_their_faces() -> None:
     normals = np.array([[[0.0, math.sqrt(0.5), math.sqrt(0.5)], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], np.float32)
     normal = world_normals(replace(trunk(), normals=normals), np.diag([1.0, 1.0, 4.0, 1.0]))
     assert normal[0, 0] @ [0.0, 1.0, -4.0] == pytest.approx(0.0, abs=1e-6)
@@ -276,7 +279,7 @@ def test_a_mirror_swaps_two_corners_of_each_triangle() -> None:
 def test_lod_0_is_the_leaves_bit_for_bit_in_pruning_order() -> None:
     source = tree()
     mesh = build(source)[0].object.data
-    order = [2, 0, 1, 3]  # by material, then rank; the card whole
+    order = [2, 0, 1, 3]  # Sorted by material, then rank. The card stays whole.
     positions = np.empty((len(mesh.vertices), 3), np.float32)
     mesh.vertices.foreach_get("co", positions.reshape(-1))
     corners = source.leaves.triangles[order]
@@ -288,7 +291,7 @@ def test_lod_0_is_the_leaves_bit_for_bit_in_pruning_order() -> None:
     mesh.corner_normals.foreach_get("vector", normals)
     if FREE_NORMALS:
         assert np.array_equal(normals.reshape(-1, 3, 3), source.leaves.normals[order])
-    else:  # 16 bits, against the face's own normal.
+    else:  # Normals have 16 bits, relative to the face normal.
         assert (normals.reshape(-1, 3, 3) * source.leaves.normals[order]).sum(axis=2).min() > 0.99
     assert [polygon.material_index for polygon in mesh.polygons] == [0, 0, 0, 1]
     assert [material.name for material in mesh.materials] == ["leaf", "dry leaf"]
@@ -298,7 +301,7 @@ def test_lod_0_carries_what_pruning_and_transitions_need() -> None:
     source = tree()
     obj = build(source)[0].object
     mesh, level, order = obj.data, chain().levels[0], [2, 0, 1, 3]
-    assert len(mesh.vertices) == 3 + 6 + 3  # the card's triangles part
+    assert len(mesh.vertices) == 3 + 6 + 3  # The card's triangles separate.
     assert np.array_equal(at_corners(mesh, "leaf_rank"), np.repeat([[0.25], [0.5], [0.5], [0.0]], 3, axis=1))
     assert np.array_equal(at_corners(mesh, "leaf_billboard"), np.repeat([[0], [0], [1], [0]], 3, axis=1))
     assert np.array_equal(at_corners(mesh, "leaf_target"), level.targets[order].astype(np.float32))
@@ -330,7 +333,7 @@ def test_the_table_of_prefixes_names_the_materials() -> None:
     assert [dry["triangles"][step] for step in (0, 1)] == [0, 1]
 
 
-def test_the_table_of_areas_tells_few_leaves_apart_and_leaves_out_what_is_protected() -> None:
+def test_the_table_of_areas_resolves_few_leaves_and_excludes_protected_leaves() -> None:
     rng = np.random.default_rng(5)
     ranks = np.concatenate([np.full(7, -1.0), rng.permutation(200) / 200, [1.0 / 64, (1.0 / 64) ** 2]]).astype("f4")
     areas = rng.uniform(0.5, 2.0, len(ranks)).astype("f4")
@@ -340,14 +343,14 @@ def test_the_table_of_areas_tells_few_leaves_apart_and_leaves_out_what_is_protec
     assert area_shares(areas[:7], ranks[:7]) == [0.0] * 65
 
 
-# The levels behind
+# Later levels
 
 
 def test_a_cloud_lies_in_the_trees_coordinates_and_morphs_to_the_next() -> None:
     source, levels = tree(), chain().levels
     obj = build(source)[1].object
     mesh = obj.data
-    assert [len(polygon.vertices) for polygon in mesh.polygons] == [4, 3, 3]  # by rank: the second billboard first
+    assert [len(polygon.vertices) for polygon in mesh.polygons] == [4, 3, 3]  # The second billboard has the lower rank.
     positions = np.array([vertex.co[:] for vertex in mesh.vertices], np.float32)
     assert np.array_equal(
         positions, levels[0].corners[[1] * 4 + [0] * 6, [0, 1, 2, 3, 0, 1, 2, 0, 2, 3]].astype(np.float32)
@@ -444,7 +447,7 @@ def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
     assert [len(polygon.vertices) for polygon in build(tree(), transitions=False)[1].object.data.polygons] == [4, 4]
 
 
-def test_effects_tell_what_they_cost() -> None:
+def test_a_build_counts_the_cost_of_each_effect() -> None:
     made = chain()
     asked = context(tree(), made)
     build_levels(asked)
@@ -458,7 +461,7 @@ def test_effects_tell_what_they_cost() -> None:
     assert all(seconds > 0.0 for seconds in costs.seconds.values())
 
 
-# What is left behind
+# Cleanup
 
 
 def count_data() -> dict[str, int]:
@@ -466,7 +469,7 @@ def count_data() -> dict[str, int]:
     return {kind: len(getattr(bpy.data, kind)) for kind in kinds}
 
 
-def test_a_build_that_fails_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_build_leaves_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
     source = tree()
     before = count_data()
 

@@ -1,4 +1,4 @@
-"""Chains in which leaves are pruned: who is left where the next level takes over, how large, and of what colour."""
+"""Chains with pruning: the kept leaves at the switch to the next level, their size and their color."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from addon.versions import get_modifier_input, set_modifier_input
 
 
 def crown(count: int = 400, material: bpy.types.Material | None = None) -> bpy.types.Object:
-    """Square leaves of the side 0.1 all over a ball of the radius 1."""
+    """Add square leaves with sides of 0.1 in a ball of radius 1."""
     rng = np.random.default_rng(11)
     middles = rng.normal(size=(count, 3))
     middles *= (rng.random(count) ** (1 / 3) / np.linalg.norm(middles, axis=1))[:, None]
@@ -77,7 +77,7 @@ def test_shares_and_distances_belong_together(half: float) -> None:
 
 
 def test_protected_leaves_stay_as_they_are() -> None:
-    """Ranks −1, ½, ¼, ¾: at λ = ½ the leaf of rank ¼ alone makes up for the three that may be pruned."""
+    """Ranks are −1, ½, ¼, ¾. At λ = ½, the leaf of rank ¼ alone replaces the area of three prunable leaves."""
     obj = place(build(FOUR))
     store_ranks = np.float32([-1.0, 0.5, 0.25, 0.75])
     obj.data.attributes["leaf_rank"].data.foreach_set("value", np.repeat(store_ranks, 3))
@@ -89,7 +89,7 @@ def test_protected_leaves_stay_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("keep", [0.5, 0.03])
-def test_growth_is_a_factor_of_the_scale(keep: float) -> None:
+def test_growth_multiplies_the_scale_of_kept_leaves(keep: float) -> None:
     leaves = many_leaves(300)
     obj = place(build(leaves))
     modifier = add_lod_modifier(obj, LodSettings(start=1.0, end=2.0))
@@ -104,7 +104,7 @@ def test_growth_is_a_factor_of_the_scale(keep: float) -> None:
 
 
 @pytest.mark.parametrize("keep", [0.5, 0.03])
-def test_materials_are_told_how_much_contrast_is_left(keep: float) -> None:
+def test_materials_receive_the_contrast_of_the_kept_leaves(keep: float) -> None:
     obj = place(build(many_leaves(300)))
     settings = LodSettings(start=1.0, end=2.0, contrast=(0.3, -0.02))
     set_manual(add_lod_modifier(obj, settings), transition=0.0, keep=keep)
@@ -113,8 +113,8 @@ def test_materials_are_told_how_much_contrast_is_left(keep: float) -> None:
 
 
 @pytest.mark.parametrize(("contrast", "keep"), [((0.0, 0.0), 0.25), ((-0.1, 0.0), 0.25), ((0.3, 0.0), 1.0)])
-def test_where_contrast_stays_nothing_is_stored(contrast: tuple[float, float], keep: float) -> None:
-    """Nor is contrast ever raised."""
+def test_a_level_with_full_contrast_stores_no_contrast(contrast: tuple[float, float], keep: float) -> None:
+    """The nodes never raise contrast either."""
     obj = place(build(many_leaves(30)))
     set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0, contrast=contrast)), transition=0.0, keep=keep)
     assert MEAN_SHARE not in evaluate(obj).attributes
@@ -125,11 +125,11 @@ def test_where_contrast_stays_nothing_is_stored(contrast: tuple[float, float], k
 
 @pytest.mark.parametrize("painted_as", ["group", "attribute"])
 def test_painted_leaves_are_never_pruned(painted_as: str) -> None:
-    """A vertex of each is enough, by more than half."""
+    """One vertex with a weight above one half protects a leaf."""
     obj = crown(40)
     if painted_as == "group":
         group = obj.vertex_groups.new(name=PROTECT)
-        group.add([8, 81], 0.75, "REPLACE")  # of the leaves 2 and 20
+        group.add([8, 81], 0.75, "REPLACE")  # One vertex each of the leaves 2 and 20.
         group.add([100], 0.25, "REPLACE")
     else:
         weights = np.zeros(160, np.float32)
@@ -166,11 +166,11 @@ def test_unpainted_trees_have_no_protected_leaves() -> None:
     assert read([crown(20)], ["leaves"]).leaves.protected is None
 
 
-# Pruning, then clouds
+# Pruning before billboards
 
 
-def test_the_first_cloud_is_made_of_the_leaves_that_are_left() -> None:
-    """Where it takes over just these are drawn, as large, and they lie on its planes."""
+def test_level_1_is_made_of_the_kept_leaves() -> None:
+    """At the switch, level 0 draws exactly these leaves at the same size, and they lie on level 1's planes."""
     result = baked(crown(), "both", prune_pixels=24.0)
     chain, leaves = result.chain, result.levels[0].object
     assert chain.kept is not None
@@ -190,7 +190,7 @@ def test_the_first_cloud_is_made_of_the_leaves_that_are_left() -> None:
     planes = cloud.planes[billboards]
     radius = result.prepared.foliage.radius
     assert np.abs((planes[:, :3] * points).sum(axis=1) - planes[:, 3]).max() < 1e-4 * radius
-    # As large as the cloud's own leaves: the same area in all, but for those on their way out.
+    # The same total area as the leaves of level 1, except for leaves that are fading out.
     sizes = np.empty(len(mesh.polygons), np.float32)
     mesh.polygons.foreach_get("area", sizes)
     targets = chain.levels[0].targets
@@ -199,7 +199,7 @@ def test_the_first_cloud_is_made_of_the_leaves_that_are_left() -> None:
     assert growth.max() < 0.5 / math.sqrt(share) + 1.0
 
 
-def test_leaves_that_are_gone_before_have_no_billboard() -> None:
+def test_leaves_pruned_before_the_switch_have_no_billboard() -> None:
     result = baked(crown(), "both", prune_pixels=24.0)
     obj = result.levels[0].object
     billboards = np.empty(len(obj.data.vertices), np.int32)
@@ -212,7 +212,7 @@ def test_leaves_that_are_gone_before_have_no_billboard() -> None:
     assert not any(group.group >= 0 for i in np.flatnonzero(gone)[:50] for group in obj.data.vertices[i].groups)
 
 
-def test_a_crown_of_large_leaves_is_not_pruned_before_its_first_cloud() -> None:
+def test_a_crown_of_large_leaves_is_not_pruned_before_level_1() -> None:
     result = baked(crown(), "both", prune_pixels=0.5)
     obj = result.levels[0].object
     assert result.chain.kept is None
@@ -236,7 +236,7 @@ def test_pruning_alone_ends_in_the_cross() -> None:
 
 
 def test_contrast_mixes_the_mean_into_base_color(tmp_path: Path) -> None:
-    """White leaves over a black world, their mean said to be (0.2, 0.4, 0.6), by a quarter."""
+    """White leaves over a black world mix in a quarter of the stored mean (0.2, 0.4, 0.6)."""
     material, principled, _ = new_material()
     principled.inputs["Base Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     principled.inputs["Roughness"].default_value, principled.inputs["Specular IOR Level"].default_value = 1.0, 0.0
@@ -257,7 +257,7 @@ def test_contrast_mixes_the_mean_into_base_color(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen(), 0.75 + 0.25 * np.array([0.2, 0.4, 0.6]), rtol=0.02)
 
 
-def test_the_mean_color_is_that_of_what_is_seen() -> None:
+def test_the_mean_color_is_the_mean_of_the_visible_leaves() -> None:
     material, principled, _ = new_material()
     principled.inputs["Base Color"].default_value = (0.25, 0.5, 0.125, 1.0)
     foliage = prepare(read([crown(60, material)], ["leaves"]), BakeSettings()).foliage
@@ -286,7 +286,7 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
     assert socket.links[0].from_node.name == CONTRAST_NODE, "in Blender it is back"
 
 
-# The whole way
+# Command line
 
 
 @pytest.mark.parametrize(

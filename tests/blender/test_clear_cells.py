@@ -1,4 +1,4 @@
-"""What the measuring tools leave out for Cycles' sake: nothing that has alpha, and most of what has none."""
+"""Removal of transparent cells before Cycles renders: texels with alpha stay, most transparent cells go."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SIZE = 64
 
 
 def square(low: float, high: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """A unit square in the plane z = 0 as two triangles, with texture coordinates from `low` to `high`."""
+    """Return a unit square in the plane z = 0 as two triangles, with texture coordinates from `low` to `high`."""
     corners = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], np.float32)
     return corners, low + (high - low) * corners[..., :2]
 
@@ -24,7 +24,7 @@ def area(corners: NDArray[np.float32]) -> float:
 
 
 def held(point: tuple[float, float], places: NDArray[np.float32]) -> bool:
-    """Whether a triangle holds the point, by the signs of three areas."""
+    """Return whether a triangle contains the point, from the signs of three areas."""
     to = places - np.array(point, np.float32)
     after = np.roll(to, -1, axis=1)
     signs = to[..., 0] * after[..., 1] - to[..., 1] * after[..., 0]
@@ -32,13 +32,13 @@ def held(point: tuple[float, float], places: NDArray[np.float32]) -> bool:
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-0.3, 0.6), (0.0, 3.0)])
-def test_everything_with_alpha_stays(low: float, high: float) -> None:
+def test_texels_with_alpha_stay(low: float, high: float) -> None:
     drawn = np.zeros((SIZE, SIZE), bool)
     drawn[5, 9] = drawn[40:44, 0] = drawn[63, 30] = True
     corners, places = without_clear(square(low, high), drawn, 100_000)
     for row, column in np.argwhere(drawn):
         for tile in np.ndindex(5, 5):
-            # A filter reaches a texel from as far as its neighbour's middle.
+            # A filter reads a texel as far away as the center of the neighboring texel.
             for across, up in ((0.5, 0.5), (-0.4, 0.5), (1.4, 1.4)):
                 point = ((column + across) / SIZE + tile[0] - 1.0, (row + up) / SIZE + tile[1] - 1.0)
                 if all(low <= part <= high for part in point):
@@ -47,7 +47,7 @@ def test_everything_with_alpha_stays(low: float, high: float) -> None:
     np.testing.assert_allclose(low + (high - low) * corners[..., :2], places, atol=1e-6)
 
 
-def test_most_of_what_is_clear_goes() -> None:
+def test_most_transparent_cells_are_removed() -> None:
     drawn = np.zeros((SIZE, SIZE), bool)
     drawn[5, 9] = True
     corners, _ = without_clear(square(0.0, 1.0), drawn, 100_000)
@@ -60,7 +60,7 @@ def test_a_full_texture_leaves_the_triangles_as_they_are() -> None:
     np.testing.assert_array_equal(kept[0], corners)
 
 
-def test_no_more_triangles_than_are_allowed() -> None:
+def test_the_number_of_triangles_stays_within_the_limit() -> None:
     drawn = np.random.default_rng(1).random((SIZE, SIZE)) < 0.5
     corners, _ = without_clear(square(0.0, 1.0), drawn, 500)
     assert 100 < len(corners) <= 500

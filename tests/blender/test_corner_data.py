@@ -1,4 +1,4 @@
-"""Extraction of what lies at corners: winding and normals, texture coordinates, colours."""
+"""Extraction of corner data: winding and normals, texture coordinates, colors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WHITE = png([[(255, 255, 255, 255)]])
 @pytest.mark.parametrize("frame_mirrors", [False, True])
 @pytest.mark.parametrize("part_mirrors", [False, True])
 def test_winding_agrees_with_normals(frame_mirrors: bool, part_mirrors: bool) -> None:
-    """In the tree's coordinates always; in the world, triangles flip together where the frame's matrix mirrors."""
+    """They always agree in the tree's coordinates. In the world, a mirroring matrix flips all triangles together."""
     upright = Matrix.Rotation(0.4, 4, "X")
     mirror = upright @ Matrix.Diagonal((-1.0, 2.0, 1.0, 1.0))
     add_mesh("leaf a", TRIANGLE, [(0, 1, 2)], matrix=mirror if frame_mirrors else upright)
@@ -29,13 +29,13 @@ def test_winding_agrees_with_normals(frame_mirrors: bool, part_mirrors: bool) ->
     tree = read()
     assert tree.leaves.positions[:3].tolist() == [list(point) for point in SQUARE[:3]]
     np.testing.assert_allclose(winding_normals(tree.leaves, np.eye(4)), tree.leaves.normals[:, 0], atol=1e-6)
-    # Blender shows the upper side as the front of both, mirrored or not.
+    # Blender shows the upper side as the front of both, with and without mirroring.
     up = np.array(upright.col[2][:3])
     flip = -1.0 if frame_mirrors else 1.0
     np.testing.assert_allclose(winding_normals(tree.leaves, tree.matrix) * flip, [up, up], atol=1e-6)
 
 
-def test_mirrored_parts_swap_all_that_lies_at_corners() -> None:
+def test_mirrored_parts_swap_all_corner_data() -> None:
     add_mesh("leaf a", TRIANGLE, [(0, 1, 2)])
     part = add_mesh("leaf b", TRIANGLE, [(0, 1, 2)])
     part.scale.x = -1
@@ -44,7 +44,7 @@ def test_mirrored_parts_swap_all_that_lies_at_corners() -> None:
     assert corners(tree.leaves)[1] == [(0, 0, 0), (-1, 1, 0), (-1, 0, 0)]
     assert tree.leaves.uvs is not None
     expected = np.array([[[0, 0]] * 3, [[0.1, 0.2], [0.5, 0.6], [0.3, 0.4]]], np.float32)
-    assert tree.leaves.uvs.tolist() == expected.tolist()  # zeros where an object has none
+    assert tree.leaves.uvs.tolist() == expected.tolist()  # Objects without texture coordinates get zeros.
 
 
 def test_custom_normals_come_along() -> None:
@@ -53,7 +53,7 @@ def test_custom_normals_come_along() -> None:
     np.testing.assert_allclose(read().leaves.normals, [[(0.0, 0.6, 0.8)] * 3], atol=1e-3)
 
 
-def test_the_uv_map_that_renders() -> None:
+def test_the_active_render_uv_map_is_read() -> None:
     obj = add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     obj.data.uv_layers.new(name="first").uv.foreach_set("vector", [0.0] * 6)
     second = obj.data.uv_layers.new(name="second")
@@ -64,7 +64,7 @@ def test_the_uv_map_that_renders() -> None:
     assert (uvs == 0.25).all()
 
 
-def test_texture_coordinates_that_are_not_finite() -> None:
+def test_texture_coordinates_that_are_not_finite_become_0() -> None:
     obj = add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     obj.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", [0.5, math.nan, 0.5, 0.5, 0.5, 0.5])
     tree = read()
@@ -87,13 +87,13 @@ def test_vertex_colours_of_a_glb(tmp_path: Path) -> None:
             strict=True,
         )
     }
-    # The importer turns Y up into Z up: (x, y, 0) lies at (x, 0, y).
+    # The importer converts Y up to Z up: (x, y, 0) lies at (x, 0, y).
     assert by_corner == {(x, -0.0, y): color for (x, y, _), color in zip(SQUARE, colors, strict=True)}
 
 
 @pytest.mark.parametrize("place", ["POINT", "CORNER"])
 def test_a_named_attribute_may_be_the_texture_coordinates(place: str) -> None:
-    """As geometry nodes store them, looked up by an Attribute node; the map that renders is another."""
+    """Geometry nodes store such attributes, and an Attribute node reads them. The active render map is another one."""
     shader = material("leaf")
     use_nodes(shader)
     tree = shader.node_tree
@@ -112,7 +112,7 @@ def test_a_named_attribute_may_be_the_texture_coordinates(place: str) -> None:
     assert tree_read.warnings == []
 
 
-def test_colours_are_linear_and_only_where_a_material_asks() -> None:
+def test_colors_are_linear_and_read_only_if_a_material_uses_them() -> None:
     obj = add_mesh("leaf", TRIANGLE, [(0, 1, 2)], materials=[material("plain")])
     attribute = obj.data.color_attributes.new("Col", "BYTE_COLOR", "POINT")
     attribute.data.foreach_set("color_srgb", [188 / 255, 0.0, 1.0, 1.0] * 4)

@@ -1,4 +1,4 @@
-"""Materials in the words of the core: node trees as artists build them."""
+"""Conversion of artists' node trees to materials of the core."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ IMAGE = png([TOP, BOTTOM])
 TEXTURED = {"baseColorTexture": {"index": 0}}
 
 
-def test_no_material_is_blenders_grey() -> None:
+def test_leaves_without_material_have_blender_s_default_gray() -> None:
     assert describe_material(None) == (
         {
             "name": "default",
@@ -62,14 +62,14 @@ def test_without_nodes_the_viewport_colour_is_the_material() -> None:
         (lambda tree, alpha: math_node(tree, "SUBTRACT", 1.0, math_node(tree, "LESS_THAN", alpha, 0.125)), 0.125),
     ],
 )
-def test_ways_to_cut_off(build: Any, cutoff: float) -> None:
+def test_nodes_that_cut_alpha_off_are_read_as_a_cutoff(build: Any, cutoff: float) -> None:
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(1, 1, 1, 0.5)]]))
     tree.links.new(build(tree, image.outputs["Alpha"]), principled.inputs["Alpha"])
     description, messages = describe_material(material)
     assert (description["alpha_mode"], description["alpha_cutoff"], messages) == ("MASK", cutoff, [])
     assert description["image"] is not None
-    # White, because the base colour does not use the image.
+    # White, because the base color does not use the image.
     assert description["image"].tolist() == [[[255, 255, 255, 128]]]
 
 
@@ -158,7 +158,7 @@ def test_opacity_as_grey_is_read_as_blender_does() -> None:
         ),
     ],
 )
-def test_pixels_become_srgb_with_straight_alpha(
+def test_images_are_converted_to_srgb_with_straight_alpha(
     options: dict[str, Any], pixel: tuple[float, ...], expected: list[int]
 ) -> None:
     material, principled, tree = new_material()
@@ -171,7 +171,7 @@ def test_pixels_become_srgb_with_straight_alpha(
     np.testing.assert_allclose(description["image"][0, 0].astype(int), expected, atol=1)
 
 
-def test_groups_reroutes_and_muted_nodes_are_seen_through() -> None:
+def test_groups_reroutes_and_muted_nodes_are_followed() -> None:
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(0, 1, 0, 1)]]))
     group = bpy.data.node_groups.new("tint", "ShaderNodeTree")
@@ -232,7 +232,7 @@ def test_transparent_mixed_in_by_the_image_is_alpha() -> None:
     assert description["image"].tolist() == [[[0, 255, 0, 64]]]
 
 
-def test_translucency_that_is_added_is_told() -> None:
+def test_added_translucency_gives_a_message() -> None:
     material, principled, tree = new_material()
     principled.inputs["Base Color"].default_value = (0.5, 0.25, 0.125, 1.0)
     add, translucent = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeBsdfTranslucent")
@@ -245,7 +245,7 @@ def test_translucency_that_is_added_is_told() -> None:
 
 
 def test_two_principled_shaders_are_mixed() -> None:
-    """A quarter of one and three quarters of the other."""
+    """The mix is one quarter of the first and three quarters of the second."""
     material, principled, tree = new_material()
     mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfPrincipled")
     principled.inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
@@ -264,8 +264,8 @@ def test_two_principled_shaders_are_mixed() -> None:
     assert description["alpha_mode"] == "OPAQUE"
 
 
-def test_a_cut_out_the_other_way_round() -> None:
-    """Transparent where the factor is 1."""
+def test_a_cutout_with_an_inverted_factor() -> None:
+    """The leaf is transparent at a factor of 1."""
     material, principled, tree = new_material()
     mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
     mask = texture_node(tree, new_image("mask", [[(1, 1, 1, x // 4) for x in range(8)]] * 8))
@@ -289,14 +289,14 @@ EMITS = (
 
 
 @pytest.mark.parametrize(("strength", "color", "told"), [(2.0, 1.0, True), (0.0, 1.0, False), (2.0, 0.0, False)])
-def test_emission_is_told(strength: float, color: float, *, told: bool) -> None:
+def test_emission_gives_a_message(strength: float, color: float, *, told: bool) -> None:
     material, principled, _ = new_material()
     principled.inputs["Emission Strength"].default_value = strength
     principled.inputs["Emission Color"].default_value = (color, color, color, 1.0)
     assert describe_material(material)[1] == told * [EMITS]
 
 
-def test_what_is_not_in_the_clouds_is_told() -> None:
+def test_inputs_that_billboards_ignore_give_messages() -> None:
     material, principled, tree = new_material()
     principled.inputs["Coat Weight"].default_value = 0.5
     tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], tree.nodes["Material Output"].inputs[2])
@@ -323,7 +323,7 @@ def test_a_material_without_a_shader_has_the_viewport_colour() -> None:
     )
 
 
-def test_a_shader_that_is_no_principled_is_rendered() -> None:
+def test_shaders_other_than_principled_are_rendered() -> None:
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
     shader = tree.nodes.new("ShaderNodeEmission")
@@ -345,7 +345,7 @@ def test_a_material_without_an_output() -> None:
 
 
 @pytest.mark.parametrize("case", ["noise", "generated coordinates", "box", "screen mix", "two images"])
-def test_colours_that_are_not_understood_are_rendered(case: str) -> None:
+def test_colors_from_unsupported_nodes_are_rendered(case: str) -> None:
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(0, 1, 0, 1)]]))
     source = image.outputs["Color"]
@@ -370,7 +370,7 @@ def test_colours_that_are_not_understood_are_rendered(case: str) -> None:
     assert "; it is rendered to an image of" in message
 
 
-def test_an_image_node_that_waits_for_its_image_has_the_viewport_colour() -> None:
+def test_an_image_node_without_image_gives_the_viewport_color() -> None:
     material, principled, tree = new_material()
     tree.links.new(texture_node(tree, None).outputs["Color"], principled.inputs["Base Color"])
     description, (message,) = describe_material(material)
@@ -380,7 +380,7 @@ def test_an_image_node_that_waits_for_its_image_has_the_viewport_colour() -> Non
 
 
 @pytest.mark.parametrize("case", ["inverted", "other coordinates", "scaled after the cut"])
-def test_alpha_that_is_not_understood_is_rendered(case: str) -> None:
+def test_alpha_from_unsupported_nodes_is_rendered(case: str) -> None:
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(0, 1, 0, 0.5)]]))
     tree.links.new(image.outputs["Color"], principled.inputs["Base Color"])

@@ -1,4 +1,4 @@
-"""Levels that nothing morphs to cross-fade: the share by distance, and materials that show it."""
+"""Cross-fading of levels without a morph: the hidden fraction by distance, and the materials that use it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)
 
 
 def hidden(obj: bpy.types.Object) -> float | None:
-    """The share that is not shown, as the nodes store it; None where nothing is stored."""
+    """Return the hidden fraction that the nodes store, or None without one."""
     attribute = evaluate(obj).attributes.get(HIDDEN_SHARE)
     if attribute is None:
         return None
@@ -34,7 +34,7 @@ def hidden(obj: bpy.types.Object) -> float | None:
     [(4.0, 1.0), (4.5, 0.75), (5.0, 0.5), (6.0, None), (8.0, None), (9.0, 0.25), (10.0, 0.5), (11.5, 0.875)],
 )
 def test_a_level_fades_in_and_out_by_distance(distance: float, expected: float | None) -> None:
-    """Drawn from 4 to 12, whole from 6 to 8."""
+    """The level is visible from 4 to 12, and fully visible from 6 to 8."""
     obj = place(build(FOUR))
     add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0, fading=8.0, vanish=12.0))
     add_camera((0.0, 0.0, distance))
@@ -42,7 +42,7 @@ def test_a_level_fades_in_and_out_by_distance(distance: float, expected: float |
 
 
 @pytest.mark.parametrize("distance", [3.99, 12.01])
-def test_nothing_is_drawn_where_the_level_is_not(distance: float) -> None:
+def test_a_level_outside_of_its_lod_range_is_empty(distance: float) -> None:
     obj = place(build(FOUR))
     add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0, fading=8.0, vanish=12.0))
     add_camera((0.0, 0.0, distance))
@@ -59,7 +59,7 @@ def test_without_a_band_nothing_fades() -> None:
         assert len(evaluate(obj).vertices) == 12
 
 
-def test_by_hand_all_is_shown() -> None:
+def test_a_level_under_manual_control_is_fully_visible() -> None:
     obj = place(build(FOUR))
     modifier = add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0))
     add_camera((0.0, 0.0, 5.0))
@@ -108,7 +108,7 @@ def test_nothing_to_fade() -> None:
 
 
 def test_an_output_of_a_renderers_own_fades_as_it_was() -> None:
-    """Cycles was shown something else than the others, and is."""
+    """Cycles has an output of its own, and keeps it."""
     material = shining()
     tree = material.node_tree
     own, glow = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeEmission")

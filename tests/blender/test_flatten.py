@@ -1,4 +1,4 @@
-"""Materials whose nodes are no plain product: rendered as they are, over their UV map."""
+"""Rendering of materials with unsupported nodes into textures over their UV map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
 
 
 def quarters(tree: Any, side: int = 64) -> bpy.types.Node:
-    """An image of four fields, in the texture's own pixels."""
+    """Return an image of four fields, in the texture's own pixels."""
     rows = [[QUARTERS[2 * y // side][2 * x // side] for x in range(side)] for y in range(side)]
     node = texture_node(tree, new_image("quarters", rows))
     node.interpolation = "Closest"
@@ -32,7 +32,7 @@ def quarters(tree: Any, side: int = 64) -> bpy.types.Node:
 
 
 def fields(pixels: np.ndarray) -> np.ndarray:
-    """The middles of the four fields."""
+    """Return the colors in the centers of the four fields."""
     side = len(pixels)
     return pixels[[[side // 4], [3 * side // 4]], [[side // 4, 3 * side // 4]]]
 
@@ -64,8 +64,8 @@ def test_a_tiled_image_needs_all_its_files(tmp_path: Path, pattern: str, first: 
     )
 
 
-def test_what_a_node_makes_of_an_image_is_kept() -> None:
-    """Inverted: cyan, magenta, yellow; the mask of the image stays a mask."""
+def test_rendering_keeps_the_result_of_color_nodes() -> None:
+    """Invert gives cyan, magenta and yellow. The mask of the image stays a mask."""
     material, principled, tree = new_material()
     image, invert = quarters(tree), tree.nodes.new("ShaderNodeInvert")
     tree.links.new(image.outputs["Color"], invert.inputs["Color"])
@@ -103,7 +103,7 @@ def test_a_factor_above_one_is_rendered() -> None:
     assert "its base color has the factor (3, 3, 3), which is outside [0, 1]; it is rendered" in message
 
 
-def test_shaders_are_mixed_as_far_as_they_cover() -> None:
+def test_mixed_shaders_are_weighted_by_their_coverage() -> None:
     """A quarter of transparent, three of (half diffuse red, half translucent green): alpha ¾, (½, ½, 0)."""
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
@@ -141,8 +141,8 @@ def test_shaders_in_groups_are_found() -> None:
     assert {item.name for item in inside.interface.items_tree} == {"Tint", "Shader"}, "the group itself is not touched"
 
 
-def test_a_shader_that_is_handed_into_a_group_is_found() -> None:
-    """A wrapper that cuts half of whatever shader it is given."""
+def test_a_shader_linked_into_a_group_is_found() -> None:
+    """The group makes half of its input shader transparent."""
     material, principled, tree = new_material()
     principled.inputs["Base Color"].default_value = (0.25, 0.5, 0.125, 1.0)
     inside = bpy.data.node_groups.new("cut", "ShaderNodeTree")
@@ -160,8 +160,8 @@ def test_a_shader_that_is_handed_into_a_group_is_found() -> None:
     np.testing.assert_allclose(flatten(material).pixels[0, 0], (0.125, 0.25, 0.0625, 0.5), atol=1e-3)
 
 
-def test_nodes_that_are_not_linked_decide_nothing() -> None:
-    """Neither an image that is missing, nor a UV map, nor one for roughness."""
+def test_unlinked_nodes_have_no_effect() -> None:
+    """Unlinked: a missing image, a UV map, and an image for roughness."""
     material, principled, tree = new_material()
     image, curve = quarters(tree), tree.nodes.new("ShaderNodeGamma")
     tree.links.new(image.outputs["Color"], curve.inputs["Color"])
@@ -175,8 +175,8 @@ def test_nodes_that_are_not_linked_decide_nothing() -> None:
     assert read_surface(material).texture == Texture(None)
 
 
-def test_the_image_says_which_uv_map_counts() -> None:
-    """A gradient on a second map does not move the leaf's image."""
+def test_the_image_decides_the_uv_map() -> None:
+    """A gradient on a second UV map does not move the leaf's image."""
     material, principled, tree = new_material()
     image, gradient, layout, mix = (
         quarters(tree),
@@ -193,7 +193,7 @@ def test_the_image_says_which_uv_map_counts() -> None:
     assert "texels, as if its UV maps (the active one and 'gradient') were all the active one;" in message
 
 
-def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_render_is_refused_and_leaves_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
     material, principled, tree = new_material()
     tree.links.new(math_node(tree, "SINE", 1.0), principled.inputs["Base Color"])
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
@@ -208,7 +208,7 @@ def test_a_render_that_fails_is_refused_and_leaves_nothing(monkeypatch: pytest.M
     assert {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds} == before
 
 
-def test_the_named_uv_map_lays_the_rendering() -> None:
+def test_the_render_uses_the_named_uv_map() -> None:
     material, principled, tree = new_material()
     image, layout, curve = quarters(tree), tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeGamma")
     layout.uv_map = "leaves"
@@ -222,7 +222,7 @@ def test_the_named_uv_map_lays_the_rendering() -> None:
     assert texture.uv_map == "leaves"
 
 
-def test_what_is_lost_is_told() -> None:
+def test_lost_properties_give_messages() -> None:
     material, principled, tree = new_material()
     random, ramp = tree.nodes.new("ShaderNodeParticleInfo"), tree.nodes.new("ShaderNodeValToRGB")
     tree.links.new(random.outputs["Random"], ramp.inputs[0])
@@ -240,7 +240,7 @@ def test_a_colour_attribute_counts_as_white() -> None:
     np.testing.assert_allclose(flatten(material).pixels[0, 0], (1.0, 1.0, 1.0, 1.0), atol=1e-3)
 
 
-def test_nothing_is_left_behind() -> None:
+def test_rendering_leaves_no_data() -> None:
     material, principled, tree = new_material()
     tree.links.new(math_node(tree, "SINE", 1.0), principled.inputs["Base Color"])
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
@@ -251,7 +251,7 @@ def test_nothing_is_left_behind() -> None:
     assert bpy.context.scene.name == settings
 
 
-def test_a_mesh_without_a_uv_map_is_told() -> None:
+def test_a_mesh_without_a_uv_map_gives_a_message() -> None:
     material, principled, tree = new_material()
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], principled.inputs["Base Color"])
     obj = add_mesh("leaves", SQUARE, [(0, 1, 2, 3)])

@@ -1,7 +1,8 @@
-"""Forests, read as the instances that Blender would draw, and the variants that a bake gives.
+"""Forests, checked by the instances that Blender draws, and the pruned variants of a bake.
 
-A tree of scale 1 switches between D and (1 + width)·D from the camera, each at its own place; one of scale s between
-s·D and s·(1 + width)·D. λ(d) = (d₀/d)^(ln ½ / ln h) is ½ⁿ at d₀/hⁿ, and s² = ΣA / ΣA of the leaves that are left.
+A tree of scale 1 switches at its own distance between D and (1 + width)·D from the camera. A tree of scale s switches
+between s·D and s·(1 + width)·D. The kept fraction λ(d) = (d₀/d)^(ln ½ / ln h) is ½ⁿ at d₀/hⁿ. Kept leaves grow by s,
+where s² is the total area over the area of the kept leaves.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Instance(NamedTuple):
 
 
 def points(locations: Any, **attributes: Any) -> bpy.types.Object:
-    """A mesh of points with point attributes: integers, numbers, vectors, or quaternions as (n, 4)."""
+    """Add a mesh of points with attributes: integers, floats, vectors, or quaternions (n, 4)."""
     mesh = bpy.data.meshes.new("Points")
     mesh.from_pydata(np.asarray(locations, float).tolist(), [], [])
     for name, values in attributes.items():
@@ -54,7 +55,7 @@ def points(locations: Any, **attributes: Any) -> bpy.types.Object:
 
 
 def add_variants(*names: str) -> bpy.types.Collection:
-    """A collection, in no scene, of an object of each name."""
+    """Return a collection outside of all scenes with one object for each name."""
     variants = bpy.data.collections.new("Variants")
     for name in names:
         variants.objects.link(add_mesh(name, TRIANGLE, [(0, 1, 2)], link=False))
@@ -74,7 +75,7 @@ def drawn(obj: bpy.types.Object) -> list[str]:
     return [each.variant for each in planted(obj)]
 
 
-def test_the_distance_says_which_variant_is_drawn() -> None:
+def test_the_distance_decides_which_variant_is_drawn() -> None:
     obj = points([(x, 0, 0) for x in (0, 9.99, 10.01, 19.99, 20.01, 1e6)])
     add_forest_modifier(obj, add_variants("a", "b", "c"), ForestSettings((10.0, 20.0), width=0.0))
     camera = add_camera((0.0, 0.0, 0.0))
@@ -109,7 +110,7 @@ def test_all_sixteen_variants_can_be_drawn() -> None:
     assert drawn(obj) == names
 
 
-def test_where_variants_are_missing_the_coarsest_stands_for_them() -> None:
+def test_the_coarsest_variant_replaces_missing_variants() -> None:
     obj = points([(5.0, 0, 0), (50.0, 0, 0)])
     add_forest_modifier(obj, add_variants("a", "b"), ForestSettings((1.0, 2.0, 3.0), width=0.0))
     add_camera((0.0, 0.0, 0.0))
@@ -125,7 +126,7 @@ def test_without_a_camera_the_finest_is_drawn_and_without_variants_nothing() -> 
     assert drawn(empty) == []
 
 
-def test_trees_switch_each_at_its_own_place_within_the_width() -> None:
+def test_each_tree_switches_at_its_own_distance_within_the_width() -> None:
     count = 4000
     obj = points(np.zeros((count, 3)))
     add_forest_modifier(obj, add_variants("a", "b"), ForestSettings((100.0,), width=0.2))
@@ -142,7 +143,7 @@ def test_trees_switch_each_at_its_own_place_within_the_width() -> None:
     assert np.corrcoef(neighbours[1:], neighbours[:-1])[0, 1] == pytest.approx(0.0, abs=0.06)
 
 
-def test_a_tree_is_known_by_its_id_and_else_by_its_index() -> None:
+def test_a_tree_is_identified_by_its_id_or_else_by_its_index() -> None:
     ids = np.random.default_rng(1).permutation(500) + 7
     locations = np.stack([ids, np.zeros(500), np.zeros(500)], axis=1)
     settings, variants = ForestSettings((1000.0,), width=1.0), add_variants("a", "b")
@@ -241,7 +242,7 @@ def test_points_of_a_curve_are_planted_too() -> None:
     assert drawn(obj) == ["a", "a", "b"]
 
 
-# What a bake gives, in small: quads of two materials, some protected, with what lives on LOD 0.
+# A small bake result: quads of two materials, some protected, with the attributes of level 0.
 
 
 def leaf_mesh(leaves: Leaves) -> bpy.types.Mesh:
@@ -266,7 +267,7 @@ TURNED = Matrix.LocRotScale(Vector((9.0, 8.0, 7.0)), Quaternion((1.0, 0.0, 0.0),
 
 
 def small_forest(**settings: Any) -> tuple[list[BuiltLevel], Forest]:
-    """Leaves, a cloud and a cross, the first two with trunk."""
+    """Build a forest of leaves, a billboard level and a cross impostor. The first two have a trunk."""
     trunk = bpy.data.meshes.new("trunk")
     meshes = [leaf_mesh(many_leaves(64)), build(many_leaves(5)), build(many_leaves(2))]
     levels = [level(i, mesh, trunk if i < 2 else None, TURNED) for i, mesh in enumerate(meshes)]
@@ -312,7 +313,7 @@ def test_a_planted_forest_shows_the_levels_by_their_distances() -> None:
     _, forest = small_forest(prune_start=10.0)
     obj = points([(x, 0, 0) for x in (1, 30, 50, 85, 150, 300)])
     forest.plant(obj, width=0.0)
-    add_camera((0.0, -6.0, 2.0))  # as high as the centres
+    add_camera((0.0, -6.0, 2.0))  # The camera is as high as the centers.
     found = planted(obj)
     leaves = [each for each in found if not each.variant.endswith("trunk")]
     assert [each.variant for each in leaves] == [f"Oaks_{number:02d}" for number in range(6)]
@@ -347,7 +348,7 @@ def test_a_pruned_variant_keeps_the_area_about_the_pivots() -> None:
     assert np.array_equal(uvs, before[np.repeat(kept, 3)])
 
 
-def test_a_pruned_variant_grows_as_was_measured() -> None:
+def test_leaves_of_a_pruned_variant_grow_by_the_measured_factor() -> None:
     leaves = many_leaves(50)
     plain, grown = (points_of(pruned_mesh(leaf_mesh(leaves), 0.25, "quarter", g)) for g in ((0.0, 0.0), (0.1, 0.02)))
     pivots = np.repeat(leaves.pivots[leaves.ranks < 0.25], 3, axis=0)
@@ -355,7 +356,7 @@ def test_a_pruned_variant_grows_as_was_measured() -> None:
     np.testing.assert_allclose(grown - pivots, factor * (plain - pivots), atol=1e-5)
 
 
-def test_a_pruned_variant_carries_nothing_that_only_moves_it() -> None:
+def test_a_pruned_variant_has_no_attributes_for_transitions() -> None:
     obj = place(leaf_mesh(many_leaves(40)))
     obj.shape_key_add(name="Basis")
     obj.shape_key_add(name="Billboards").points.foreach_set("co", np.zeros(360, np.float32))
@@ -385,7 +386,7 @@ def test_a_pruned_variant_keeps_its_normals() -> None:
     np.testing.assert_allclose(after, normals[:60], atol=2e-2)
 
 
-def test_nothing_is_left_when_a_forest_cannot_be_built() -> None:
+def test_a_failed_forest_leaves_no_data() -> None:
     bare = level(0, build(many_leaves(4), attributes=False), None, Matrix())
     with pytest.raises(ValueError, match="has no leaf_rank"):
         build_forest([bare], "Oaks", switch_distances=(0.0,), centre=(0.0, 0.0, 0.0), prune_start=1.0)

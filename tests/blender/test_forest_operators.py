@@ -1,4 +1,4 @@
-"""The operators that make a scene and a forest of baked trees: what they draw, what they refuse, what they leave."""
+"""The operators that make a scene or a forest of baked trees: instances, refusals, cleanup."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEAVES, SIDE = 60, 0.1
 
 
 def baked_crown(name: str = "tree", chain: str = "both", *, trunk: bool = True) -> Baked:
-    """Square leaves of the side 0.1 in a ball of the radius 1, on a trunk; baked, and the sources gone."""
+    """Bake square leaves with sides of 0.1 in a ball of radius 1, on a trunk. Remove the sources."""
     rng = np.random.default_rng(3)
     corners = SIDE * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     turns = np.linalg.qr(rng.normal(size=(LEAVES, 3, 3)))[0]
@@ -48,14 +48,14 @@ def baked_crown(name: str = "tree", chain: str = "both", *, trunk: bool = True) 
 
 
 def grid(count: int, step: float) -> bpy.types.Object:
-    """Points in a row along x, from the origin on."""
+    """Add points in a row along x, starting at the origin."""
     mesh = bpy.data.meshes.new("Points")
     mesh.from_pydata([(step * i, 0.0, 0.0) for i in range(count)], [], [])
     return place(mesh, "Points")
 
 
 def drawn(obj: bpy.types.Object) -> list[str]:
-    """The instances of `obj` without their trunk."""
+    """Return the instances of `obj` without trunks."""
     graph = bpy.context.evaluated_depsgraph_get()
     instances = (each for each in graph.object_instances if each.is_instance and each.parent.original == obj)
     names = [each.object.original.name for each in instances]
@@ -130,7 +130,7 @@ def test_the_budget_holds_for_the_trees_of_a_chosen_collection() -> None:
     assert not chosen.levels[0].object.visible_get()
 
 
-def test_trees_that_no_chain_prunes_are_pruned_where_a_leaf_gets_small() -> None:
+def test_trees_baked_without_pruning_are_pruned_once_leaves_are_small() -> None:
     baked_crown(chain="billboards", trunk=False)
     bpy.context.scene.leafcloud.prune_pixels = 16.0
     bpy.ops.leafcloud.scene()
@@ -201,7 +201,7 @@ def test_a_forest_has_pruned_variants_where_the_tree_was_baked_to_be_pruned() ->
 
 
 def test_a_forest_stands_as_its_tree_does_under_a_parent() -> None:
-    """Turned and scaled, from distances in proportion."""
+    """The forest is rotated and scaled, and its distances scale, too."""
     baked = baked_crown()
     plain = baked_tree(baked.collection)
     parent = bpy.data.objects.new("parent", None)
@@ -263,7 +263,7 @@ def test_a_forest_of_two_trees_asks_which() -> None:
     assert bpy.ops.leafcloud.forest() == {"FINISHED"}
 
 
-def test_what_cannot_be_planted_says_why() -> None:
+def test_objects_that_cannot_be_planted_give_a_message() -> None:
     def refused(words: str, active: bpy.types.Object | None) -> None:
         bpy.context.view_layer.objects.active = active
         before = counts()

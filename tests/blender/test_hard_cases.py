@@ -1,4 +1,4 @@
-"""Hard cases inside Blender: matrices that mirror, shear and flatten, cameras that are nowhere, laws at their ends."""
+"""Hard cases in Blender: mirroring, shearing and singular matrices, missing cameras, formulas at their limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHEAR = Matrix(((1.0, 0.7, 0.0, 3.0), (0.0, 1.0, 0.2, 0.0), (0.0, 0.0, 1.0, -2.0
 
 
 def put(obj: bpy.types.Object, matrix: Matrix) -> None:
-    """Gives an object any matrix: its own can only move, turn and scale, so it is hung below another."""
+    """Give an object any matrix. Parents add the shear that the object's own transform cannot have."""
     parent = bpy.data.objects.new("Parent", None)
     bpy.context.scene.collection.objects.link(parent)
     obj.parent = parent
@@ -46,7 +46,7 @@ def put(obj: bpy.types.Object, matrix: Matrix) -> None:
 )
 @pytest.mark.parametrize("second", [False, True], ids=["frame", "part"])
 def test_matrices(name: str, matrix: Matrix, second: bool) -> None:
-    """Vertices in the world are the matrix times what the mesh holds, whichever object is the frame."""
+    """World positions equal the matrix times the mesh's positions, with each object as the frame."""
     put(add_mesh("leaf a", CORNERS, FACES), Matrix() if second else matrix)
     put(add_mesh("leaf b", CORNERS, FACES), matrix)
     tree = read()
@@ -57,10 +57,10 @@ def test_matrices(name: str, matrix: Matrix, second: bool) -> None:
     expected = used @ np.array(matrix, np.float64)[:3, :3].T + np.array(matrix, np.float64)[:3, 3]
     size, scale = np.abs(expected).max(), np.abs(np.array(matrix)[:3, :3]).max()
     if second:
-        # A part's vertices are kept in single precision of the frame's coordinates.
+        # A part stores vertices in single precision in the frame's coordinates.
         worst, allowed = np.abs(found[1] - expected).max() / (size + scale), 4 * 2.0**-24
     else:
-        # The frame's own are as they were; only the way to the world rounds, in f64.
+        # The frame's own vertices stay unchanged. Only the transform to the world rounds, in f64.
         worst, allowed = np.abs(found[0] - expected).max() / size, 4 * 2.0**-53
     place_of = "as a part" if second else "as the frame"
     holds(GROUP, f"{name}, {place_of}, relative error", "the matrix times the vertices, f64", float(worst), allowed)
@@ -100,7 +100,7 @@ def test_cameras(name: str, location: tuple[float, float, float], transition: fl
 
 
 def test_a_camera_at_infinity() -> None:
-    """Infinity times a matrix's zeros is no number: at rest, or on the billboards, but whole."""
+    """Infinity times zero is not a number. Leaves must be at rest or on the billboards, and complete."""
     obj = place(build(FOUR))
     add_lod_modifier(obj, LodSettings(start=2.0, end=4.0))
     add_camera((math.inf, 0.0, 0.0))
@@ -111,7 +111,7 @@ def test_a_camera_at_infinity() -> None:
 
 @pytest.mark.parametrize("keep", [0.0, 1e-30, 1e-3, 0.5, 1.0 - 2.0**-24, 1.0])
 def test_pruning_by_nodes_beside_the_law(keep: float) -> None:
-    """The nodes work in single precision; the core's law is the reference for which leaves are drawn and their area."""
+    """The nodes use single precision. The core's formula is the reference for the drawn leaves and their area."""
     leaves = many_leaves(1000)
     obj = place(build(leaves))
     set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=0.0, keep=keep)

@@ -36,7 +36,7 @@ from addon.versions import set_corner_normals, set_modifier_input
 
 
 def expected_points(leaves: Leaves, *, transition: float, keep: float) -> Floats:
-    """The law for the leaves that are kept, in their order in the mesh."""
+    """Return the expected points of the kept leaves, in the order of the mesh."""
     ranks = leaves.ranks.astype(np.float64)
     point = (1.0 - transition) * leaves.points.astype(np.float64) + transition * leaves.targets
     pivot = (1.0 - transition) * leaves.pivots.astype(np.float64) + transition * leaves.pivot_targets
@@ -58,7 +58,7 @@ def assert_follows(obj: bpy.types.Object, leaves: Leaves, *, transition: float, 
 
 
 def distance_to_camera(obj: bpy.types.Object, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> float:
-    """In the object's own coordinates, from the world matrices."""
+    """Return the camera's distance in the object's coordinates, from the world matrices."""
     bpy.context.view_layer.update()
     camera = np.array(bpy.context.scene.camera.matrix_world)[:, 3]
     return float(np.linalg.norm((np.linalg.inv(np.array(obj.matrix_world)) @ camera)[:3] - centre))
@@ -97,7 +97,7 @@ def test_the_transition_moves_points_onto_their_targets() -> None:
     assert points_of(evaluate(obj)).tobytes() == FOUR.targets.tobytes()
 
 
-def test_pruned_leaves_are_gone_and_the_others_grow_about_their_pivots() -> None:
+def test_pruned_leaves_disappear_and_kept_leaves_grow_around_their_pivots() -> None:
     obj = place(build(FOUR))
     set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=0.0, keep=0.5)
     # Ranks 0 and ¼ stay, with the areas ½ and 2 of 4 in all: s² = 8/5.
@@ -157,7 +157,7 @@ def test_pruning_and_transition_compose_about_the_moved_pivot(transition: float,
     assert_follows(obj, leaves, transition=transition, keep=keep)
 
 
-def test_what_the_mesh_carries_survives() -> None:
+def test_other_attributes_of_the_mesh_survive() -> None:
     leaves = many_leaves(40)
     mesh = build(leaves)
     uvs = np.random.default_rng(5).random(240, np.float32)
@@ -189,7 +189,7 @@ def test_what_the_mesh_carries_survives() -> None:
         assert np.array_equal(read_normals, normals[: len(read_normals)])
 
 
-def test_a_mesh_without_the_attributes_is_left_alone() -> None:
+def test_a_mesh_without_the_attributes_stays_unchanged() -> None:
     obj = place(build(FOUR, attributes=False))
     set_manual(add_lod_modifier(obj, LodSettings(start=1.0, end=2.0)), transition=1.0, keep=0.5)
     assert points_of(evaluate(obj)).tobytes() == FOUR.points.tobytes()
@@ -231,7 +231,7 @@ def test_pruning_follows_the_camera(half: float, distance: float) -> None:
         assert_follows(obj, leaves, transition=0.0, keep=keep)
 
 
-def test_half_of_the_leaves_are_left_where_prune_half_says() -> None:
+def test_half_of_the_leaves_are_kept_at_the_distance_of_prune_half() -> None:
     leaves = many_leaves(100)
     obj = place(build(leaves))
     add_lod_modifier(obj, LodSettings(start=NEVER, end=NEVER, prune_start=5.0, prune_half=0.2))
@@ -241,7 +241,7 @@ def test_half_of_the_leaves_are_left_where_prune_half_says() -> None:
     assert len(evaluate(obj).polygons) == 50
 
 
-def test_the_distance_is_seen_from_the_object_under_a_parented_camera() -> None:
+def test_the_distance_is_correct_with_a_parented_camera() -> None:
     leaves = many_leaves(100)
     centre = (0.5, -1.0, 2.0)
     matrix = Matrix.LocRotScale(Vector((3.0, -5.0, 1.0)), Euler((0.3, 1.1, -0.7)), Vector((2.5, 2.5, 2.5)))
@@ -321,7 +321,7 @@ def test_a_level_is_drawn_from_appear_up_to_vanish(distance: float, drawn: bool)
     assert len(evaluate(obj).polygons) == (4 if drawn else 0)
 
 
-def test_levels_that_meet_are_never_drawn_both_or_none() -> None:
+def test_exactly_one_of_two_adjacent_levels_is_drawn() -> None:
     finer, coarser = place(build(FOUR), "Finer"), place(build(FOUR), "Coarser")
     add_lod_modifier(finer, LodSettings(start=3.0, end=6.0, vanish=5.994))
     add_lod_modifier(coarser, LodSettings(start=NEVER, end=NEVER, appear=5.994))

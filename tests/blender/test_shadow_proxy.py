@@ -1,4 +1,4 @@
-"""The shadow proxy: it casts what the leaves cast, nobody sees it, engines have it as a file of its own."""
+"""The shadow proxy: it casts the leaves' shadow, is invisible itself, and has its own file for engines."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def planned(settings: BakeSettings, facts: Facts) -> Decision:
     return effect
 
 
-def test_engines_draw_shadows_of_many_leaves_by_it() -> None:
+def test_the_plan_makes_a_shadow_proxy_for_engines_and_many_leaves() -> None:
     effect = planned(BakeSettings(engine="three"), MANY_LEAVES)
     assert effect.on is True
     assert effect.reason == "every light in three would draw 20000 triangles of leaves again for its shadows"
@@ -47,14 +47,14 @@ def test_engines_draw_shadows_of_many_leaves_by_it() -> None:
     ],
     ids=["who draws is not known", "few leaves", "unlit", "no cloud"],
 )
-def test_what_does_not_call_for_it(settings: BakeSettings, facts: Facts, why: str) -> None:
+def test_the_plan_makes_no_shadow_proxy_without_need(settings: BakeSettings, facts: Facts, why: str) -> None:
     effect = planned(settings, facts)
     assert effect.on is False
     assert why in effect.reason
 
 
 def baked(effects: str) -> Baked:
-    """A crown of cards about the origin."""
+    """Bake a crown of cards around the origin."""
     leaves = add_crown()
     result = bake(read([leaves], ["leaves"]), BakeSettings(epsilon=0.1, texture_size=256, effects=effects))
     bpy.data.objects.remove(leaves)
@@ -62,8 +62,10 @@ def baked(effects: str) -> Baked:
 
 
 def shadow(result: Baked, folder: Path) -> float:
-    """How much of the light on a ground below is taken away, as an area, where only level 1 and what belongs to all
-    levels are drawn; the camera stands between them and the ground."""
+    """Return the area of the shadow on a ground below, cast by level 1 and the objects that all levels share.
+
+    The camera stands between the levels and the ground.
+    """
     for level in result.levels:
         level.object.hide_render = level.number != 1
         level.object.modifiers.clear()
@@ -77,7 +79,7 @@ def shadow(result: Baked, folder: Path) -> float:
     return float((1.0 - light / np.median(light)).mean()) * 2.4**2
 
 
-def test_it_casts_the_shadow_of_the_leaves(tmp_path: Path) -> None:
+def test_the_proxy_casts_the_shadow_of_the_leaves(tmp_path: Path) -> None:
     areas = []
     for effects in ("transitions", "transitions,shadow_proxy"):
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -87,7 +89,7 @@ def test_it_casts_the_shadow_of_the_leaves(tmp_path: Path) -> None:
     assert areas[1] == pytest.approx(areas[0], rel=0.05)
 
 
-def test_nobody_sees_it_and_nothing_else_of_the_leaves_casts_a_shadow(tmp_path: Path) -> None:
+def test_the_proxy_is_invisible_and_the_leaves_cast_no_shadow(tmp_path: Path) -> None:
     result = baked("transitions,shadow_proxy")
     proxy = shadow_proxy_of(result.collection)
     assert proxy is not None
@@ -99,14 +101,14 @@ def test_nobody_sees_it_and_nothing_else_of_the_leaves_casts_a_shadow(tmp_path: 
     assert render(tmp_path, (0.0, 0.0, 3.0), width=2.4)[..., 3].any()
 
 
-def test_the_trunk_goes_on_with_its_own_shadow() -> None:
+def test_the_trunk_keeps_its_own_shadow() -> None:
     trunk = add_mesh("trunk", [(0, 0, -1), (0.1, 0, -1), (0, 0, 1)], [(0, 1, 2)])
     settings = BakeSettings(epsilon=0.1, texture_size=64, effects="shadow_proxy", cross=False)
     result = bake(read([add_crown(), trunk], ["leaves"]), settings)
     assert all(level.trunk is not None and level.trunk.visible_shadow for level in result.levels)
 
 
-def test_engines_have_it_as_a_file_of_its_own(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+def test_the_proxy_has_its_own_file(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
     result = baked("transitions,shadow_proxy")
     name = result.collection.name
     report = write(TreeSet.of(result), tmp_path, lambda stage, fraction: None, blend=False)
@@ -122,7 +124,7 @@ def test_engines_have_it_as_a_file_of_its_own(tmp_path: Path, gltf_issues: Calla
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
-def test_its_page_says_nothing_but_where_light_passes(tmp_path: Path) -> None:
+def test_the_page_of_the_proxy_stores_only_opacity(tmp_path: Path) -> None:
     proxy = shadow_proxy_of(baked("shadow_proxy").collection)
     assert proxy is not None
     image = proxy.data.materials[0].node_tree.nodes["Leafcloud Page"].image

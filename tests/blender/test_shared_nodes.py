@@ -1,6 +1,6 @@
-"""Materials whose nodes share what feeds them: 40 nodes in a row make 2⁴⁰ ways; and cycles of links.
+"""Materials with nodes that share inputs, and with cycles of links. A row of 40 such nodes has 2⁴⁰ paths.
 
-What a walk takes is counted in calls of Python, which do not depend on the machine.
+The tests count Python calls, because their number does not depend on the machine.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _Value = TypeVar("_Value")
 
 
 def within_calls(work: Callable[[], _Value]) -> _Value:
-    """What `work` gives. Fails as soon as it takes too many calls."""
+    """Return the result of `work`. Fail as soon as it needs too many Python calls."""
     calls = 0
 
     def count(frame: FrameType, event: str, _: object) -> None:
@@ -57,7 +57,7 @@ def in_a_row(step: Callable[[Any], Any], first: Any) -> Any:
 
 
 def twice(tree: Any, kind: str, inputs: tuple[Any, Any], output: Any, **settings: Any) -> Callable[[Any], Any]:
-    """Adds a node both of whose inputs are fed by the same."""
+    """Add a node with the same link in both inputs."""
 
     def add(source: Any) -> Any:
         node = tree.nodes.new(kind)
@@ -95,7 +95,7 @@ def constant(tree: Any, value: float = 1.0) -> Any:
 
 
 def shown(material: bpy.types.Material) -> tuple[str, list[int]]:
-    """The alpha mode of a material that has to be rendered, and a texel of its image. sRGB's code of 0.8 is 231."""
+    """Return the alpha mode of a rendered material and a texel of its image. The sRGB code of 0.8 is 231."""
     description, _ = describe_material(material)
     assert description["image"] is not None
     return description["alpha_mode"], description["image"][3, 3].tolist()
@@ -131,7 +131,7 @@ def test_a_value_is_made_once_of_each_part() -> None:
     assert made == list(range(LEVELS + 1))
 
 
-def test_a_row_may_be_longer_than_the_stack_is_deep() -> None:
+def test_a_row_of_nodes_may_exceed_the_recursion_limit() -> None:
     length = folded(50_000, lambda number: [number - 1] if number else [], lambda _, parts: sum(parts) + 1)
     assert length == 50_001
 
@@ -164,7 +164,7 @@ def test_colors_multiplied_by_themselves() -> None:
     assert within_calls(lambda: shown(material)) == ("OPAQUE", [255, 255, 255, 255])
 
 
-def test_colors_mixed_with_themselves_are_what_they_were() -> None:
+def test_a_color_mixed_with_itself_stays_the_same() -> None:
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(1.0, 0.5, 0.25, 1.0)] * 2] * 2))
     tree.links.new(mixed_colors(tree, image.outputs["Color"], "MIX"), principled.inputs["Base Color"])
@@ -173,7 +173,7 @@ def test_colors_mixed_with_themselves_are_what_they_were() -> None:
     assert np.abs(description["image"].astype(int) - (255, 128, 64, 255)).max() <= 1
 
 
-def test_shaders_mixed_with_themselves_are_what_they_were() -> None:
+def test_a_shader_mixed_with_itself_stays_the_same() -> None:
     material, principled, tree = new_material()
     principled.inputs["Base Color"].default_value = (1.0, 0.2, 0.0, 1.0)
     principled.inputs["Subsurface Weight"].default_value = 1.0
@@ -229,7 +229,7 @@ def test_a_cycle_of_reroutes_ends(socket: str) -> None:
 
 
 def leaf_alpha(shrub: Path) -> tuple[Any, bpy.types.Node, Any]:
-    """The shrub's leaves: the tree of their material, its Principled BSDF, the alpha of its image."""
+    """Import the shrub. Return the leaves' node tree, its Principled BSDF and the alpha output of its image."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     tree = bpy.data.objects["leaves"].active_material.node_tree
     nodes = {node.type: node for node in tree.nodes}
@@ -263,7 +263,7 @@ def test_leaves_with_a_cycle_of_links_are_baked_as_without_it(shrub: Path, tmp_p
     assert not [warning for warning in report["warnings"] if "material" in warning]
 
 
-def test_nodes_that_nothing_could_render_are_refused_in_a_line(shrub: Path, tmp_path: Path) -> None:
+def test_nodes_that_cannot_be_rendered_are_refused_in_one_line(shrub: Path, tmp_path: Path) -> None:
     tree, principled, alpha = leaf_alpha(shrub)
     node = tree.nodes.new("ShaderNodeGroup")
     node.node_tree = nested(2, 12)

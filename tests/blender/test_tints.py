@@ -1,4 +1,4 @@
-"""What tells leaves apart survives in materials that are rendered: object, island, place."""
+"""Rendered materials keep the variation between leaves: per object, per island, per position."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TRIANGLES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.int32)
 
 
 def grey_material(node_type: str, output: str) -> bpy.types.Material:
-    """As bright as an output says."""
+    """Return a gray material with the brightness of a node's output."""
     material, principled, tree = new_material()
     node, grey = tree.nodes.new(node_type), tree.nodes.new("ShaderNodeCombineColor")
     for target in grey.inputs:
@@ -55,7 +55,7 @@ RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def red_or_blue() -> bpy.types.Material:
-    """Blue where the random number of the object is above a half."""
+    """Return a material that is blue for object random numbers above one half, and red otherwise."""
     material, principled, tree = new_material()
     info, above, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "Math", "Mix"))
     above.operation, above.inputs[1].default_value, mix.data_type = "GREATER_THAN", 0.5, "RGBA"
@@ -67,7 +67,7 @@ def red_or_blue() -> bpy.types.Material:
 
 
 def leaves_with(material: bpy.types.Material, randoms: list[float]) -> Geometry:
-    """A square for each random number."""
+    """Return a geometry with one square for each random number."""
     objects = [add_mesh(f"leaf {i}", SQUARE, [(0, 1, 2, 3)], materials=[material]) for i in range(len(randoms))]
     for obj in objects:
         obj.data.uv_layers.new()
@@ -77,7 +77,7 @@ def leaves_with(material: bpy.types.Material, randoms: list[float]) -> Geometry:
 
 
 def shown(described: Described, row: int, column: int) -> np.ndarray:
-    """(t, 3) linear colours of the first corners with their material's texel."""
+    """Return linear colors (t, 3) of the triangles' first corners: texel of the material times vertex color."""
     images = [material["image"] for material in described.materials]
     codes = np.array([image[row, column, :3] / 255.0 for image in images if image is not None])
     linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)[described.material_ids]
@@ -86,7 +86,7 @@ def shown(described: Described, row: int, column: int) -> np.ndarray:
 
 @pytest.mark.parametrize("count", [2, 5, 40])
 def test_leaves_of_two_colours(count: int) -> None:
-    """Neither is a tint of the other: there are renderings of both, and few of them for many numbers."""
+    """Neither color is a tint of the other, so both are rendered. Many random numbers share 16 renders."""
     randoms = ((np.arange(count) * 0.618 + 0.3) % 1.0).tolist()
     described = describe_materials(leaves_with(red_or_blue(), randoms))
     expected = np.repeat([BLUE if random > 0.5 else RED for random in randoms], 2, axis=0)
@@ -97,8 +97,8 @@ def test_leaves_of_two_colours(count: int) -> None:
     assert told in described.messages[-1]
 
 
-def test_the_core_sees_each_look_on_its_leaves() -> None:
-    """The square of each random number by itself, from above: all red, all blue."""
+def test_the_core_shows_each_color_on_its_leaves() -> None:
+    """Seen from above, the square of one random number is all red, the other all blue."""
     geometry = leaves_with(red_or_blue(), [0.25, 0.75])
     part = described_part(geometry, np.eye(4), (), 0.0, None)
     for leaf, expected in enumerate(((255, 0, 0, 255), (0, 0, 255, 255))):
@@ -107,8 +107,8 @@ def test_the_core_sees_each_look_on_its_leaves() -> None:
         assert pixels[8, 8].tolist() == list(expected)
 
 
-def test_a_turn_of_the_hue_holds_all_over_the_leaf() -> None:
-    """A third of the circle on: what is red becomes green, what is green blue; and a third back."""
+def test_a_hue_shift_applies_to_the_whole_leaf() -> None:
+    """One third of a turn makes red green and green blue. The other third goes back."""
     material, principled, tree = new_material()
     left, right = (0.5, 0.0, 0.0, 1.0), (0.0, 0.5, 0.0, 1.0)
     image = texture_node(tree, new_image("i", [[left] * 32 + [right] * 32] * 64, is_float=True))
@@ -122,8 +122,8 @@ def test_a_turn_of_the_hue_holds_all_over_the_leaf() -> None:
     np.testing.assert_allclose(shown(described, 32, 48)[::2], [green, blue, red], atol=0.01)
 
 
-def test_brightness_needs_one_rendering_whatever_the_image() -> None:
-    """Texels that all differ, times the random number: the tints are twice that, for the rendering has a half."""
+def test_leaves_of_different_brightness_share_one_render() -> None:
+    """All texels differ. The render uses a random number of one half, so the tints are twice the random numbers."""
     material, principled, tree = new_material()
     values = np.random.default_rng(1).uniform(0.2, 0.9, (64, 64, 3))
     texels = [[(*color, 1.0) for color in row] for row in values.tolist()]
@@ -140,8 +140,8 @@ def test_brightness_needs_one_rendering_whatever_the_image() -> None:
     np.testing.assert_allclose(described.colors[::2, 0, :3], [[0.2] * 3, [0.8] * 3, [1.8] * 3], rtol=1e-3)
 
 
-def test_what_no_tint_says_of_places_is_told() -> None:
-    """Red on the ground, blue at a height of one."""
+def test_color_changes_by_position_that_are_not_tints_give_a_message() -> None:
+    """Leaves are red on the ground and blue at a height of one."""
     material = red_or_blue()
     tree = material.node_tree
     info = next(node for node in tree.nodes if node.type == "OBJECT_INFO")
@@ -161,7 +161,7 @@ def test_what_no_tint_says_of_places_is_told() -> None:
     ids=["tint", "in between"],
 )
 def test_a_back_of_another_colour(front: tuple[float, ...], back: tuple[float, ...]) -> None:
-    """Seen by the core from above and from below; a back that is no tint of the front is one of their mean."""
+    """Render both sides with the core. A back that is not a tint of the front becomes a tint of their mean."""
     material, principled, tree = new_material()
     side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
     mix.data_type = "RGBA"
@@ -177,7 +177,7 @@ def test_a_back_of_another_colour(front: tuple[float, ...], back: tuple[float, .
 
 
 def test_each_side_has_its_own_light() -> None:
-    """The back is three times the front, and lit by ½ where the front is lit by ¼."""
+    """The back has three times the color of the front. Its light is ½, and the light of the front is ¼."""
     material, principled, tree = new_material()
     side, mix = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMix")
     mix.data_type = "RGBA"
@@ -192,8 +192,8 @@ def test_each_side_has_its_own_light() -> None:
     np.testing.assert_allclose(part.back_colors, 1.5, atol=1e-2)
 
 
-def test_a_back_of_another_pattern_is_told() -> None:
-    """Even in front; on the back one half is darker than the other."""
+def test_a_back_with_another_pattern_gives_a_message() -> None:
+    """The front is uniform. One half of the back is darker than the other."""
     material, principled, tree = new_material()
     half = [(0.2, 0.2, 0.2, 1.0)] * 32 + [(0.6, 0.6, 0.6, 1.0)] * 32
     image = texture_node(tree, new_image("i", [half] * 64, is_float=True))
@@ -214,8 +214,8 @@ def test_an_island_has_one_random_number() -> None:
     assert abs(first.mean() - second.mean()) > 0.01
 
 
-def test_places_differ() -> None:
-    """As bright as x over 4: x is 0 … 1 on the one square, 3 … 4 on the other."""
+def test_colors_vary_with_the_position() -> None:
+    """The brightness is x / 4. One square lies at x from 0 to 1, the other at x from 3 to 4."""
     material, principled, tree = new_material()
     place, ramp = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeMapRange")
     parts, grey = tree.nodes.new("ShaderNodeSeparateXYZ"), tree.nodes.new("ShaderNodeCombineColor")
@@ -254,7 +254,7 @@ def test_alpha_is_no_tint() -> None:
     np.testing.assert_allclose(factors, 1.0, atol=1e-3)
 
 
-def test_places_are_those_in_the_world() -> None:
+def test_positions_are_in_world_space() -> None:
     material, principled, tree = new_material()
     place, parts, grey = (tree.nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "SeparateXYZ", "CombineColor"))
     tree.links.new(place.outputs["Position"], parts.inputs[0])
@@ -276,8 +276,8 @@ def colored_geometry(material: bpy.types.Material, matrices: int) -> Geometry:
     return extract(bpy.context.evaluated_depsgraph_get(), objects, leaf_names=names).leaves
 
 
-def test_objects_keep_the_numbers_that_blender_gives_them() -> None:
-    """The same image on two objects; each is multiplied by its own random number."""
+def test_objects_keep_their_random_numbers_from_blender() -> None:
+    """Two objects share an image. Each object's random number multiplies its color."""
     material, principled, tree = new_material()
     image = texture_node(tree, new_image("i", [[(0.0, 1.0, 0.0, 1.0)] * 4] * 4))
     info, gamma, scale = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "Gamma", "VectorMath"))
@@ -299,7 +299,7 @@ def test_objects_keep_the_numbers_that_blender_gives_them() -> None:
 
 
 def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
-    """An object, and an instance of another: seen from above, each shines with its own number."""
+    """An object and an instance of another object emit their own random numbers, seen from above."""
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
     info, shine = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeEmission")
@@ -321,7 +321,7 @@ def test_random_numbers_are_those_of_cycles(tmp_path: Path) -> None:
 
 
 def test_joined_leaves_keep_their_own_numbers(tmp_path: Path) -> None:
-    """Two squares that shine with their numbers do so as one object; a group that asks does not change."""
+    """Two squares emit their random numbers, before and after a join. Shared node groups stay unchanged."""
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
     inside = bpy.data.node_groups.new("random", "ShaderNodeTree")
@@ -350,7 +350,7 @@ def test_joined_leaves_keep_their_own_numbers(tmp_path: Path) -> None:
     assert abs(before - expected).max() > 0.05
 
 
-def test_only_materials_that_ask_for_random_numbers_are_copied() -> None:
+def test_only_materials_that_use_random_numbers_are_copied() -> None:
     material, _, _ = new_material()
     mesh = geometry_mesh("all", colored_geometry(material, 2))
     joined = bpy.data.objects.new("all", mesh)
@@ -361,14 +361,14 @@ def test_only_materials_that_ask_for_random_numbers_are_copied() -> None:
 
 @pytest.mark.parametrize("uses", [True, False])
 def test_without_variation_there_are_no_colours(uses: bool) -> None:
-    """The node alone does not make leaves differ: it has to be asked."""
+    """An unlinked node does not make leaves differ."""
     material = grey_material("ShaderNodeTexCoord" if uses else "ShaderNodeValue", "UV" if uses else "Value")
     material.node_tree.nodes.new("ShaderNodeObjectInfo")
     geometry = colored_geometry(material, 1)
     assert describe_materials(geometry).colors is None
 
 
-def test_nothing_is_left_behind() -> None:
+def test_rendering_tints_leaves_no_data() -> None:
     material = grey_material("ShaderNodeObjectInfo", "Random")
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
     before = {kind: set(getattr(bpy.data, kind).keys()) for kind in kinds}

@@ -1,4 +1,4 @@
-"""Light that shines through leaves: read from their materials, and seen through the clouds as through the leaves."""
+"""Translucency: read from the leaves' materials, and equally bright through billboards and through leaves."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def shader(tree: Any, kind: str, color: tuple[float, float, float]) -> bpy.types
 
 
 def mixed(tree: Any, first: bpy.types.Node, second: bpy.types.Node, share: float | None) -> bpy.types.Node:
-    """A Mix Shader, or an Add Shader without a share."""
+    """Add a Mix Shader, or an Add Shader without a factor."""
     node = tree.nodes.new("ShaderNodeAddShader" if share is None else "ShaderNodeMixShader")
     if share is not None:
         node.inputs[0].default_value = share
@@ -49,7 +49,7 @@ def mixed(tree: Any, first: bpy.types.Node, second: bpy.types.Node, share: float
 
 
 def leaf(share: float | None = 0.4, kind: str = "Principled") -> bpy.types.Material:
-    """A rough leaf without highlights, mixed with a Translucent BSDF."""
+    """Return a material without highlights, mixed with a Translucent BSDF."""
     material, principled, tree = new_material()
     principled.inputs["Base Color"].default_value = (*GREEN, 1.0)
     principled.inputs["Roughness"].default_value, principled.inputs["Specular IOR Level"].default_value = 1.0, 0.0
@@ -59,7 +59,7 @@ def leaf(share: float | None = 0.4, kind: str = "Principled") -> bpy.types.Mater
 
 
 def field(material: bpy.types.Material) -> bpy.types.Object:
-    """Leaves that lie about flat side by side, so that none stands in another's light."""
+    """Add nearly flat leaves side by side, so that no leaf shades another."""
     heights = np.random.default_rng(2).uniform(-0.02, 0.02, 16)
     corners = [
         (x + dx, y + dy, float(heights[4 * x + y]))
@@ -83,7 +83,7 @@ def baked(material: bpy.types.Material, effects: str, *others: bpy.types.Object,
 
 
 def seen(result: Baked, shown: int, folder: Path, *, behind: bool) -> float:
-    """Mean luminance of one level, seen from above under a sun that stands there, too, or behind it."""
+    """Return the mean luminance of one level from above, with the sun above or below."""
     scene = bpy.context.scene
     for level in result.levels:
         level.object.hide_render = level.number != shown
@@ -99,7 +99,7 @@ def seen(result: Baked, shown: int, folder: Path, *, behind: bool) -> float:
 
 
 def test_a_mix_keeps_its_colours() -> None:
-    """With the share of all leaves as its own: base colour and translucency are what the nodes say."""
+    """If all leaves have the same factor, base color and translucency equal the nodes' colors."""
     description, messages = describe_material(leaf(0.4), share=0.4)
     assert description["base_color"] == pytest.approx((*GREEN, 1.0))
     assert description["translucency"] == pytest.approx(YELLOW)
@@ -136,7 +136,7 @@ def test_added_shaders_have_half_the_light_each() -> None:
     ("transmission", "subsurface", "share"), [(0.5, 0.0, 0.5), (0.0, 0.5, 0.25), (0.5, 0.5, 0.625), (1.0, 0.0, 0.9)]
 )
 def test_the_weights_of_a_principled_bsdf(transmission: float, subsurface: float, share: float) -> None:
-    """What is transmitted, and half of what is scattered; a tenth is left for what others reflect."""
+    """Translucency includes transmission and half of the subsurface scattering. A tenth is left for reflection."""
     material, principled, _ = new_material()
     principled.inputs["Base Color"].default_value = (*GREEN, 1.0)
     principled.inputs["Transmission Weight"].default_value = transmission
@@ -150,7 +150,7 @@ def test_the_weights_of_a_principled_bsdf(transmission: float, subsurface: float
 
 
 def test_images_are_read_and_brightened() -> None:
-    """Codes 188 and 137 are 0.503 and 0.251: twice as bright is 1 (cut) and 188."""
+    """The codes 188 and 137 are 0.503 and 0.251 in linear light. Doubled, they are 1 (clipped) and code 188."""
     material = leaf(0.25)
     tree = material.node_tree
     translucent = next(node for node in tree.nodes if node.type == "BSDF_TRANSLUCENT")
@@ -169,7 +169,7 @@ def test_images_are_read_and_brightened() -> None:
     assert message.startswith("material 'm' reflects more than 38% of the light, ")
 
 
-def test_nothing_shines_through_black() -> None:
+def test_black_translucency_counts_as_none() -> None:
     material = leaf()
     translucent = next(node for node in material.node_tree.nodes if node.type == "BSDF_TRANSLUCENT")
     translucent.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
@@ -184,7 +184,7 @@ def test_a_mix_is_not_warned_of_where_it_is_read_whole() -> None:
 
 
 @pytest.mark.parametrize("case", ["factor", "weight", "gloss", "both", "layout", "attribute", "nothing"])
-def test_what_is_not_understood_is_to_be_rendered(case: str) -> None:
+def test_unsupported_shaders_are_rendered(case: str) -> None:
     material = leaf()
     tree = material.node_tree
     principled, translucent, mix = (
@@ -225,7 +225,7 @@ def test_what_is_not_understood_is_to_be_rendered(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", ["no image", "moved", "other map"])
-def test_what_cannot_be_rendered_is_said(case: str) -> None:
+def test_translucency_that_cannot_be_rendered_gives_a_message(case: str) -> None:
     material = leaf()
     tree = material.node_tree
     mix, principled = (
@@ -251,7 +251,7 @@ def test_what_cannot_be_rendered_is_said(case: str) -> None:
 
 
 def test_a_share_that_varies_is_rendered() -> None:
-    """A quarter on the left, three quarters on the right: R = (1 − f) green, T = f yellow, each by the half of both."""
+    """The factor f is ¼ on the left, ¾ on the right. R = (1 − f) green and T = f yellow, each relative to one half."""
     material = leaf()
     tree = material.node_tree
     principled, mix = (next(n for n in tree.nodes if n.type == kind) for kind in ("BSDF_PRINCIPLED", "MIX_SHADER"))
@@ -277,8 +277,8 @@ def test_a_share_that_varies_is_rendered() -> None:
     assert describe_material(material)[0]["base_color"] == pytest.approx((0.2, 0.4, 0.1, 1.0))
 
 
-def test_translucency_is_rendered_where_the_colours_are() -> None:
-    """Half diffuse, half translucent, cut out by a quarter: what is reflected, and what shines through."""
+def test_translucency_is_rendered_together_with_colors() -> None:
+    """The leaf is half diffuse, half translucent, with a cutoff. Check the reflected and the transmitted light."""
     material = leaf(0.5, "Diffuse")
     tree = material.node_tree
     mixed(tree, tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes["Mix Shader"], 0.75)
@@ -321,7 +321,7 @@ def test_level_1_is_lit_as_its_leaves_are_whose_share_is_rendered(tmp_path: Path
 
 @pytest.mark.parametrize(("share", "kind"), [(0.4, "Principled"), (None, "Principled"), (0.4, "Diffuse")])
 def test_level_1_is_lit_as_its_leaves_are(share: float | None, kind: str, tmp_path: Path) -> None:
-    """Within 5 %, from either side; and as bright as the nodes say, where leaves cover 64 % of the view."""
+    """Levels match within 5% from both sides, and match the nodes' colors. Leaves cover 64% of the view."""
     result = baked(leaf(share, kind), "normals,translucency")
     through, reflected = (1.0, 1.0) if share is None else (share, 1.0 - share)
     for behind, color, part in ((True, YELLOW, through), (False, GREEN, reflected)):
@@ -348,14 +348,14 @@ def document_of(path: Path) -> dict[str, Any]:
 
 
 def trunk() -> bpy.types.Object:
-    """Opaque, and alone in its part of the view."""
+    """Add an opaque trunk that no leaf covers in the view."""
     material, principled, _ = new_material()
     material.name = "bark"
     principled.inputs["Base Color"].default_value = (0.7, 0.6, 0.5, 1.0)
     return add_mesh("trunk", [(5, 0, -1), (6, 0, -1), (6, 0, 1), (5, 0, 1)], [(0, 1, 2, 3)], materials=[material])
 
 
-def test_gltf_tells_what_shines_through(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+def test_gltf_files_have_diffuse_transmission(tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
     result = baked(leaf(), "translucency")
     file = tmp_path / "tree_LOD1.glb"
     export_level(result.levels[1], file)
@@ -395,7 +395,7 @@ def test_trunk_in_the_cross_is_opaque(tmp_path: Path, gltf_issues: Callable[...,
     assert gltf_issues(file) == []
 
 
-def test_ktx2_has_the_colours_alone(tmp_path: Path) -> None:
+def test_ktx2_is_only_used_for_the_colors_of_translucency(tmp_path: Path) -> None:
     """Its alpha says nothing, so the texture of the opaque parts stays PNG."""
     result = baked(leaf(), "translucency", trunk(), cross=True)
     file = tmp_path / "cross.glb"
@@ -414,7 +414,7 @@ def test_ktx2_has_the_colours_alone(tmp_path: Path) -> None:
     assert len(result.chain.levels[1].ktx2("translucency")) == document["bufferViews"][-1]["byteLength"]
 
 
-def test_without_the_effect_nothing_is_said(tmp_path: Path) -> None:
+def test_files_without_the_effect_have_no_transmission(tmp_path: Path) -> None:
     result = baked(leaf(), "none")
     export_level(result.levels[1], tmp_path / "a.glb")
     assert EXTENSION not in document_of(tmp_path / "a.glb").get("extensionsUsed", [])

@@ -1,4 +1,4 @@
-"""Trunks and branches beside the levels: fewer triangles from level to level, within an error, made of what came."""
+"""Simplified trunks of the levels: fewer triangles from level to level, within the error bound."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ QUICK = ("--epsilon", 0.1, "--texture-size", 128)
 
 
 def grid(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """The unit square in the plane z = 0 as n × n squares of two triangles."""
+    """Return the unit square in the plane z = 0 as n × n squares of two triangles."""
     x, y = np.meshgrid(np.arange(n + 1) / n, np.arange(n + 1) / n)
     positions = np.stack([x.ravel(), y.ravel(), np.zeros((n + 1) ** 2)], axis=1)
     a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
@@ -40,7 +40,7 @@ def grid(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
 
 
 def tube(sides: int, rings: int, height: float = 8.0) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """A tube of the radius 1 about the z axis, open at both ends."""
+    """Return a tube of radius 1 around the z axis, open at both ends."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     z = np.repeat(np.arange(rings + 1) / rings * height, sides)
     positions = np.stack([np.tile(np.cos(angle), rings + 1), np.tile(np.sin(angle), rings + 1), z], axis=1)
@@ -63,7 +63,7 @@ def test_a_finely_tessellated_square_becomes_two_triangles() -> None:
 
 @pytest.mark.parametrize("error", [0.01, 0.05, 0.2])
 def test_a_tube_stays_within_the_error_of_the_circle(error: float) -> None:
-    """Places on the result lie between the chord and the circle; both ends are still there."""
+    """Points on the result lie between the chord and the circle. Both ends stay."""
     positions, triangles = tube(48, 30)
     result = leafcloud.simplify(positions, triangles, error=error)
     assert 0 < len(result.corners) < len(triangles)
@@ -78,7 +78,7 @@ def test_a_tube_stays_within_the_error_of_the_circle(error: float) -> None:
     assert kept[:, 2].max() >= 8.0 - error
 
 
-def test_far_from_the_origin_the_same_is_left() -> None:
+def test_the_result_does_not_depend_on_the_distance_from_the_origin() -> None:
     positions, triangles = tube(24, 16)
     positions = np.round(positions * 256.0)  # whole numbers: a shift rounds nothing
     near = leafcloud.simplify(positions, triangles, error=10.0)
@@ -88,7 +88,7 @@ def test_far_from_the_origin_the_same_is_left() -> None:
     assert len(near.corners) < len(triangles)
 
 
-def test_corners_keep_what_they_carry() -> None:
+def test_corners_keep_their_attributes() -> None:
     positions, triangles = grid(8)
     materials = np.where(positions[triangles][:, :, 0].mean(axis=1) > 0.5, 70_000, -3)
     uvs = positions[triangles][:, :, :2].astype(np.float32)
@@ -105,7 +105,7 @@ def test_corners_keep_what_they_carry() -> None:
     assert x[of_corner == 70_000].min() >= 0.5
 
 
-def test_what_the_error_hides_is_left_out() -> None:
+def test_parts_smaller_than_the_error_are_removed() -> None:
     positions, triangles = grid(2)
     result = leafcloud.simplify(positions, triangles, error=0.75)
     assert result.corners.shape == (0, 3)
@@ -127,7 +127,7 @@ def test_what_the_error_hides_is_left_out() -> None:
         ({"material_ids": [0, 1]}, "material_ids"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(arguments: dict[str, Any], message: str) -> None:
+def test_invalid_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     positions, triangles = grid(2)
     given = {"positions": positions, "triangles": triangles, "error": 0.1, **arguments}
     with pytest.raises(leafcloud.LeafcloudError, match=message):
@@ -137,7 +137,7 @@ def test_what_cannot_be_meant_is_refused(arguments: dict[str, Any], message: str
 # The plan
 
 
-def test_trunk_calls_for_trunk_levels() -> None:
+def test_the_plan_turns_trunk_levels_on_for_trees_with_a_trunk() -> None:
     facts = Facts(engine="unity", leaves=5, trunk=1200)
     [effect] = [effect for effect in plan_effects(BakeSettings(), facts) if effect.name == "trunk_levels"]
     assert effect.on is True
@@ -147,7 +147,7 @@ def test_trunk_calls_for_trunk_levels() -> None:
 
 
 def test_seams_are_corners_that_differ_in_texture_only() -> None:
-    """Two triangles with a side in common, whose texture is cut along it; so that trunk keeps more of its triangles."""
+    """Two triangles share an edge with a texture seam, so the trunk keeps more of its triangles."""
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
     triangles = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
     joined = positions[triangles][..., :2]
@@ -191,7 +191,7 @@ def geometry() -> Geometry:
 
 
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:
-    """A scale of 2 makes the tube's radius 2: errors are lengths in the world."""
+    """A scale of 2 gives the tube a radius of 2, because errors are lengths in world space."""
     matrix = np.diag([2.0, 2.0, 2.0, 1.0])
     errors = [0.0, 0.05, 0.05, 0.6, 100.0, 100.0]
     trunk = geometry()
@@ -214,7 +214,7 @@ def test_levels_never_have_more_triangles_than_the_one_before() -> None:
 
 
 def baked_tree(effects: str) -> Baked:
-    """A tube as a trunk, and a crown of triangles about its upper end."""
+    """Bake a tube as the trunk, and a crown of triangles around its upper end."""
     positions, triangles = tube(24, 40)
     random = np.random.default_rng(5)
     centres = np.repeat(random.normal((0, 0, 8), 2.5, (60, 3)), 3, axis=0)
@@ -245,14 +245,14 @@ def test_each_level_shows_its_own_trunk() -> None:
 
 
 def covered(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Of the columns of the preview's first row, from the leaves on, how many pixels are not ground."""
+    """Return the number of pixels without background in each column of the preview's first row, leaves first."""
     cell = (picture.shape[1] - preview.GAP) // 4
     row = picture[preview.GAP : cell, : 4 * cell, :3].astype(int)
     return (row != preview.GROUND).any(axis=2).reshape(len(row), 4, cell).sum(axis=(0, 2))
 
 
 def test_the_preview_draws_each_level_with_its_own_trunk() -> None:
-    """As large as the meshes beside the levels; and in its picture a level whose trunk is taken away loses it."""
+    """The triangle counts match the levels' meshes. A level without its trunk shows no trunk."""
     result = baked_tree("auto")
     trunks = level_trunks(result)
     assert trunks[3] is None, "the cross shows it in its textures"
@@ -270,13 +270,13 @@ def test_the_preview_draws_each_level_with_its_own_trunk() -> None:
     assert not lost[[0, 2, 3]].any()
 
 
-def test_the_preview_shows_what_came_where_trunk_stays_as_it_is() -> None:
+def test_the_preview_shows_the_source_trunk_without_the_effect() -> None:
     result = baked_tree("transitions")
     came = result.prepared.trunk
     assert level_trunks(result) == [came, came, came, None]
 
 
-def test_without_the_effect_all_levels_share_what_came() -> None:
+def test_without_the_effect_all_levels_share_the_source_trunk() -> None:
     levels = baked_tree("transitions").levels
     assert {level.trunk.data.name for level in levels[:-1]} == {"tree_trunk"}
 
@@ -294,7 +294,7 @@ def with_and_without(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> t
     return folders[0], folders[1]
 
 
-def test_the_report_tells_of_the_trunk(with_and_without: tuple[Path, Path]) -> None:
+def test_the_report_has_the_trunk_s_triangles_and_error(with_and_without: tuple[Path, Path]) -> None:
     simplified, plain = (json.loads((out / "report.json").read_text()) for out in with_and_without)
     leaves, cloud, cross = (level["trunk"] for level in simplified["levels"])
     assert leaves["error"] == 0.0 < cloud["error"] <= simplified["levels"][1]["max_deviation_leaves"]
@@ -303,7 +303,7 @@ def test_the_report_tells_of_the_trunk(with_and_without: tuple[Path, Path]) -> N
     assert not any("trunk" in level for level in plain["levels"])
 
 
-def test_files_without_the_effect_and_lod_0_have_the_trunk_that_came(with_and_without: tuple[Path, Path]) -> None:
+def test_files_without_the_effect_and_lod_0_have_the_source_trunk(with_and_without: tuple[Path, Path]) -> None:
     simplified, plain = with_and_without
     assert (simplified / "shrub_LOD0.glb").read_bytes() == (plain / "shrub_LOD0.glb").read_bytes()
 

@@ -1,4 +1,4 @@
-"""Which levels cameras see, and what effects are expected to cost: decided without Blender."""
+"""The levels that cameras see, and the estimated costs of effects, both without Blender."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
 
 FACTS = Facts("generic", leaves=100, vertices=400, triangles=200, trunk=50, radius=2.0, area=4.0)
 SETTINGS = BakeSettings(epsilon=0.08, pixels=10.0)
-# So level 1 takes over where 0.16 is seen 10 pixels large, from 8; level 2 where 0.56 is, from 28; the cross from 50.
+# A length of 0.16 covers 10 pixels at distance 8, so level 1 starts there. Level 2 starts at 28, the cross at 50.
 
 
 def seen_from(*spans: tuple[float, float]) -> Facts:
     return replace(FACTS, camera=Camera(spans, VIEW))
 
 
-def test_levels_take_over_where_their_bounds_are_seen_small() -> None:
+def test_levels_switch_once_their_error_bounds_cover_few_pixels() -> None:
     assert expected_switches(SETTINGS, FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0, 50.0))
     assert expected_switches(replace(SETTINGS, cross=False), FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0))
 
 
-def test_pruned_leaves_give_way_to_the_cross_where_next_to_none_are_left() -> None:
+def test_the_cross_replaces_pruned_leaves_once_almost_none_are_kept() -> None:
     pruning = replace(SETTINGS, chain="pruning", prune_pixels=10.0)
-    # A leaf of side 0.2 is 10 pixels large from 10; half are left from 20, 0.5 % from 2000.
+    # A leaf of side 0.2 covers 10 pixels at distance 10. Half of the leaves are kept at 20, 0.5% at 2000.
     assert expected_switches(pruning, FACTS, VIEW) == pytest.approx((0.0, 2000.0))
 
 
@@ -53,7 +53,7 @@ def test_pruned_leaves_give_way_to_the_cross_where_next_to_none_are_left() -> No
         ((60.0, 1000.0), 3, 3, ()),
     ],
 )
-def test_what_a_camera_sees_of_the_levels(
+def test_a_camera_sees_the_levels_for_its_distances(
     span: tuple[float, float], first: int, last: int, passed: tuple[int, ...]
 ) -> None:
     seen = camera_visibility(SETTINGS, seen_from(span))
@@ -61,17 +61,17 @@ def test_what_a_camera_sees_of_the_levels(
     assert (seen.first, seen.last, seen.passed) == (first, last, passed)
 
 
-def test_trees_that_stand_far_and_near_are_seen_on_levels_of_their_own() -> None:
+def test_near_and_far_trees_are_seen_on_different_levels() -> None:
     seen = camera_visibility(SETTINGS, seen_from((3.0, 3.0), (40.0, 40.0)))
     assert seen is not None
     assert (seen.first, seen.last, seen.passed) == (0, 2, ())
 
 
-def test_nobody_knows_what_a_free_viewer_sees() -> None:
+def test_a_viewer_anywhere_may_see_any_level() -> None:
     assert camera_visibility(SETTINGS, FACTS) is None
 
 
-def test_a_length_fills_as_many_pixels_as_its_angle() -> None:
+def test_a_length_covers_pixels_in_proportion_to_its_angle() -> None:
     assert pixels_of(2.0, 1.0, VIEW) == pytest.approx(1000.0)
     assert pixels_of(2.0, 10.0, VIEW) == pytest.approx(100.0)
     assert pixels_of(2.0, 0.0, VIEW) == math.inf
@@ -89,7 +89,7 @@ def test_a_length_fills_as_many_pixels_as_its_angle() -> None:
         (30.0, "none,-far_levels", (2, False)),
     ],
 )
-def test_only_levels_that_are_seen_are_made(away: float, effects: str, made: tuple[int, bool]) -> None:
+def test_a_bake_makes_only_visible_levels(away: float, effects: str, made: tuple[int, bool]) -> None:
     settings, facts = replace(SETTINGS, effects=effects), seen_from((away, away))
     assert plan_levels(settings, facts, plan_effects(settings, facts)) == made
 
@@ -100,13 +100,13 @@ def test_the_cross_is_made_behind_pruned_leaves_though_it_is_not_seen() -> None:
 
 
 @pytest.mark.parametrize(("away", "pruned"), [(6.0, False), (6.5, True)])
-def test_a_chain_that_prunes_does_so_where_leaves_are_seen_small(away: float, pruned: bool) -> None:
-    # A leaf of side 0.2 is 16 pixels large from 6.25.
+def test_pruning_starts_once_leaves_cover_few_pixels(away: float, pruned: bool) -> None:
+    # A leaf of side 0.2 covers 16 pixels at distance 6.25.
     effects = plan_effects(replace(SETTINGS, chain="both"), seen_from((away, away)))
     assert (is_on(effects, "pruning"), is_on(effects, "contrast")) == (pruned, pruned)
 
 
-def test_light_is_baked_where_nothing_is_lit_and_no_light_moves() -> None:
+def test_light_is_baked_for_unlit_targets_without_moving_lights() -> None:
     unlit = replace(SETTINGS, unlit=True)
     sun = replace(FACTS, lights=Lights(("Sun",)))
     assert is_on(plan_effects(unlit, sun), "baked_light")
@@ -121,7 +121,7 @@ def costs(settings: BakeSettings) -> dict[str, Decision]:
     return {effect.name: effect for effect in with_costs(settings, FACTS, plan_effects(settings, FACTS))}
 
 
-def test_what_is_off_is_expected_to_cost_nothing() -> None:
+def test_effects_that_are_off_have_no_estimated_cost() -> None:
     assert all((e.seconds, e.bytes) == (0.0, 0) for e in costs(replace(SETTINGS, effects="none,-far_levels")).values())
 
 
@@ -138,7 +138,7 @@ def test_occlusion_without_gloss_pays_for_the_image_that_they_share() -> None:
     assert alone["occlusion"].bytes == BYTES_PER_TEXEL * (256 * 256 + 128 * 128 + 64 * 64)
 
 
-def test_an_effect_that_is_undecided_is_expected_to_cost_what_it_may() -> None:
+def test_an_undecided_effect_is_estimated_as_if_it_were_on() -> None:
     assert costs(SETTINGS)["back_sides"].bytes > 0
 
 

@@ -1,4 +1,4 @@
-"""The choice of the leaves: names given, names that say so, many small components."""
+"""Detection of leaves: by given names, by telling names, by many small components."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SAY_LEAF = [
 
 
 @pytest.mark.parametrize("name", SAY_LEAF)
-def test_names_that_say_leaf(name: str) -> None:
+def test_telling_names_are_recognized(name: str) -> None:
     assert says_leaf(name)
 
 
 @pytest.mark.parametrize("name", ["", "bark", "branches", "trunk", "overleafing", "leafless_twigs", "relief", "lea f"])
-def test_names_that_do_not(name: str) -> None:
+def test_other_names_are_not_recognized(name: str) -> None:
     assert not says_leaf(name)
 
 
@@ -44,12 +44,12 @@ def test_given_name_of_an_object_takes_all_its_slots() -> None:
     assert choose_leaves(parts, ["tree"], never).indices == (0, 1)
 
 
-def test_given_name_of_an_instancer_takes_what_it_places() -> None:
+def test_given_name_of_an_instancer_takes_its_instances() -> None:
     parts = [Part("card", "a", 10, "crown"), Part("card", "a", 10, "hedge")]
     assert choose_leaves(parts, ["crown"], never).indices == (0,)
 
 
-def test_given_names_are_exact_and_an_unknown_one_lists_what_there_is() -> None:
+def test_given_names_are_exact_and_an_unknown_name_lists_all_names() -> None:
     parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "", 5)]
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["leaf", "Leaf"], never)

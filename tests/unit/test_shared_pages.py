@@ -1,4 +1,4 @@
-"""Levels of several trees on one page: the same texels in other places."""
+"""Shared atlas pages for levels of several trees: each billboard keeps its texels at a new place."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tree(seed: int, color: tuple[float, float, float, float], size: int, **optio
 
 
 def regions(level: leafcloud.Level, page: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """What each billboard shows of a page."""
+    """Return the region of the page that each billboard shows."""
     height, width = page.shape[:2]
     found = []
     for uvs in np.asarray(level.uvs, np.float64):
@@ -31,7 +31,7 @@ def regions(level: leafcloud.Level, page: NDArray[np.uint8]) -> list[NDArray[np.
     return found
 
 
-def test_billboards_show_what_they_showed() -> None:
+def test_billboards_show_the_same_texels_on_the_shared_page() -> None:
     chains = [tree(1, (1.0, 0.5, 0.2, 1.0), 256), tree(2, (0.2, 0.9, 0.4, 1.0), 128)]
     shared = leafcloud.share_pages(chains)
     for number in (0, 1):
@@ -57,7 +57,7 @@ def test_billboards_show_what_they_showed() -> None:
         assert [level.page_share for level in own] == [1.0, 1.0]
 
 
-def test_regions_keep_apart() -> None:
+def test_regions_do_not_overlap() -> None:
     chains = leafcloud.share_pages([tree(seed, (1.0, 1.0, 1.0, 1.0), 128) for seed in (1, 2, 3)])
     page = chains[0].levels[0].base_color
     owners = np.zeros(page.shape[:2], int)

@@ -1,4 +1,4 @@
-"""The wheel: arrays in, arrays out, and nothing that takes its host down."""
+"""The wheel: its arrays, options, jobs and errors. No input may crash Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from leafcloud import Foliage, LeafcloudError, Material
 
 
 def squares(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Leaves of side 0.2 in the unit cube, placed and turned at random: positions (4n, 3), triangles (2n, 3)."""
+    """Return randomly placed and rotated leaves of side 0.2 in the unit cube: positions (4n, 3), triangles (2n, 3)."""
     random = np.random.default_rng(seed)
     places = random.random((count, 3))
     frames = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
@@ -60,7 +60,7 @@ def test_epsilon_holds_for_every_vertex(foliage: Foliage, epsilon: float) -> Non
     np.testing.assert_allclose(np.linalg.norm(cloud.planes[:, :3], axis=1), 1.0, atol=1e-12)
 
 
-def test_whole_leaves_and_parted_ones(foliage: Foliage) -> None:
+def test_whole_leaves_keeps_both_triangles_of_a_leaf_together(foliage: Foliage) -> None:
     whole = leafcloud.fit(foliage, whole_leaves=True)
     parents = whole.parents.reshape(-1, 2)
     assert (parents[:, 0] == parents[:, 1]).all()
@@ -119,7 +119,7 @@ def test_outlines_have_as_many_corners_as_asked(foliage: Foliage, corners: int) 
     assert cross.corners.shape == (2, 4, 3)
     assert second.targets.shape == ((corners - 2) * count, 3, 3)
     assert first.foliage().triangle_count == (corners - 2) * count
-    # Convex, and wound about the plane's normal.
+    # Outlines are convex, and wind around the plane's normal.
     assert first.cloud is not None
     normals = first.cloud.planes[first.plane_ids, :3]
     edges = np.roll(first.corners, -1, axis=1) - first.corners
@@ -159,12 +159,12 @@ def test_chain(foliage: Foliage) -> None:
     assert first.foliage().triangle_count == 2 * len(first.corners)
 
 
-def test_leaves_are_looked_at_only_where_their_order_asks_for_it(foliage: Foliage) -> None:
-    """And then those that are seen are pruned later than those that others hide."""
+def test_leaf_visibility_is_measured_only_if_it_orders_the_leaves(foliage: Foliage) -> None:
+    """If visibility orders the leaves, pruning removes hidden leaves before visible leaves."""
     shape: dict[str, Any] = {"levels": 1, "cross": False, "texture_size": 128, "epsilon": 0.3, "samples": 1}
     seen, unseen = (leafcloud.build_chain(foliage, order_by_visibility=each, **shape) for each in (True, False))
     assert seen.look_seconds["order"] > 0.0
-    assert unseen.look_seconds["order"] == 0.0, "nobody looked"
+    assert unseen.look_seconds["order"] == 0.0, "visibility was measured"
     assert (seen.ranks != unseen.ranks).any()
     assert sorted(seen.ranks) == sorted(unseen.ranks)
 
@@ -344,7 +344,7 @@ def test_wrong_attributes_and_materials() -> None:
         (lambda f: leafcloud.switch_distance(1, 8, float("inf"), 1), "all finite"),
     ],
 )
-def test_refusals_are_the_wheels_own(foliage: Foliage, call: Any, message: str) -> None:
+def test_all_refusals_are_leafcloud_errors(foliage: Foliage, call: Any, message: str) -> None:
     with pytest.raises(LeafcloudError, match=message) as caught:
         call(foliage)
     assert len(str(caught.value)) < 300
@@ -363,7 +363,7 @@ def test_a_picture_of_a_square() -> None:
 
 
 def test_an_unfiltered_picture_is_the_mean_of_its_points() -> None:
-    """Three texels to a sample: a point sees just the middle one, in linear light."""
+    """With three texels per sample, a point shows only the middle texel, in linear light."""
     size, samples = 4, 2
     texels = np.random.default_rng(7).integers(0, 256, (3 * size * samples, 3 * size * samples, 4), dtype=np.uint8)
     texels[..., 3] = 255
@@ -385,7 +385,7 @@ def test_png_round_trip(tmp_path: Any) -> None:
     import bpy
 
     pixels = np.random.default_rng(3).integers(0, 256, (5, 7, 4), dtype=np.uint8)
-    pixels[..., 3] |= 1  # Blender keeps no colour where alpha is 0
+    pixels[..., 3] |= 1  # Blender keeps no color at an alpha of 0.
     path = tmp_path / "picture.png"
     leafcloud.write_png(str(path), pixels)
     image = bpy.data.images.load(str(path))
