@@ -153,7 +153,7 @@ def switched_plainly(baked: Baked) -> None:
     """Switch the same levels at the same distances, without morphing or fading."""
     appearing = [lod_input(level.object, "Appear") for level in baked.levels]
     for level, vanish in zip(baked.levels, [*appearing[1:], NEVER], strict=True):
-        plain = {"Start": NEVER, "End": NEVER, "Whole": 0.0, "Fading": NEVER, "Vanish": vanish}
+        plain = {"Start": NEVER, "End": NEVER, "Fade In End": 0.0, "Fade Out Start": NEVER, "Vanish": vanish}
         for obj in (level.object, *([level.trunk] if level.trunk else [])):
             for name, value in plain.items():
                 set_modifier_input(obj.modifiers[GROUP_NAME], name, value)

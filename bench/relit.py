@@ -122,7 +122,7 @@ def sun_share(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     toward.operation, length.operation, dot.operation = "MULTIPLY_ADD", "LENGTH", "DOT_PRODUCT"
     toward.inputs[1].default_value, toward.inputs[2].default_value = (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0)
     sun.attribute_name = "sun"
-    tree.links.new(tree.nodes["Visibility"].outputs["Color"], toward.inputs[0])
+    tree.links.new(tree.nodes["Bent Normal"].outputs["Color"], toward.inputs[0])
     tree.links.new(toward.outputs[0], length.inputs[0])
     tree.links.new(toward.outputs[0], dot.inputs[0])
     tree.links.new(sun.outputs["Vector"], dot.inputs[1])

@@ -25,7 +25,7 @@ from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, Shading
 from ..material.blended import cut_message, is_blended, see_through
-from ..material.shading import gloss_of
+from ..material.shading import reflection_of
 from ..material.surface import read_surface
 from ..material.translucency import translucent_of
 from ..nodes.wind import WindSettings
@@ -64,7 +64,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         trunk_seams=0.0 if tree.trunk is None else seam_share(tree.trunk),
         radius=shape.radius,
         area=shape.area,
-        glossy=gloss_of(leaves.materials).varies,
+        glossy=reflection_of(leaves.materials).varies,
         translucent=translucent_of(leaves.materials).material,
         one_color=_is_one_color(leaves),
         blended=tuple(material.name for material in blended),
@@ -126,7 +126,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     facts = describe(tree, settings, layer)
     effects = with_costs(settings, facts, plan_effects(settings, facts))
     clouds, cross = plan_levels(settings, facts, effects)
-    gloss, translucent = gloss_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
+    reflection, translucent = reflection_of(tree.leaves.materials), translucent_of(tree.leaves.materials)
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(effects, "baked_light") and layer is not None
@@ -141,7 +141,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     blended = [cut_message(each) for each in tree.leaves.materials if each is not None and each.name in cut_out]
     names = tuple(material.name for material in tree.leaves.materials if material is not None)
     pages = ktx2_warning(settings, clouds + cross)
-    read = [*leaves.messages, *(() if trunks is None else trunks.messages), *gloss.warnings, *translucent.warnings]
+    read = [*leaves.messages, *(() if trunks is None else trunks.messages), *reflection.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
     blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
@@ -150,7 +150,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         settings,
         foliage,
         trunk,
-        gloss,
+        reflection,
         translucent,
         facts,
         effects,
@@ -212,7 +212,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     costs = Costs({each: effect.core_seconds(chain, decisions) for each, effect in effects.items()})
     if light is not None:
         costs.seconds["baked_light"] = light.seconds
-    gloss = prepared.gloss
+    reflection = prepared.reflection
     build = Build(
         name=name,
         tree=prepared.tree,
@@ -221,7 +221,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
         effects=on_effects(decisions),
         costs=costs,
-        shading=Shading(gloss.roughness, gloss.metallic, gloss.specular, prepared.translucent.share),
+        shading=Shading(reflection.roughness, reflection.metallic, reflection.specular, prepared.translucent.share),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),

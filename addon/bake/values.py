@@ -10,7 +10,7 @@ import leafcloud
 
 from ..geometry import Tree
 from ..levels.building import BuiltLevel, Costs
-from ..material.shading import Gloss
+from ..material.shading import Reflection
 from ..material.translucency import Translucent
 from ..plan.decision import Decision
 from ..plan.effects import plan_levels
@@ -40,7 +40,7 @@ class Prepared:
     settings: BakeSettings
     foliage: leafcloud.Foliage
     trunk: leafcloud.Foliage | None
-    gloss: Gloss
+    reflection: Reflection
     translucent: Translucent
     facts: Facts
     effects: tuple[Decision, ...]

@@ -26,7 +26,7 @@ class Occlusion(Effect):
         "so levels differ where they take over. Wanted only on request"
     )
     moving_light = True
-    reads = ("gloss",)
+    reads = ("orm",)
     is_page_texture = True
 
     def rule(self, situation: Situation) -> Rule:

@@ -27,9 +27,9 @@ class SelfShadowing(Effect):
         "only on request, for such a shader. Costs a texture"
     )
     moving_light = True
-    reads = ("gloss",)
+    reads = ("orm",)
     is_page_texture = True
-    channels = ("visibility",)
+    channels = ("bent_normal",)
 
     def rule(self, situation: Situation) -> Rule:
         return False, "renderers cast shadows themselves, and only a custom shader reads the texture"
@@ -39,15 +39,15 @@ class SelfShadowing(Effect):
         return (own, orm.RATE) if orm.pays(self.name, decisions) else (own,)
 
     def core_options(self, on: bool | None, settings: BakeSettings) -> dict[str, Any]:
-        return {"visibility": bool(on)}
+        return {"bent_normal": bool(on)}
 
     def core_seconds(self, chain: leafcloud.Chain, decisions: Sequence[Decision]) -> float:
         own = super().core_seconds(chain, decisions)
         return own + orm.seconds(self.name, chain, decisions) + sky_seconds(self.name, chain, decisions)
 
     def add_to_page(self, page: Page, level: leafcloud.Level, build: Build) -> Page:
-        image = build.image(self.name, f"{page.name}_visibility", level.visibility, level)
-        return replace(build.with_orm(self.name, page, level), visibility=image)
+        image = build.image(self.name, f"{page.name}_bent_normal", level.bent_normal, level)
+        return replace(build.with_orm(self.name, page, level), bent_normal=image)
 
 
 EFFECT = SelfShadowing()

@@ -66,13 +66,13 @@ def _index(texture: dict[str, Any] | None) -> int | None:
 
 _TEXTURES: dict[str, Callable[[dict[str, Any]], int | None]] = {
     "base_color": _in_surface("baseColorTexture"),
-    "gloss": _in_surface("metallicRoughnessTexture"),
+    "orm": _in_surface("metallicRoughnessTexture"),
     "normal": lambda material: _index(material.get("normalTexture")),
     "translucency": lambda material: _index(
         material.get("extensions", {}).get(DIFFUSE_TRANSMISSION, {}).get("diffuseTransmissionColorTexture"),
     ),
-    "visibility": lambda material: _index(
-        material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture"),
+    "bent_normal": lambda material: _index(
+        material.get("extras", {}).get("leafcloud", {}).get("bentNormalTexture"),
     ),
 }
 """Functions that return the index of a channel's texture in a glTF material, or None."""

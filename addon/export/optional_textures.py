@@ -3,7 +3,7 @@
 Each key of `material.extras.leafcloud` is a glTF texture reference. The textures are linear and laid out like the base
 color.
 
-`visibilityTexture`: bent-normal occlusion. Light from the direction l reaches the surface with the fraction
+`bentNormalTexture`: bent-normal occlusion. Light from the direction l reaches the surface with the fraction
 `lc_sun_share(occlusion, 2 · texel − 1, l)` (shaders/leafcloud.glsl). l is in the axes of tangent, bitangent and normal,
 not flipped on the back. The occlusion is the red channel of `metallicRoughnessTexture`.
 
@@ -18,10 +18,10 @@ from typing import Any
 import bpy
 
 from ..levels.leaf_map import ID_NODE, UV_NODE
-from ..levels.material import VISIBILITY_NODE
+from ..levels.material import BENT_NORMAL_NODE
 from .glb_file import Glb
 
-OPTIONAL_NODES = {VISIBILITY_NODE: "visibilityTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
+OPTIONAL_NODES = {BENT_NORMAL_NODE: "bentNormalTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
 """The key of each optional texture, by the name of its image node."""
 _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}

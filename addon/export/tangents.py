@@ -34,8 +34,8 @@ def add_tangents(glb: Glb) -> None:
 
 
 def _map(material: dict[str, Any]) -> dict[str, Any] | None:
-    visibility = material.get("extras", {}).get("leafcloud", {}).get("visibilityTexture")
-    return material.get("normalTexture", visibility)
+    bent_normal = material.get("extras", {}).get("leafcloud", {}).get("bentNormalTexture")
+    return material.get("normalTexture", bent_normal)
 
 
 def _tangents(

@@ -103,7 +103,7 @@ def _lod_settings(lod_range: LodRange, build: Build, *, prunes: bool) -> LodSett
         contrast=chain.contrast if prunes and build.has("contrast") else (0.0, 0.0),
         appear=own(lod_range.appear),
         vanish=own(lod_range.vanish),
-        whole=own(lod_range.whole),
-        fading=own(lod_range.fading),
+        fade_in_end=own(lod_range.fade_in_end),
+        fade_out_start=own(lod_range.fade_out_start),
         centre=build.centre,
     )

@@ -128,9 +128,9 @@ class Build:
 
     def with_orm(self, effect: str, page: Page, level: leafcloud.Level) -> Page:
         """Return the page with occlusion, roughness and metallic, if no other effect has added them."""
-        if page.gloss is not None:
+        if page.orm is not None:
             return page
-        return replace(page, gloss=self.image(effect, f"{page.name}_gloss", level.gloss, level))
+        return replace(page, orm=self.image(effect, f"{page.name}_orm", level.orm, level))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from .mesh import COLOR_NAME, UV_NAME, LayerNames
 
 PAGE_NODE = "Leafcloud Page"
 CUTOFF_NODE = "Leafcloud Cutoff"
-VISIBILITY_NODE = "Visibility"
+BENT_NORMAL_NODE = "Bent Normal"
 TRANSLUCENCY_NODE = "Leafcloud Translucency"
 SHARE_NODE = "Leafcloud Translucent Share"
 
@@ -29,16 +29,16 @@ class Page:
     """Images and values of a level's material.
 
     name: of the level, with which the names of its images begin.
-    normal: tangent-space normal map. gloss: occlusion, roughness and metallic in red, green and blue.
-    visibility: bent-normal occlusion in the billboards' axes (`leafcloud.Level.visibility`).
+    normal: tangent-space normal map. orm: occlusion, roughness and metallic in red, green and blue.
+    bent_normal: bent-normal occlusion in the billboards' axes (`leafcloud.Level.bent_normal`).
     """
 
     base_color: bpy.types.Image
     normal: bpy.types.Image | None = None
-    gloss: bpy.types.Image | None = None
+    orm: bpy.types.Image | None = None
     occluded: bool = False
-    """Whether the red channel of `gloss` holds occlusion."""
-    visibility: bpy.types.Image | None = None
+    """Whether the red channel of `orm` holds occlusion."""
+    bent_normal: bpy.types.Image | None = None
     translucency: bpy.types.Image | None = None
     """Color of the transmitted light. With `opaque_parts` alpha is 0 where no light is transmitted."""
     share: float = 0.0
@@ -46,7 +46,7 @@ class Page:
     opaque_parts: bool = False
     roughness: float = 1.0
     metallic: float = 0.0
-    """Roughness and metallic are used if `gloss` is None."""
+    """Roughness and metallic are used if `orm` is None."""
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
     name: str = ""
@@ -98,16 +98,16 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
     opacity = shown_share(tree, texture, alpha_cutoff)
     tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
     tree.links.new(opacity, surface.inputs["Alpha"])
-    if page.gloss is not None:
-        parts = _add_gloss(tree, surface, page.gloss)
+    if page.orm is not None:
+        parts = _add_orm(tree, surface, page.orm)
         if page.occluded:
             tree.links.new(parts.outputs["Red"], _gltf_output(tree).inputs["Occlusion"])
     if page.normal is not None:
         _add_normal(tree, surface, page.normal)
     if page.translucency is not None:
         _shine_through(tree, surface, opacity, page, cut_out=alpha_cutoff > 0.0)
-    if page.visibility is not None:
-        _add_visibility(tree, page.visibility)
+    if page.bent_normal is not None:
+        _add_bent_normal(tree, page.bent_normal)
     if not double_sided:
         hide_back_in_cycles(tree)
     return material
@@ -159,7 +159,7 @@ def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
     output.is_active_output = True
 
 
-def _add_gloss(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.types.Image) -> bpy.types.Node:
+def _add_orm(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.types.Image) -> bpy.types.Node:
     """Link the image's green to roughness and its blue to metallic. Return the Separate Color node."""
     parts = _node(tree, "ShaderNodeSeparateColor", (-280.0, -100.0))
     tree.links.new(_image_node(tree, image, 0.0).outputs["Color"], parts.inputs[0])
@@ -174,12 +174,12 @@ def _add_normal(tree: bpy.types.NodeTree, surface: bpy.types.Node, image: bpy.ty
     tree.links.new(normal.outputs["Normal"], surface.inputs["Normal"])
 
 
-def _add_visibility(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
+def _add_bent_normal(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
     """Add the bent-normal occlusion as an unlinked image node.
 
     Blender's renderers do not use it. The export and custom shaders do.
     """
-    _image_node(tree, image, -600.0).name = VISIBILITY_NODE
+    _image_node(tree, image, -600.0).name = BENT_NORMAL_NODE
 
 
 def _shine_through(

@@ -16,7 +16,7 @@ from .flatten import USUAL_LOOK, Flattened, Look, flatten
 from .images import Pixels, as_bytes, brightened, check_images, encoded, image_of, pixels_of
 from .losses import losses
 from .node_links import shown_nodes
-from .shading import read_shading, render_gloss, render_normals
+from .shading import read_shading, render_normals, render_orm
 from .surface import Rgb, Surface, read_surface
 from .textures import Texture, transform_matrix, uv_maps
 from .tints import Islands, looks_of, nearest_tints
@@ -38,7 +38,7 @@ class MaterialDescription(TypedDict):
     normal: Pixels | None
     roughness: float
     metallic: float
-    gloss: Pixels | None
+    orm: Pixels | None
     translucency: Rgb
     translucency_image: Pixels | None
 
@@ -71,7 +71,7 @@ def describe_material(
 ) -> tuple[MaterialDescription, list[str]]:
     """Return a material's description for the core, and a sentence for each feature that could not be read.
 
-    `channels`: the channels to describe, out of "normals" and "gloss" (roughness and metallic). Without them the leaf
+    `channels`: the channels to describe, out of "normals" and "orm" (roughness and metallic). Without them the leaf
     gets flat normals, roughness 1 and metallic 0. `share`: the share of light that passes through the tree's leaves
     (see `translucency`); 0 for opaque leaves.
 
@@ -132,7 +132,7 @@ def describe_materials(
 
 def _shading_of(description: MaterialDescription) -> MaterialDescription:
     """Return roughness, metallic and normals of a description."""
-    keys = ("normal", "gloss", "roughness", "metallic")
+    keys = ("normal", "orm", "roughness", "metallic")
     return {key: description[key] for key in keys}  # type: ignore[literal-required, return-value]  # some of its keys
 
 
@@ -201,7 +201,7 @@ def _described(
         normal=None,
         roughness=1.0,
         metallic=0.0,
-        gloss=None,
+        orm=None,
         translucency=(0.0, 0.0, 0.0),
         translucency_image=None,
     )
@@ -235,9 +235,9 @@ def _shade(
 ) -> list[str]:
     """Describe roughness, metallic and normals if `channels` asks for them. Return messages about renderings."""
     shading, messages = read_shading(material, colors) if channels else None, list[str]()
-    if shading is not None and "gloss" in channels:
-        description["gloss"], messages = _data(material, shading.gloss, render_gloss, size)
-        if shading.gloss is None or description["gloss"] is not None:
+    if shading is not None and "orm" in channels:
+        description["orm"], messages = _data(material, shading.orm, render_orm, size)
+        if shading.orm is None or description["orm"] is not None:
             description |= {"roughness": shading.roughness, "metallic": shading.metallic}
     if shading is not None and "normals" in channels:
         description["normal"], said = _data(material, shading.normal, render_normals, size)

@@ -32,7 +32,7 @@ from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, text
 USUAL_SPECULAR = 0.5
 """The Specular IOR Level for an index of refraction of 1.5, the default of glTF."""
 
-_GLOSS, _NORMAL = ("Roughness", "Metallic"), ("Normal",)
+_ROUGHNESS_METALLIC, _NORMAL = ("Roughness", "Metallic"), ("Normal",)
 """Inputs of a Principled BSDF that share one rendering."""
 
 
@@ -40,13 +40,13 @@ _GLOSS, _NORMAL = ("Roughness", "Metallic"), ("Normal",)
 class Shading:
     """Shading of one material.
 
-    Roughness is the factor `roughness` times the green channel of `gloss`, metallic is the factor `metallic` times the
+    Roughness is the factor `roughness` times the green channel of `orm`, metallic is the factor `metallic` times the
     blue channel. `normal` is a tangent-space normal map. A texture without an image has yet to be rendered.
     """
 
     roughness: float = 1.0
     metallic: float = 0.0
-    gloss: Texture | None = None
+    orm: Texture | None = None
     normal: Texture | None = None
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
@@ -55,11 +55,11 @@ class Shading:
     @property
     def glossy(self) -> bool:
         """Whether lights make visible reflections on it."""
-        return self.gloss is not None or self.roughness < 0.9 or self.metallic > 0.0
+        return self.orm is not None or self.roughness < 0.9 or self.metallic > 0.0
 
 
 @dataclass(frozen=True)
-class Gloss:
+class Reflection:
     """Roughness and metallic of a tree's leaves: numbers if all are alike, else a material that differs."""
 
     roughness: float
@@ -72,7 +72,7 @@ class Gloss:
     """The mean over the materials."""
 
 
-def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
+def reflection_of(materials: Sequence[bpy.types.Material | None]) -> Reflection:
     """Return the roughness and metallic shared by all materials, or a material that differs."""
     shadings = [read_shading(material, read_surface(material).texture) for material in materials]
     first = shadings[0]
@@ -82,10 +82,10 @@ def gloss_of(materials: Sequence[bpy.types.Material | None]) -> Gloss:
     if any(s.specular != first.specular for s in shadings):
         differ = f"the leaf materials' Specular IOR Levels ({', '.join(levels)}) differ"
         warnings.append(f"{differ}: the billboards use their mean, {specular:.3g}")
-    if {(s.roughness, s.metallic, s.gloss) for s in shadings} == {(first.roughness, first.metallic, None)}:
-        return Gloss(first.roughness, first.metallic, None, tuple(warnings), specular)
+    if {(s.roughness, s.metallic, s.orm) for s in shadings} == {(first.roughness, first.metallic, None)}:
+        return Reflection(first.roughness, first.metallic, None, tuple(warnings), specular)
     glossy = (material.name for material, s in zip(materials, shadings, strict=True) if material and s.glossy)
-    return Gloss(1.0, 0.0, next(glossy, None), tuple(warnings), specular)
+    return Reflection(1.0, 0.0, next(glossy, None), tuple(warnings), specular)
 
 
 def read_shading(material: bpy.types.Material | None, colors: Texture | None) -> Shading:
@@ -96,7 +96,7 @@ def read_shading(material: bpy.types.Material | None, colors: Texture | None) ->
     if principled is None:
         return Shading(warnings=tuple(_unread(material)))
     shading = Shading()
-    for read in (_with_gloss, _with_specular, _with_normal):
+    for read in (_with_orm, _with_specular, _with_normal):
         try:
             shading = read(shading, principled, colors)
         except NotUnderstoodError as reason:
@@ -124,8 +124,8 @@ def _with_specular(shading: Shading, principled: Output, _: Texture | None) -> S
     return replace(shading, specular=specular)
 
 
-def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
-    rough, metal = (principled.input(name) for name in _GLOSS)
+def _with_orm(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
+    rough, metal = (principled.input(name) for name in _ROUGHNESS_METALLIC)
     roughness, metallic = (_within(number_at(target)) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
@@ -135,10 +135,12 @@ def _with_gloss(shading: Shading, principled: Output, colors: Texture | None) ->
     # The image multiplies both factors, so an input without a link to it can only be 0.
     scaled = (roughness or 0.0) + (metallic or 0.0) > 0.0
     if images or image is None or scaled or not laid_alike(colors, image):
-        image = _rendering(principled, _GLOSS, colors, "roughness or metallic", "roughness 1 and metallic 0 are used")
-        return replace(shading, roughness=1.0, metallic=1.0, gloss=image)
+        image = _rendering(
+            principled, _ROUGHNESS_METALLIC, colors, "roughness or metallic", "roughness 1 and metallic 0 are used"
+        )
+        return replace(shading, roughness=1.0, metallic=1.0, orm=image)
     roughness, metallic = (1.0 if factor is None else factor for factor in (roughness, metallic))
-    return replace(shading, roughness=roughness, metallic=metallic, gloss=image)
+    return replace(shading, roughness=roughness, metallic=metallic, orm=image)
 
 
 def _within(number: float | None) -> float | None:
@@ -218,9 +220,9 @@ def _rendering(principled: Output, names: Sequence[str], colors: Texture | None,
         raise NotUnderstoodError(f"{what} {reason}; {instead} instead") from reason
 
 
-def render_gloss(material: bpy.types.Material, layout: Texture, size: float) -> tuple[Pixels, str]:
+def render_orm(material: bpy.types.Material, layout: Texture, size: float) -> tuple[Pixels, str]:
     """Render roughness to green and metallic to blue. Otherwise like `render_normals`."""
-    values, said = _render(material, _GLOSS, layout, size)
+    values, said = _render(material, _ROUGHNESS_METALLIC, layout, size)
     said = f"its roughness and metallic are neither constants nor channels of one image; they are rendered {said}"
     return as_bytes(values), f"material {material.name!r}: {said}"
 

@@ -10,7 +10,9 @@ camera to the level's center in the object's own coordinates:
     γ = λ^(c₁ + c₂ ln λ)                                         further growth, measured (`leafcloud.Chain.growth`)
     p' = pivot(a) + (p(a) − pivot(a))·s·γ·r                      for leaves of rank below λ; the others are deleted
     κ = min(1, λ^(k₁ + k₂ ln λ))                                 contrast: kept fraction of a color's offset to the mean
-    h = clamp(max((whole − d) / (whole − appear), (d − fading) / (vanish − fading)), 0, 1)     hidden fraction
+    i = (fade-in end − d) / (fade-in end − appear)               fading in
+    o = (d − fade-out start) / (vanish − fade-out start)         fading out
+    h = clamp(max(i, o), 0, 1)                                   hidden fraction
 
 Leaves of a negative rank are protected: they are never pruned, do not grow, and do not count in the sums. Materials
 read 1 − κ and h from the point attributes `leaf_mean_share` and `leaf_hidden_share`. The group stores each of them only
@@ -76,8 +78,8 @@ class LodSettings:
     growth: (c₁, c₂) of γ; finite.
     contrast: (k₁, k₂) of κ; finite.
     appear, vanish: the level is drawn for appear ≤ distance < vanish. ≥ 0.
-    whole, fading: the level fades in from `appear` to `whole`, and out from `fading` to `vanish`. It appears at once if
-        `whole` ≤ `appear`, and vanishes at once if `fading` ≥ `vanish`. ≥ 0.
+    fade_in_end: the level fades in from `appear` to here; at once if it is not beyond `appear`. ≥ 0.
+    fade_out_start: the level fades out from here to `vanish`; at once if it is not before `vanish`. ≥ 0.
     centre: the point that the distance to the camera is measured from, in the object's coordinates.
 
     Raises `ValueError` for a value that is out of range or not finite.
@@ -91,12 +93,12 @@ class LodSettings:
     contrast: tuple[float, float] = (0.0, 0.0)
     appear: float = 0.0
     vanish: float = NEVER
-    whole: float = 0.0
-    fading: float = NEVER
+    fade_in_end: float = 0.0
+    fade_out_start: float = NEVER
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("start", "end", "appear", "vanish", "whole", "fading"):
+        for name in ("start", "end", "appear", "vanish", "fade_in_end", "fade_out_start"):
             _require(name, getattr(self, name), lambda value: value >= 0.0, "at least 0")
         _require("prune_start", self.prune_start, lambda value: value > 0.0, "greater than 0")
         _require("prune_half", self.prune_half, lambda value: 0.0 < value <= 0.5, "greater than 0 and at most 0.5")
@@ -123,8 +125,8 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
         "Contrast of Few": settings.contrast[1],
         "Appear": settings.appear,
         "Vanish": settings.vanish,
-        "Whole": settings.whole,
-        "Fading": settings.fading,
+        "Fade In End": settings.fade_in_end,
+        "Fade Out Start": settings.fade_out_start,
         "Centre": settings.centre,
     }
     return add_modifier(obj, GROUP_NAME, lod_group(), values)
@@ -164,8 +166,8 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     panel = tree.interface.new_panel("Visibility")
     declare(tree, "Appear", "Float", "Distance from which the level is drawn", panel, default_value=0.0, **LENGTH)
     declare(tree, "Vanish", "Float", "Distance from which the level is no longer drawn", panel, **never)
-    declare(tree, "Whole", "Float", "Distance where the fade-in ends", panel, default_value=0.0, **LENGTH)
-    declare(tree, "Fading", "Float", "Distance where the fade-out starts", panel, **never)
+    declare(tree, "Fade In End", "Float", "Distance where the fade-in ends", panel, default_value=0.0, **LENGTH)
+    declare(tree, "Fade Out Start", "Float", "Distance where the fade-out starts", panel, **never)
     declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
 
     panel = tree.interface.new_panel("By Hand")
@@ -224,9 +226,9 @@ def _hidden(section: Section, distance: bpy.types.NodeSocket) -> tuple[bpy.types
         span = section.math("MAXIMUM", over, TINY, label="Avoid division by 0")
         return section.math("DIVIDE", section.math("SUBTRACT", first, second), span, clamp=True)
 
-    whole, fading = (section.group_input(name) for name in ("Whole", "Fading"))
-    coming = share(whole, distance, section.math("SUBTRACT", whole, section.group_input("Appear")))
-    going = share(distance, fading, section.math("SUBTRACT", section.group_input("Vanish"), fading))
+    fade_in_end, fade_out_start = (section.group_input(name) for name in ("Fade In End", "Fade Out Start"))
+    coming = share(fade_in_end, distance, section.math("SUBTRACT", fade_in_end, section.group_input("Appear")))
+    going = share(distance, fade_out_start, section.math("SUBTRACT", section.group_input("Vanish"), fade_out_start))
     hidden = section.math("MAXIMUM", coming, going, label="h")
     by_distance = section.compare(hidden, "GREATER_THAN", 0.0, label="h > 0")
     return section.switch("BOOLEAN", section.group_input("Manual"), by_distance, False, label="By camera"), hidden

@@ -35,19 +35,19 @@ class LodRange:
     """The LOD range of a level. Infinite means never.
 
     The level is drawn for appear ≤ distance < vanish. Its transition a runs from 0 at `start` to 1 at `end`. The level
-    fades in from `appear` to `whole`, and out from `fading` to `vanish`.
+    fades in from `appear` to `fade_in_end`, and out from `fade_out_start` to `vanish`.
     """
 
     appear: float
     start: float
     end: float
     vanish: float
-    whole: float
-    fading: float
+    fade_in_end: float
+    fade_out_start: float
 
     @property
     def fades(self) -> bool:
-        return self.whole > self.appear or self.fading < self.vanish
+        return self.fade_in_end > self.appear or self.fade_out_start < self.vanish
 
 
 def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[LodRange, ...]:
@@ -71,11 +71,11 @@ def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, tra
             start=start,
             end=end if morphs else math.inf,
             vanish=hand_over + fade,
-            whole=whole,
-            fading=hand_over + fade / 2.0,
+            fade_in_end=whole,
+            fade_out_start=hand_over + fade / 2.0,
         )
         result.append(lod_range)
-        appear, whole, gone = hand_over, lod_range.fading, lod_range.vanish
+        appear, whole, gone = hand_over, lod_range.fade_out_start, lod_range.vanish
     return tuple(result)
 
 
@@ -88,8 +88,8 @@ def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     own = ranges[number]
     morphs = math.isfinite(own.end)
     vanish = ranges[number + 1].appear if morphs else own.vanish
-    fading = vanish if morphs else own.fading
-    return LodRange(own.appear, math.inf, math.inf, vanish, whole=own.appear, fading=fading)
+    fading = vanish if morphs else own.fade_out_start
+    return LodRange(own.appear, math.inf, math.inf, vanish, fade_in_end=own.appear, fade_out_start=fading)
 
 
 def trunk_errors(deviations: Sequence[float], ranges: Sequence[LodRange], unit: float) -> tuple[float, ...]:

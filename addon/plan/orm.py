@@ -11,8 +11,8 @@ from .rates import BYTES_PER_TEXEL, Rate
 if TYPE_CHECKING:
     import leafcloud
 
-_USERS = ("gloss", "occlusion", "self_shadowing")
-CHANNEL = "gloss"
+_USERS = ("roughness_metallic", "occlusion", "self_shadowing")
+CHANNEL = "orm"
 """The core's name of the image."""
 RATE = Rate(lambda known: known.texels, BYTES_PER_TEXEL, seconds=1.65e-7, seconds_per_layer=8.3e-9)
 

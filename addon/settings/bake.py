@@ -336,7 +336,7 @@ class BakeSettings:
         Setting(
             f"Effects of the levels: {', '.join(EFFECT_CHOICES)}, or names separated by commas from "
             f"{', '.join(EFFECTS)}. Add +NAME or -NAME to force an effect on or off. Without a word before them they "
-            "change auto, as in `effects=-gloss`",
+            "change auto, as in `effects=-roughness_metallic`",
             "NAMES",
         ),
     ] = "auto"

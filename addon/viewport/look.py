@@ -28,8 +28,8 @@ class LevelInputs:
     prune_half: float
     appear: float
     vanish: float
-    whole: float
-    fading: float
+    fade_in_end: float
+    fade_out_start: float
     growth: tuple[float, float] = (0.0, 0.0)
     contrast: tuple[float, float] = (0.0, 0.0)
     mean_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -63,8 +63,16 @@ def look_at(level: LevelInputs, distance: float) -> Look | None:
         return None
     kept = _keep(distance, level.prune_start, level.prune_half)
     # The preview fades over the whole range. The node groups fade in over its first half and out over its second.
-    going = _share(distance, 2.0 * level.fading - level.vanish, level.vanish) if level.fading < level.vanish else 0.0
-    come = _share(distance, level.appear, 2.0 * level.whole - level.appear) if level.whole > level.appear else 1.0
+    going = (
+        _share(distance, 2.0 * level.fade_out_start - level.vanish, level.vanish)
+        if level.fade_out_start < level.vanish
+        else 0.0
+    )
+    come = (
+        _share(distance, level.appear, 2.0 * level.fade_in_end - level.appear)
+        if level.fade_in_end > level.appear
+        else 1.0
+    )
     return Look(
         transition=(distance, level.start, level.end),
         keep=(distance, level.prune_start, level.prune_half),

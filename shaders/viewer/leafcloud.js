@@ -11,7 +11,7 @@ import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { BlendOrder } from "./blending.js";
 import { after, before, replaced } from "./patching.js";
-import { addTangents, shadeItself, visibilityOf } from "./self_shadowing.js";
+import { addTangents, shadeItself, bentNormalOf } from "./self_shadowing.js";
 
 /** Source of ../leafcloud.glsl. The declarations below follow it in a vertex shader. */
 export const LAWS = await text(new URL("../leafcloud.glsl", import.meta.url));
@@ -104,14 +104,14 @@ export class Tree extends THREE.Group {
   static async load(url) {
     const gltf = await new GLTFLoader().loadAsync(url);
     await addLevels(gltf);
-    return new Tree(gltf, await visibilityOf(gltf));
+    return new Tree(gltf, await bentNormalOf(gltf));
   }
 
-  constructor(gltf, visibility) {
+  constructor(gltf, bentNormal) {
     super();
     this.add(gltf.scene);
     this.settings = { ...SETTINGS };
-    this.levels = levelsOf(gltf, visibility);
+    this.levels = levelsOf(gltf, bentNormal);
     this.level = 0;
     this.distance = 0;
     const { center, radius } = sphereOf(this.levels[0], this);
@@ -233,12 +233,12 @@ async function addLevels({ scene, parser }) {
   behind.forEach((level) => scene.add(level));
 }
 
-function levelsOf({ scene, parser }, visibility) {
+function levelsOf({ scene, parser }, bentNormal) {
   const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
   if (found.length === 0) throw new Error("No levels in this file: open a NAME.glb that Leafcloud wrote.");
   if (!found[0].userData.leafcloud.centre) throw new Error("An older Leafcloud wrote this file: bake the tree again.");
   const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
-  const levels = found.sort(byNumber).map((object) => newLevel(object, parser, visibility));
+  const levels = found.sort(byNumber).map((object) => newLevel(object, parser, bentNormal));
   levels.forEach((level, i) => {
     const switchDistance = levels[i + 1]?.object.userData.leafcloud.switch_distance ?? Infinity;
     level.handOver = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
@@ -246,7 +246,7 @@ function levelsOf({ scene, parser }, visibility) {
   return levels;
 }
 
-function newLevel(object, parser, visibility) {
+function newLevel(object, parser, bentNormal) {
   const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
@@ -267,7 +267,7 @@ function newLevel(object, parser, visibility) {
       // Blended triangles are not in rank order, so prefixes do not apply; pruned leaves have zero size there.
       if (table?.shares && !mesh.material.transparent) pruned.push({ geometry: mesh.geometry, prefixes: table.prefixes });
     }
-    const shading = visibility.get(mesh.material);
+    const shading = bentNormal.get(mesh.material);
     if (shading) addTangents(mesh.geometry);
     mesh.material = patched(mesh.material, uniforms, leaves, shading);
     // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.

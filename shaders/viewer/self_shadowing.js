@@ -6,9 +6,9 @@ import { ShaderChunk } from "three";
 import { after, before, replaced } from "./patching.js";
 
 /** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
-export async function visibilityOf(gltf) {
+export async function bentNormalOf(gltf) {
   const found = new Map();
-  gltf.scene.traverse(({ material }) => material && found.set(material, material.userData.leafcloud?.visibilityTexture));
+  gltf.scene.traverse(({ material }) => material && found.set(material, material.userData.leafcloud?.bentNormalTexture));
   const loaded = [...found].filter(([material, reference]) => reference && material.roughnessMap);
   const textures = loaded.map(([, { index }]) => gltf.parser.getDependency("texture", index));
   return new Map((await Promise.all(textures)).map((texture, i) => [loaded[i][0], texture]));
@@ -19,7 +19,7 @@ in vec4 lcTangent;
 out vec4 lcAcross; // in view coordinates, with glTF's w
 `;
 const FRAGMENT = `
-uniform sampler2D lcVisibility;
+uniform sampler2D lcBentNormal;
 in vec4 lcAcross;
 `;
 // The normal is not flipped toward the viewer: the texture stores light per place, not per side.
@@ -27,7 +27,7 @@ const PLACE = `
     vec3 lcOut = normalize(vNormal);
     vec3 lcRight = normalize(lcAcross.xyz);
     mat3 lcAxes = mat3(lcRight, cross(lcOut, lcRight) * lcAcross.w, lcOut);
-    vec3 lcToward = lcAxes * (2.0 * texture(lcVisibility, vRoughnessMapUv).xyz - 1.0);
+    vec3 lcToward = lcAxes * (2.0 * texture(lcBentNormal, vRoughnessMapUv).xyz - 1.0);
 `;
 const LIGHTS = /get\w+LightInfo\([^;]*;/g;
 const REACHED = "directLight.color *= lc_sun_share(texelRoughness.r, lcToward, directLight.direction);";
@@ -39,7 +39,7 @@ export function addTangents(geometry) {
 
 /** Dims the lights in `shader` by `texture`. The shader must already include the laws. */
 export function shadeItself(shader, texture) {
-  shader.uniforms.lcVisibility = { value: texture };
+  shader.uniforms.lcBentNormal = { value: texture };
   const across = "lcAcross = vec4((modelViewMatrix * vec4(lcTangent.xyz, 0.0)).xyz, lcTangent.w);";
   shader.vertexShader = before("void main()", VERTEX, after("#include <project_vertex>", across, shader.vertexShader));
   const lights = ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);

@@ -62,7 +62,7 @@ def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[s
     assert all(set(effect) == told for effect in report["effects"])
     assert [effect["name"] for effect in report["effects"]] == list(EFFECTS)
     states = {effect["name"]: effect["on"] for effect in report["effects"]}
-    assert (states["normals"], states["gloss"]) == (True, False), "the shrub's leaves are all alike"
+    assert (states["normals"], states["roughness_metallic"]) == (True, False), "the shrub's leaves are all alike"
     assert report["warnings"] == []
 
 

@@ -54,14 +54,14 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     assert table.returncode == 0, table.stderr
     assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == sorted([
         ["transitions", "on"], ["pruning", "off"], ["back_sides", "auto"], ["trunk_levels", "on"],
-        ["far_levels", "on"], ["normals", "on"], ["gloss", "off"], ["translucency", "off"],
+        ["far_levels", "on"], ["normals", "on"], ["roughness_metallic", "off"], ["translucency", "off"],
         ["blend_order", "off"], ["occlusion", "off"], ["self_shadowing", "off"], ["shadow_proxy", "off"],
         ["leaf_map", "off"], ["contrast", "off"], ["wind", "off"], ["baked_light", "off"],
     ])  # fmt: skip
     plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
     assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == sorted([
         ("transitions", False), ("pruning", True), ("back_sides", False), ("trunk_levels", False),
-        ("far_levels", True), ("normals", False), ("gloss", False), ("translucency", False),
+        ("far_levels", True), ("normals", False), ("roughness_metallic", False), ("translucency", False),
         ("blend_order", False), ("occlusion", False), ("self_shadowing", False), ("shadow_proxy", False),
         ("leaf_map", False), ("contrast", False), ("wind", False), ("baked_light", False),
     ])  # fmt: skip

@@ -78,9 +78,9 @@ EFFECTS_APART = {
     # The same functions make the first level and the others.
     "far_levels": Own((), ("objects tree_LOD2 is there", "images tree_LOD2 is there")),
     "normals": Own(("addon.levels.material:_add_normal",), ("images tree_LOD1_normal is there", "normalTexture")),
-    "gloss": Own(
-        ("addon.levels.material:_add_gloss",),
-        ("images tree_LOD1_gloss is there", "metallicRoughnessTexture"),
+    "roughness_metallic": Own(
+        ("addon.levels.material:_add_orm",),
+        ("images tree_LOD1_orm is there", "metallicRoughnessTexture"),
         without=("occlusion", "self_shadowing"),
     ),
     "translucency": Own(
@@ -100,7 +100,7 @@ EFFECTS_APART = {
         ("addon.levels.material:_gltf_output",), ("node_groups glTF Material Output is there", "occlusionTexture")
     ),
     "self_shadowing": Own(
-        ("addon.levels.material:_add_visibility",), ("images tree_LOD1_visibility is there", "visibilityTexture")
+        ("addon.levels.material:_add_bent_normal",), ("images tree_LOD1_bent_normal is there", "bentNormalTexture")
     ),
     "shadow_proxy": Own(
         ("addon.levels.shadow_proxy:add_shadow_proxy", "addon.levels.shadow_proxy:left_out"),

@@ -56,7 +56,7 @@ def test_each_texture_of_a_level_is_stored_as_png_and_ktx2(files: Path) -> None:
         surface["baseColorTexture"]["index"]: "sRGB",
         surface["metallicRoughnessTexture"]["index"]: "linear",
         material["normalTexture"]["index"]: "linear",
-        material["extras"]["leafcloud"]["visibilityTexture"]["index"]: "linear",
+        material["extras"]["leafcloud"]["bentNormalTexture"]["index"]: "linear",
     }
     assert len(expected) == 4
     for number, codes in expected.items():
@@ -90,8 +90,8 @@ def test_the_leaves_keep_their_own_textures(files: Path) -> None:
 def test_occlusion_and_roughness_share_a_texture(files: Path) -> None:
     document, _ = document_of(files / "shrub_LOD1.glb")
     [material] = [material for material in document["materials"] if material["name"] == "shrub_LOD1"]
-    gloss = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]
-    assert material["occlusionTexture"]["index"] == gloss
+    orm = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]
+    assert material["occlusionTexture"]["index"] == orm
 
 
 def test_the_validator_finds_nothing_but_the_extension(

@@ -23,7 +23,7 @@ def test_self_shadowing_has_a_texture_and_its_axes(
     tmp_path: Path, shrub: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     primitive, effects = level_of(tmp_path, shrub, "self_shadowing")
-    assert "visibilityTexture" in primitive.material["extras"]["leafcloud"]
+    assert "bentNormalTexture" in primitive.material["extras"]["leafcloud"]
     assert "metallicRoughnessTexture" in primitive.material["pbrMetallicRoughness"], "its red is the occlusion"
     assert "TANGENT" in primitive.attributes
     assert not {"normalTexture", "occlusionTexture"} & {*primitive.material}
@@ -33,8 +33,8 @@ def test_self_shadowing_has_a_texture_and_its_axes(
 
 def test_occlusion_is_a_texture_of_gltf(tmp_path: Path, shrub: Path) -> None:
     primitive, effects = level_of(tmp_path, shrub, "occlusion")
-    gloss = primitive.material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
-    assert primitive.material["occlusionTexture"]["index"] == gloss["index"]
+    orm = primitive.material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
+    assert primitive.material["occlusionTexture"]["index"] == orm["index"]
     assert "TANGENT" not in primitive.attributes
     assert "extras" not in primitive.material
     assert effects["occlusion"]["bytes"] == 128 * 128 * 4

@@ -197,15 +197,15 @@ def test_a_texture_for_one_tree_is_made_for_all_trees() -> None:
     trees = read_trees()
     settings, layer = BakeSettings(**SMALL), bpy.context.view_layer
     alone = {name: prepare_tree_set({name: tree}, settings, layer)[name].effects for name, tree in trees.items()}
-    assert [is_on(effects, "gloss") for effects in alone.values()] == [True, False]
+    assert [is_on(effects, "roughness_metallic") for effects in alone.values()] == [True, False]
     prepared = prepare_tree_set(trees, settings, layer)
-    assert all(is_on(each.effects, "gloss") for each in prepared.values())
-    [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "gloss"]
+    assert all(is_on(each.effects, "roughness_metallic") for each in prepared.values())
+    [reason] = [effect.reason for effect in prepared["spruce"].effects if effect.name == "roughness_metallic"]
     assert "share atlas pages" in reason
     planned = plan_tree_set(trees, settings, layer).values()
-    assert is_on(joint_effects([each.effects for each in planned]), "gloss")
+    assert is_on(joint_effects([each.effects for each in planned]), "roughness_metallic")
     levels = [tree.chain.levels[0] for tree in bake(trees).trees]
-    assert np.array_equal(levels[0].gloss, levels[1].gloss)
+    assert np.array_equal(levels[0].orm, levels[1].orm)
 
 
 def test_alpha_blended_and_cut_out_trees_cannot_share_a_page() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from addon.levels.material import VISIBILITY_NODE, Page, atlas_image, atlas_material
+from addon.levels.material import BENT_NORMAL_NODE, Page, atlas_image, atlas_material
 
 
 def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:
@@ -33,43 +33,43 @@ def tree_groups(material: bpy.types.Material) -> list[bpy.types.Node]:
     return [node for node in material.node_tree.nodes if node.type == "GROUP"]
 
 
-def test_the_atlas_material_shows_normals_and_gloss() -> None:
-    color, normal, gloss = (
+def test_the_atlas_material_shows_normals_and_orm() -> None:
+    color, normal, orm = (
         atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
-        for name in ("color", "normal", "gloss")
+        for name in ("color", "normal", "orm")
     )
-    material = atlas_material("page", Page(color, normal, gloss), alpha_cutoff=0.5, double_sided=True)
+    material = atlas_material("page", Page(color, normal, orm), alpha_cutoff=0.5, double_sided=True)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     mapped = surface.inputs["Normal"].links[0].from_node
     assert (mapped.type, mapped.inputs["Color"].links[0].from_node.image) == ("NORMAL_MAP", normal)
     for name, channel in (("Roughness", "Green"), ("Metallic", "Blue")):
         part = surface.inputs[name].links[0].from_socket
-        assert (part.name, part.node.inputs[0].links[0].from_node.image) == (channel, gloss)
+        assert (part.name, part.node.inputs[0].links[0].from_node.image) == (channel, orm)
     assert not tree_groups(material), "occlusion was not asked for"
-    spaces = [image.colorspace_settings.name for image in (color, normal, gloss)]
+    spaces = [image.colorspace_settings.name for image in (color, normal, orm)]
     assert spaces == ["sRGB", "Non-Color", "Non-Color"]
 
 
 def test_occlusion_uses_an_existing_gltf_output_group() -> None:
     theirs = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
     theirs.interface.new_socket("Thickness", in_out="INPUT", socket_type="NodeSocketFloat")
-    color, gloss = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("color", "gloss"))
-    material = atlas_material("m", Page(color, gloss=gloss, occluded=True), alpha_cutoff=0.5, double_sided=True)
+    color, orm = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("color", "orm"))
+    material = atlas_material("m", Page(color, orm=orm, occluded=True), alpha_cutoff=0.5, double_sided=True)
     [group] = tree_groups(material)
     assert group.node_tree == theirs
     assert group.inputs["Occlusion"].is_linked
 
 
 def test_occlusion_and_bent_normals_are_optional_nodes_for_the_export() -> None:
-    color, gloss, visibility = (
+    color, orm, bent_normal = (
         atlas_image(name, np.full((2, 2, 4), 255, np.uint8), data=name != "color")
-        for name in ("color", "gloss", "visibility")
+        for name in ("color", "orm", "bent_normal")
     )
-    page = Page(color, gloss=gloss, occluded=True, visibility=visibility)
+    page = Page(color, orm=orm, occluded=True, bent_normal=bent_normal)
     first, second = (atlas_material(name, page, alpha_cutoff=0.5, double_sided=True) for name in ("a", "b"))
     [group], [other] = tree_groups(first), tree_groups(second)
     assert group.node_tree == other.node_tree
     assert group.node_tree.name == "glTF Material Output"
     red = group.inputs["Occlusion"].links[0].from_socket
-    assert (red.name, red.node.inputs[0].links[0].from_node.image) == ("Red", gloss)
-    assert first.node_tree.nodes[VISIBILITY_NODE].image == visibility
+    assert (red.name, red.node.inputs[0].links[0].from_node.image) == ("Red", orm)
+    assert first.node_tree.nodes[BENT_NORMAL_NODE].image == bent_normal

@@ -42,9 +42,9 @@ class FakeLevel:
     alpha_cutoff: float = 0.375
     max_deviation_leaves: float = 0.05
     normal: NDArray[np.uint8] | None = None
-    gloss: NDArray[np.uint8] | None = None
+    orm: NDArray[np.uint8] | None = None
     translucency: NDArray[np.uint8] | None = None
-    visibility: NDArray[np.uint8] | None = None
+    bent_normal: NDArray[np.uint8] | None = None
     leaf_uv: NDArray[np.uint8] | None = None
     leaf_id: NDArray[np.uint8] | None = None
     uvs: NDArray[np.float32] = field(init=False)
@@ -407,7 +407,9 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     assert get_modifier_input(leaf, "Vanish") == pytest.approx(1.1 * get_modifier_input(cloud, "Appear"))
     assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
     assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
-    assert get_modifier_input(cross, "Whole") == get_modifier_input(last, "Fading") == pytest.approx(56.25)
+    assert (
+        get_modifier_input(cross, "Fade In End") == get_modifier_input(last, "Fade Out Start") == pytest.approx(56.25)
+    )
     assert get_modifier_input(last, "Vanish") == pytest.approx(62.5)
     assert get_modifier_input(cross, "Vanish") > 1e8
     trunk = levels[1].trunk.modifiers[0]

@@ -31,7 +31,7 @@ def test_leaves_without_material_have_blender_s_default_gray() -> None:
             "normal": None,
             "roughness": 1.0,
             "metallic": 0.0,
-            "gloss": None,
+            "orm": None,
             "translucency": (0.0, 0.0, 0.0),
             "translucency_image": None,
         },

@@ -36,7 +36,7 @@ def hidden(obj: bpy.types.Object) -> float | None:
 def test_a_level_fades_in_and_out_by_distance(distance: float, expected: float | None) -> None:
     """The level is visible from 4 to 12, and fully visible from 6 to 8."""
     obj = place(build(FOUR))
-    add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0, fading=8.0, vanish=12.0))
+    add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, fade_in_end=6.0, fade_out_start=8.0, vanish=12.0))
     add_camera((0.0, 0.0, distance))
     assert hidden(obj) == (None if expected is None else pytest.approx(expected, abs=1e-6))
 
@@ -44,7 +44,7 @@ def test_a_level_fades_in_and_out_by_distance(distance: float, expected: float |
 @pytest.mark.parametrize("distance", [3.99, 12.01])
 def test_a_level_outside_of_its_lod_range_is_empty(distance: float) -> None:
     obj = place(build(FOUR))
-    add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0, fading=8.0, vanish=12.0))
+    add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, fade_in_end=6.0, fade_out_start=8.0, vanish=12.0))
     add_camera((0.0, 0.0, distance))
     assert len(evaluate(obj).vertices) == 0
 
@@ -61,7 +61,7 @@ def test_without_a_band_nothing_fades() -> None:
 
 def test_a_level_under_manual_control_is_fully_visible() -> None:
     obj = place(build(FOUR))
-    modifier = add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, whole=6.0))
+    modifier = add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, fade_in_end=6.0))
     add_camera((0.0, 0.0, 5.0))
     set_manual(modifier, transition=0.0, keep=1.0)
     assert hidden(obj) is None

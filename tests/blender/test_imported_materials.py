@@ -129,14 +129,14 @@ def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
     assert np.abs(description["normal"] - np.array(expected)).max() <= 1.5
 
 
-def test_the_factors_of_gloss(tmp_path: Path) -> None:
+def test_the_factors_of_roughness_and_metallic(tmp_path: Path) -> None:
     """Roughness 0.5 · 204 and metallic 0.25 · 80."""
-    gloss = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5, "metallicFactor": 0.25}
+    orm = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5, "metallicFactor": 0.25}
     pixels = png([[(0, 204, 80, 255)] * 2] * 2)
-    material = imported(tmp_path, material={"pbrMetallicRoughness": gloss}, image=pixels)
-    description, _ = describe_material(material, ("gloss",))
-    assert description["gloss"] is not None
-    assert np.abs(description["gloss"].astype(int) - (255, 102, 20, 255)).max() <= 1
+    material = imported(tmp_path, material={"pbrMetallicRoughness": orm}, image=pixels)
+    description, _ = describe_material(material, ("orm",))
+    assert description["orm"] is not None
+    assert np.abs(description["orm"].astype(int) - (255, 102, 20, 255)).max() <= 1
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
 
 

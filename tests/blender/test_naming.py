@@ -120,7 +120,9 @@ def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line
 def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
     view, sun = View(), Lights(("Sun",))
     cameras = (None, *(Camera(spans, view) for spans in [((3.0, 3.0),), ((3.0, 400.0),), ((3.0, 3.0), (90.0, 90.0))]))
-    facts = Facts("generic", 9, 36, 18, 5, blended=("leaf",), see_through=("leaf",), translucent="leaf", lights=sun)
+    facts = Facts(
+        "generic", 9, 36, 18, 5, area=0.01, blended=("leaf",), see_through=("leaf",), translucent="leaf", lights=sun
+    )
     asked = ("auto", "auto,+far_levels,-transitions", "auto,+wind,+baked_light,-normals", "all", "none", "normals")
     for effects, unlit, viewer, engine, chain in itertools.product(
         asked, (False, True), ("auto", "camera", "anywhere"), ENGINES[:2], ("billboards", "both")
@@ -169,4 +171,4 @@ def test_help_names_flags() -> None:
     text = " ".join(run("--help").stdout.split())
     assert "`" not in text
     assert "k-means clusters of leaves, as many as --max-billboards" in text
-    assert "as in --effects=-gloss" in text
+    assert "as in --effects=-roughness_metallic" in text

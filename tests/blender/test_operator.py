@@ -63,8 +63,8 @@ def test_the_plan_is_shown_without_baking(selected_shrub: list[bpy.types.Object]
     assert bpy.ops.leafcloud.plan() == {"FINISHED"}
     rows = {row.name: row for row in bpy.context.window_manager.leafcloud.plan}
     assert tuple(rows) == EFFECTS
-    assert (rows["normals"].state, rows["back_sides"].state, rows["gloss"].state) == ("ON", "AUTO", "OFF")
-    assert rows["gloss"].cost == ""
+    assert (rows["normals"].state, rows["back_sides"].state, rows["roughness_metallic"].state) == ("ON", "AUTO", "OFF")
+    assert rows["roughness_metallic"].cost == ""
     assert rows["normals"].cost.endswith(" MB")
     assert counts() == before
     bpy.context.scene.leafcloud.leaves = "petals"

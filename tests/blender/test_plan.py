@@ -118,22 +118,22 @@ def test_an_unlit_game_without_a_light_in_the_scene_gets_none() -> None:
     assert "the scene has no light" in plan["baked_light"].reason
 
 
-def test_leaves_that_differ_in_gloss_call_for_it_where_billboards_are_seen() -> None:
+def test_leaves_that_differ_in_roughness_call_for_it_where_billboards_are_seen() -> None:
     crown = add_crown(principled("laurel", Roughness=0.2))
     crown.data.materials.append(principled("moss", Roughness=1.0))
     for polygon in crown.data.polygons[:10]:
         polygon.material_index = 1
-    assert on(plan_of(crown)) == ANYWHERE | {"gloss"}
+    assert on(plan_of(crown)) == ANYWHERE | {"roughness_metallic"}
     add_camera(3.0, crown)
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == set()
-    assert plan["gloss"].reason.endswith("no billboard is seen")
+    assert plan["roughness_metallic"].reason.endswith("no billboard is seen")
 
 
 def test_opaque_leaves_that_are_all_alike_call_for_no_texture_beside_normals() -> None:
     plan = plan_of(add_crown(principled("leaf", Roughness=0.3)))
     assert on(plan) == ANYWHERE
-    assert plan["gloss"].reason.startswith("roughness and metallic do not vary")
+    assert plan["roughness_metallic"].reason.startswith("roughness and metallic do not vary")
     assert plan["translucency"].reason == "no leaf material is translucent"
 
 

@@ -1,4 +1,4 @@
-"""Gloss and normals that are no plain images: rendered, and compared with what Blender's manual says of the nodes."""
+"""Roughness, metallic and normals from node trees: rendered, and compared with Blender's manual of the nodes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from node_trees import math_node, new_image, new_material, texture_node
 from scenes import SQUARE, add_mesh
 
 from addon.material.describe import describe_material, describe_materials, unit_sizes
-from addon.material.shading import gloss_of, read_shading
+from addon.material.shading import read_shading, reflection_of
 from addon.material.surface import read_surface
 from addon.mesh.extract import extract
 
-CHANNELS = ("normals", "gloss")
+CHANNELS = ("normals", "orm")
 
 
 def data_node(tree: Any, rows: list[list[tuple[float, ...]]]) -> bpy.types.Node:
@@ -234,7 +234,7 @@ def test_leaves_without_a_uv_map() -> None:
     assert result.materials[0]["normal"] is None
 
 
-# Gloss
+# Roughness and metallic
 
 
 def test_half_an_image_of_roughness() -> None:
@@ -243,8 +243,8 @@ def test_half_an_image_of_roughness() -> None:
     principled.inputs["Metallic"].default_value = 0.4
     description, message = described(principled, math_node(tree, "MULTIPLY", image.outputs["Color"], 0.5), "Roughness")
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
-    assert_codes(description["gloss"][:32], (255, 26, 102))
-    assert_codes(description["gloss"][32:], (255, 102, 102))
+    assert_codes(description["orm"][:32], (255, 26, 102))
+    assert_codes(description["orm"][32:], (255, 102, 102))
     assert "its roughness and metallic are neither constants nor channels of one image; they are rendered" in message
 
 
@@ -253,8 +253,8 @@ def test_values_are_cut_before_they_are_averaged() -> None:
     _, principled, tree = new_material()
     image = data_node(tree, [[(0.2, 0.2, 0.2)], [(0.8, 0.8, 0.8)]])
     description, _ = described(principled, math_node(tree, "MULTIPLY", image.outputs["Color"], 3.0), "Roughness")
-    assert_codes(description["gloss"][:32], (255, 153, 0))
-    assert_codes(description["gloss"][32:], (255, 255, 0))
+    assert_codes(description["orm"][:32], (255, 153, 0))
+    assert_codes(description["orm"][32:], (255, 255, 0))
 
 
 def test_a_principled_in_groups() -> None:
@@ -279,7 +279,7 @@ def test_a_principled_in_groups() -> None:
     tree.links.new(tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], node.inputs["Other"])
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     description, [message] = describe_material(material, CHANNELS)
-    assert_codes(description["gloss"], (255, 153, 0))
+    assert_codes(description["orm"], (255, 153, 0))
     assert "dropped" not in message, "what is handed to the groups for something else does not count"
     assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 3, "the groups are not touched"
 
@@ -287,7 +287,7 @@ def test_a_principled_in_groups() -> None:
 def test_what_tells_leaves_apart_is_lost() -> None:
     _, principled, tree = new_material()
     description, message = described(principled, tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], "Roughness")
-    assert_codes(description["gloss"], (255, 128, 0))
+    assert_codes(description["orm"], (255, 128, 0))
     assert ", so per-leaf variation from Object Info is dropped;" in message
 
 
@@ -307,10 +307,10 @@ def test_the_plan_knows_without_rendering() -> None:
     material, principled, tree = new_material()
     image = data_node(tree, [[(0.6, 0.6, 0.6)]])
     tree.links.new(image.outputs["Color"], principled.inputs["Roughness"])
-    gloss = gloss_of([material])
-    assert (gloss.varies, gloss.warnings) == ("m", ())
+    reflection = reflection_of([material])
+    assert (reflection.varies, reflection.warnings) == ("m", ())
     description, messages = describe_material(material, ("normals",))
-    assert (description["gloss"], description["roughness"], messages) == (None, 1.0, [])
+    assert (description["orm"], description["roughness"], messages) == (None, 1.0, [])
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -1,4 +1,4 @@
-"""What materials say of gloss and normals."""
+"""What materials say of orm and normals."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 from node_trees import new_image, new_material, texture_node
 
 from addon.material.describe import describe_material
-from addon.material.shading import Gloss, gloss_of, read_shading
+from addon.material.shading import Reflection, read_shading, reflection_of
 from addon.material.surface import read_surface
 from addon.material.textures import Texture
 
-CHANNELS = ("normals", "gloss")
+CHANNELS = ("normals", "orm")
 
 
 def data_node(tree: Any, pixel: tuple[float, float, float]) -> bpy.types.Node:
@@ -26,7 +26,7 @@ def test_constants() -> None:
     principled.inputs["Roughness"].default_value = 0.25
     principled.inputs["Metallic"].default_value = 0.75
     description, messages = describe_material(material, CHANNELS)
-    assert (description["roughness"], description["metallic"], description["gloss"], messages) == (0.25, 0.75, None, [])
+    assert (description["roughness"], description["metallic"], description["orm"], messages) == (0.25, 0.75, None, [])
     assert read_shading(material, None).glossy
     # What is not asked for is not described.
     description, _ = describe_material(material, ("normals",))
@@ -49,9 +49,9 @@ def test_an_image_of_roughness_and_metallic() -> None:
     description, messages = describe_material(material, CHANNELS)
     assert messages == []
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
-    assert description["gloss"] is not None
+    assert description["orm"] is not None
     # Codes as they are, and the alpha of a data image means nothing.
-    assert np.abs(description["gloss"].astype(int) - [[[128, 51, 153, 255]]]).max() <= 1
+    assert np.abs(description["orm"].astype(int) - [[[128, 51, 153, 255]]]).max() <= 1
 
 
 def test_a_normal_map() -> None:
@@ -72,9 +72,9 @@ def test_data_that_are_marked_as_colours_are_decoded() -> None:
     tree.links.new(texture_node(tree, image).outputs["Color"], parts.inputs[0])
     tree.links.new(parts.outputs["Green"], principled.inputs["Roughness"])
     description, _ = describe_material(material, CHANNELS)
-    assert description["gloss"] is not None
+    assert description["orm"] is not None
     # 0.214 by the standard's formula: what Blender shades with.
-    assert abs(int(description["gloss"][0, 0, 1]) - 55) <= 1
+    assert abs(int(description["orm"][0, 0, 1]) - 55) <= 1
     assert (description["roughness"], description["metallic"]) == (1.0, 0.0)
 
 
@@ -102,12 +102,12 @@ def test_what_is_no_plain_image_is_to_be_rendered(kind: str) -> None:
         colors.extension = "EXTEND"
         tree.links.new(colors.outputs["Color"], principled.inputs["Base Color"])
     shading = read_shading(material, read_surface(material).texture)
-    gloss = kind in {"roughness", "half linked"}
-    assert (shading.gloss, shading.normal) == ((expected, None) if gloss else (None, expected))
+    orm = kind in {"roughness", "half linked"}
+    assert (shading.orm, shading.normal) == ((expected, None) if orm else (None, expected))
     assert shading.warnings == ()
 
 
-def test_gloss_is_cut_as_blender_cuts_it() -> None:
+def test_roughness_is_cut_as_blender_cuts_it() -> None:
     material, principled, tree = new_material()
     value = tree.nodes.new("ShaderNodeValue")
     value.outputs[0].default_value = 1.7
@@ -122,8 +122,8 @@ def test_the_specular_level_is_the_materials_mean() -> None:
         principled.inputs["Specular IOR Level"].default_value = level
         principled.inputs["Roughness"].default_value = 0.25
         materials.append(material)
-    assert gloss_of(materials[:2]) == Gloss(0.25, 0.0, None, specular=0.0)
-    differing = gloss_of(materials)
+    assert reflection_of(materials[:2]) == Reflection(0.25, 0.0, None, specular=0.0)
+    differing = reflection_of(materials)
     assert differing.specular == 0.25
     assert differing.warnings == (
         "the leaf materials' Specular IOR Levels (0, 0.75) differ: the billboards use their mean, 0.25",
@@ -134,7 +134,7 @@ def test_the_specular_level_is_the_materials_mean() -> None:
     ("kind", "said"),
     [
         ("normals", "normals come from the node 'Diffuse BSDF'; mesh normals are used; connect a Principled BSDF"),
-        ("gloss", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
+        ("orm", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
     ],
 )
 def test_what_other_shaders_say_is_told(kind: str, said: str) -> None:
@@ -153,5 +153,5 @@ def test_leaves_that_are_all_alike_need_no_texture() -> None:
         material, principled, _ = new_material()
         principled.inputs["Roughness"].default_value = roughness
         materials.append(material)
-    assert gloss_of(materials[:2]) == Gloss(0.25, 0.0, None)
-    assert gloss_of(materials) == Gloss(1.0, 0.0, "m")
+    assert reflection_of(materials[:2]) == Reflection(0.25, 0.0, None)
+    assert reflection_of(materials) == Reflection(1.0, 0.0, "m")

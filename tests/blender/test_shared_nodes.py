@@ -225,7 +225,7 @@ def test_a_cycle_of_reroutes_ends(socket: str) -> None:
     for first, second in zip(nodes, [*nodes[1:], nodes[0]], strict=True):
         tree.links.new(first.outputs[0], second.inputs[0])
     tree.links.new(nodes[0].outputs[0], principled.inputs[socket])
-    within_calls(lambda: describe_material(material, ("normals", "gloss"), 0.5))
+    within_calls(lambda: describe_material(material, ("normals", "orm"), 0.5))
 
 
 def leaf_alpha(shrub: Path) -> tuple[Any, bpy.types.Node, Any]:

@@ -183,7 +183,7 @@ def test_a_mix_is_not_warned_of_where_it_is_read_whole() -> None:
                                               "'Principled BSDF' is read"]  # fmt: skip
 
 
-@pytest.mark.parametrize("case", ["factor", "weight", "gloss", "both", "layout", "attribute", "nothing"])
+@pytest.mark.parametrize("case", ["factor", "weight", "orm", "both", "layout", "attribute", "nothing"])
 def test_unsupported_shaders_are_rendered(case: str) -> None:
     material = leaf()
     tree = material.node_tree
@@ -197,7 +197,7 @@ def test_unsupported_shaders_are_rendered(case: str) -> None:
     elif case == "weight":
         tree.links.new(principled.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         tree.links.new(image.outputs["Color"], principled.inputs["Subsurface Weight"])
-    elif case == "gloss":
+    elif case == "orm":
         mixed(tree, mix, tree.nodes.new("ShaderNodeBsdfGlossy"), 0.5)
     elif case == "both":
         principled.inputs["Transmission Weight"].default_value = 0.5
@@ -212,7 +212,7 @@ def test_unsupported_shaders_are_rendered(case: str) -> None:
         mixed(tree, mix, principled, 0.5)
     surface = read_surface(material)
     read = read_translucency(material, surface)
-    if case in {"gloss", "nothing"}:  # of which not even the base colour is understood
+    if case in {"orm", "nothing"}:  # of which not even the base colour is understood
         assert surface.gaps == ("its surface mixes several shaders at the node 'Mix Shader.001'",)
     else:
         assert read.gap.startswith("its translucency ")

@@ -31,7 +31,7 @@ NEVER = 1e9
 
 def level(**inputs: Any) -> LevelInputs:
     rest = {"start": NEVER, "end": NEVER, "prune_start": NEVER, "prune_half": 0.5, "appear": 0.0, "vanish": NEVER}
-    return LevelInputs(**{**rest, "whole": 0.0, "fading": NEVER, **inputs})
+    return LevelInputs(**{**rest, "fade_in_end": 0.0, "fade_out_start": NEVER, **inputs})
 
 
 def test_a_level_is_drawn_from_where_it_appears_until_it_vanishes() -> None:
@@ -41,8 +41,8 @@ def test_a_level_is_drawn_from_where_it_appears_until_it_vanishes() -> None:
 
 def test_levels_that_cross_fade_share_the_pixels() -> None:
     """One fades out from 10 to 12.5, as the node group has it: whole up to 11.25; the next is whole from there."""
-    last = level(vanish=12.5, fading=11.25)
-    cross = level(appear=10.0, whole=11.25)
+    last = level(vanish=12.5, fade_out_start=11.25)
+    cross = level(appear=10.0, fade_in_end=11.25)
     for distance, share in ((10.5, 0.2), (11.25, 0.5), (12.0, 0.8)):
         going, coming = look_at(last, distance), look_at(cross, distance)
         assert going is not None

@@ -150,7 +150,7 @@ def test_levels_that_cross_fade_share_the_pixels(shrub: Path, tmp_path: Path) ->
     """Where Cycles shows the last cloud and the cross impostor whole, each has half of the pixels."""
     baked = baked_shrub(shrub)
     last, cross = baked.levels[-2], baked.levels[-1]
-    camera = camera_at(inputs_of(cross.object).whole, *sphere_of(baked))
+    camera = camera_at(inputs_of(cross.object).fade_in_end, *sphere_of(baked))
     [drawn] = preview_pictures(tmp_path, [camera], SIDE * FINER)
     alone = []
     for hidden in ((cross.object,), (last.object, last.trunk)):

@@ -296,7 +296,7 @@ def contrast_at(pruning: Pruning, keep: float) -> float:
 
 def test_colours_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
     """Each pixel is of trunk, and as it was, or of a leaf, and as near to the mean as κ says. Leaves are lit all alike
-    but for what three.js takes for their gloss, which is up to a tenth of the light, the same in each channel."""
+    but for what three.js takes for their orm, which is up to a tenth of the light, the same in each channel."""
     for (number, eye), view, plain in zip(tree.eyes(), views, viewed(tree, contrast=False), strict=True):
         before, after = colors(plain), colors(view)
         pulled = (before != after).any(axis=1)

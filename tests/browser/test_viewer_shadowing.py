@@ -50,7 +50,7 @@ def write_quad(path: Path, opened: int, toward: tuple[int, int, int], *, shading
         "name": "cloud",
         "doubleSided": True,
         "pbrMetallicRoughness": {"metallicFactor": 0.0, "metallicRoughnessTexture": {"index": 0}},
-        "extras": {"leafcloud": {"visibilityTexture": {"index": 1}} if shading else {}},
+        "extras": {"leafcloud": {"bentNormalTexture": {"index": 1}} if shading else {}},
     }
     primitive = {"attributes": {name: i for i, name in enumerate(columns)}, "indices": 4, "material": 0}
     document = {

@@ -128,12 +128,18 @@ def test_effects_that_are_off_have_no_estimated_cost() -> None:
 def test_a_texture_costs_four_bytes_a_texel_of_all_pages() -> None:
     texels = 256 * 256 + 128 * 128 + 64 * 64
     expected = costs(replace(SETTINGS, texture_size=256, effects="all"))
-    for name, images in [("normals", 1), ("translucency", 1), ("leaf_map", 2), ("gloss", 1), ("occlusion", 0)]:
+    for name, images in [
+        ("normals", 1),
+        ("translucency", 1),
+        ("leaf_map", 2),
+        ("roughness_metallic", 1),
+        ("occlusion", 0),
+    ]:
         assert expected[name].bytes == images * BYTES_PER_TEXEL * texels, name
     assert expected["far_levels"].bytes == BYTES_PER_TEXEL * (texels - 256 * 256)
 
 
-def test_occlusion_without_gloss_pays_for_the_image_that_they_share() -> None:
+def test_occlusion_without_roughness_metallic_pays_for_the_image_that_they_share() -> None:
     alone = costs(replace(SETTINGS, texture_size=256, effects="none,+occlusion"))
     assert alone["occlusion"].bytes == BYTES_PER_TEXEL * (256 * 256 + 128 * 128 + 64 * 64)
 

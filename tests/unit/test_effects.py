@@ -45,7 +45,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
         "trunk_levels": False,
         "far_levels": True,
         "normals": True,
-        "gloss": False,
+        "roughness_metallic": False,
         "translucency": False,
         "blend_order": False,
         "occlusion": False,
@@ -59,13 +59,13 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
     assert all(effect.reason for effect in effects)
 
 
-def test_glossy_leaves_call_for_gloss() -> None:
+def test_glossy_leaves_call_for_roughness_metallic() -> None:
     facts = replace(FACTS, glossy="laurel")
     effects = plan_effects(BakeSettings(), facts)
-    assert is_on(effects, "gloss") is True
-    assert "'laurel'" in next(effect.reason for effect in effects if effect.name == "gloss")
-    assert plan_channels(BakeSettings(), facts) == ("gloss", "normals")
-    assert plan_channels(BakeSettings(effects="gloss,pruning"), FACTS) == ("gloss",)
+    assert is_on(effects, "roughness_metallic") is True
+    assert "'laurel'" in next(effect.reason for effect in effects if effect.name == "roughness_metallic")
+    assert plan_channels(BakeSettings(), facts) == ("normals", "orm")
+    assert plan_channels(BakeSettings(effects="roughness_metallic,pruning"), FACTS) == ("orm",)
     assert plan_channels(BakeSettings(effects="none"), facts) == ()
 
 
@@ -80,11 +80,14 @@ def test_leaves_that_let_light_through_call_for_translucency() -> None:
 
 
 @pytest.mark.parametrize("effect", ["occlusion", "self_shadowing"])
-def test_occlusion_shares_its_texture_with_gloss(effect: str) -> None:
-    assert plan_channels(BakeSettings(effects=effect), FACTS) == ("gloss",)
+def test_occlusion_shares_its_texture_with_roughness_metallic(effect: str) -> None:
+    assert plan_channels(BakeSettings(effects=effect), FACTS) == ("orm",)
     effects = plan_effects(BakeSettings(effects=effect), FACTS)
-    assert first_on(effects, ("gloss", "occlusion", "self_shadowing")) == effect
-    assert first_on(plan_effects(BakeSettings(effects="none"), FACTS), ("gloss", "occlusion")) == "gloss"
+    assert first_on(effects, ("roughness_metallic", "occlusion", "self_shadowing")) == effect
+    assert (
+        first_on(plan_effects(BakeSettings(effects="none"), FACTS), ("roughness_metallic", "occlusion"))
+        == "roughness_metallic"
+    )
 
 
 def test_one_leaf_is_not_pruned() -> None:
@@ -125,7 +128,7 @@ def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None
     [
         ("auto,+occlusion,-normals", {"occlusion": True, "normals": False}),
         ("+pruning", {"pruning": True}),
-        ("+gloss", {"gloss": True}),
+        ("+roughness_metallic", {"roughness_metallic": True}),
         ("auto,+back_sides", {"back_sides": True}),
     ],
 )
@@ -138,8 +141,8 @@ def test_single_effects_are_forced_over_the_plan(asked: str, changed: dict[str, 
 
 
 def test_names_and_all_may_be_followed_by_exceptions() -> None:
-    some = states(plan_effects(BakeSettings(effects="pruning,+gloss,-far_levels"), FACTS))
-    assert {name for name, on in some.items() if on} == {"pruning", "gloss"}
+    some = states(plan_effects(BakeSettings(effects="pruning,+roughness_metallic,-far_levels"), FACTS))
+    assert {name for name, on in some.items() if on} == {"pruning", "roughness_metallic"}
     most = states(plan_effects(BakeSettings(effects="all,-leaf_map"), FACTS))
     assert {name for name, on in most.items() if on} == BY_ALL - {"leaf_map"}
 
@@ -173,17 +176,17 @@ def test_an_effect_that_is_not_planned_has_no_state() -> None:
 def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
     """Level 1 appears at a = 0.998, is whole after 5 % of the distance more, and the leaves are gone after 10 %."""
     leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
-    assert (leaves.appear, leaves.start, leaves.end, leaves.whole) == (0.0, 5.0, 10.0, 0.0)
+    assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), 20.0, 40.0)
-    assert leaves.fading == first.whole == pytest.approx(1.05 * 9.99)
+    assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.05 * 9.99)
     assert leaves.vanish == pytest.approx(1.1 * 9.99)
 
 
 def test_a_level_that_nothing_morphs_to_fades_in_before_the_one_it_follows_fades_out() -> None:
     *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
-    assert (second.fading, second.vanish) == (112.5, 125.0)
-    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, whole=112.5, fading=math.inf)
+    assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
+    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, fade_in_end=112.5, fade_out_start=math.inf)
     assert [second.fades, cross.fades] == [True, True]
 
 
@@ -192,8 +195,8 @@ def test_trunk_switches_where_levels_begin_to_fade_and_fades_into_the_cross() ->
     leaves, first, second = (trunk_range(reached, number) for number in range(3))
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (reached[1].appear, reached[1].appear)
-    assert (first.vanish, second.appear, second.whole) == (reached[2].appear,) * 3
-    assert (second.fading, second.vanish) == (112.5, 125.0)
+    assert (first.vanish, second.appear, second.fade_in_end) == (reached[2].appear,) * 3
+    assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
 
 
 def test_without_transitions_levels_switch_at_once() -> None:
@@ -211,7 +214,7 @@ def test_a_transition_does_not_begin_before_the_level_is_alone() -> None:
 def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
     leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
-    assert leaves.appear < first.appear < first.whole < leaves.vanish < second.appear <= 12.5
+    assert leaves.appear < first.appear < first.fade_in_end < leaves.vanish < second.appear <= 12.5
 
 
 def test_every_effect_is_a_file_with_a_tooltip() -> None:

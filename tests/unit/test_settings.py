@@ -79,9 +79,9 @@ def test_a_value_outside_its_range_is_refused(name: str, value: object) -> None:
         "none",
         "pruning",
         "transitions, back_sides",
-        "auto,+gloss,-normals",
+        "auto,+roughness_metallic,-normals",
         "-pruning",
-        "pruning,+gloss",
+        "pruning,+roughness_metallic",
         "all, -leaf_map",
     ],
 )

@@ -67,10 +67,10 @@ fn main() {
         let sky = (method, effort) == (Method::Stochastic, Effort::Default);
         let channels = Channels {
             normal: Some(0.3),
-            gloss: true,
+            orm: true,
             translucency: true,
             occlusion: sky,
-            visibility: sky,
+            bent_normal: sky,
             leaf_map: sky,
         };
         let settings = ChainSettings { fit, texture_size: 128.into(), samples, channels, ..ChainSettings::default() };

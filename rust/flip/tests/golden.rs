@@ -80,10 +80,10 @@ fn every_channel_looks_as_it_did() {
         texture_size: 128.into(),
         channels: Channels {
             normal: Some(0.2),
-            gloss: true,
+            orm: true,
             translucency: true,
             occlusion: true,
-            visibility: true,
+            bent_normal: true,
             leaf_map: true,
         },
         ..ChainSettings::default()

@@ -87,7 +87,7 @@ class Material:
     ``alpha_cutoff``: used for ``MASK`` only. A material without ``double_sided`` shows only the side where its
     triangles wind counter-clockwise.
 
-    ``normal``: tangent-space normal map as in glTF (red to the right, green up the texture), linear. ``gloss``: image
+    ``normal``: tangent-space normal map as in glTF (red to the right, green up the texture), linear. ``orm``: image
     of occlusion, roughness and metallic that multiplies the factors, linear. ``translucency``: linear color of the
     transmitted light, times ``translucency_image`` (sRGB). All images use the texture coordinates of ``image``. Factors
     lie in [0, 1].
@@ -104,7 +104,7 @@ class Material:
         normal: NDArray[np.uint8] | None = None,
         roughness: float = 1.0,
         metallic: float = 0.0,
-        gloss: NDArray[np.uint8] | None = None,
+        orm: NDArray[np.uint8] | None = None,
         translucency: Sequence[float] | None = None,
         translucency_image: NDArray[np.uint8] | None = None,
     ) -> None: ...
@@ -245,17 +245,17 @@ class Level:
         """(h, w, 4) normals on the side toward the viewer, in each billboard's axes: a tangent-space normal map as in
         glTF, linear. ``None`` if not requested."""
     @property
-    def gloss(self) -> NDArray[np.uint8] | None:
+    def orm(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) occlusion, roughness and metallic, linear. ``None`` if not requested."""
     @property
     def translucency(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) color of the transmitted light, sRGB. ``None`` if not requested."""
     @property
-    def visibility(self) -> NDArray[np.uint8] | None:
+    def bent_normal(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) bent-normal occlusion: the direction of the visible sky, b = 2 · code / 255 − 1, in each
         billboard's axes (red to the right, green up, blue toward the viewer). Light from the direction l reaches the
         fraction ``lc_sun_share(occlusion, b, l)`` of a place (shaders/leafcloud.glsl); occlusion is the red of
-        ``gloss``. ``None`` if not requested."""
+        ``orm``. ``None`` if not requested."""
     @property
     def leaf_uv(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) texture coordinates of the leaf that covers most of the texel, to give a cloud another leaf
@@ -538,10 +538,10 @@ class LevelOptions(FitOptions, total=False):
     close_gaps: bool  # False
     blended: bool  # False
     normals: float | None  # None
-    gloss: bool  # False
+    orm: bool  # False
     translucency: bool  # False
     occlusion: bool  # False
-    visibility: bool  # False
+    bent_normal: bool  # False
     leaf_map: bool  # False
     tight_pages: bool  # True
     pixels: float  # 8.0
@@ -643,10 +643,10 @@ def build_chain(
 
     Optional channels of the pages beside base color:
     ``normals``: bent toward the hull of the crown by this fraction.
-    ``gloss``: roughness and metallic.
+    ``orm``: roughness and metallic.
     ``translucency``: color of the transmitted light.
-    ``occlusion``: fraction of the sky visible from a place, in the red of ``gloss``.
-    ``visibility``: bent-normal occlusion, for self-shadowing of the crown; use it with ``occlusion``.
+    ``occlusion``: fraction of the sky visible from a place, in the red of ``orm``.
+    ``bent_normal``: bent-normal occlusion, for self-shadowing of the crown; use it with ``occlusion``.
     ``leaf_map``: ``Level.leaf_uv`` and ``Level.leaf_id``.
     """
 

@@ -18,7 +18,7 @@ pub struct PyMaterial(pub Material);
 #[pymethods]
 impl PyMaterial {
     #[new]
-    #[pyo3(signature = (name = "leaf", *, base_color = None, image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true, normal = None, roughness = 1.0, metallic = 0.0, gloss = None, translucency = None, translucency_image = None))]
+    #[pyo3(signature = (name = "leaf", *, base_color = None, image = None, alpha_mode = "OPAQUE", alpha_cutoff = 0.5, double_sided = true, normal = None, roughness = 1.0, metallic = 0.0, orm = None, translucency = None, translucency_image = None))]
     #[allow(clippy::too_many_arguments)] // the Python signature
     fn new(
         name: &str,
@@ -30,7 +30,7 @@ impl PyMaterial {
         normal: Option<&Bound<'_, PyAny>>,
         roughness: f32,
         metallic: f32,
-        gloss: Option<&Bound<'_, PyAny>>,
+        orm: Option<&Bound<'_, PyAny>>,
         translucency: Option<&Bound<'_, PyAny>>,
         translucency_image: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
@@ -52,7 +52,7 @@ impl PyMaterial {
             normal: picture(normal)?,
             roughness,
             metallic,
-            gloss: picture(gloss)?,
+            orm: picture(orm)?,
             translucency: Vec3::from_array(translucency),
             translucency_image: picture(translucency_image)?,
             ..Material::default()

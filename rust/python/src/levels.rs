@@ -249,8 +249,8 @@ impl PyLevel {
     }
 
     #[getter]
-    fn gloss<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        image_or_none(py, self.level().page.gloss.as_ref())
+    fn orm<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        image_or_none(py, self.level().page.orm.as_ref())
     }
 
     #[getter]
@@ -259,8 +259,8 @@ impl PyLevel {
     }
 
     #[getter]
-    fn visibility<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        image_or_none(py, self.level().page.visibility.as_ref())
+    fn bent_normal<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        image_or_none(py, self.level().page.bent_normal.as_ref())
     }
 
     #[getter]

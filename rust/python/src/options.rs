@@ -145,10 +145,10 @@ impl<'py> Options<'py> {
             samples: self.take("samples", arrays::samples, default.samples)?,
             channels: Channels {
                 normal: self.some("normals", "the fraction in [0, 1] by which normals bend, or None")?,
-                gloss: self.flag("gloss", default.channels.gloss)?,
+                orm: self.flag("orm", default.channels.orm)?,
                 translucency: self.flag("translucency", default.channels.translucency)?,
                 occlusion: self.flag("occlusion", default.channels.occlusion)?,
-                visibility: self.flag("visibility", default.channels.visibility)?,
+                bent_normal: self.flag("bent_normal", default.channels.bent_normal)?,
                 leaf_map: self.flag("leaf_map", default.channels.leaf_map)?,
             },
             back_sides: self.take("back_sides", sides, default.back_sides)?,

@@ -155,7 +155,7 @@ pub struct Material {
     /// Metallic in [0, 1].
     pub metallic: f32,
     /// Occlusion, roughness and metallic in red, green and blue; multiplies the factors. UVs of `image`, linear codes.
-    pub gloss: Option<Image>,
+    pub orm: Option<Image>,
     /// Linear color of transmitted light; black without translucency.
     pub translucency: Vec3,
     /// Multiplies `translucency`; UVs of `image`.
@@ -178,7 +178,7 @@ impl Default for Material {
             normal: None,
             roughness: 1.0,
             metallic: 0.0,
-            gloss: None,
+            orm: None,
             translucency: Vec3::ZERO,
             translucency_image: None,
             leaf_uv: None,
@@ -190,7 +190,7 @@ impl Default for Material {
 impl Material {
     /// Sets alpha to full wherever it has no meaning: in all images but the base color, and there in opaque mode. So it weights nothing.
     pub(super) fn settled(mut self) -> Self {
-        for image in [&mut self.normal, &mut self.gloss, &mut self.translucency_image] {
+        for image in [&mut self.normal, &mut self.orm, &mut self.translucency_image] {
             *image = image.take().map(Image::opaque);
         }
         self.image = match self.alpha_mode {

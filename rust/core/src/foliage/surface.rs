@@ -158,9 +158,9 @@ impl<'a> Surface<'a> {
     }
 
     /// Returns occlusion, roughness and metallic.
-    pub fn gloss(&self, spot: Spot) -> Vec3 {
+    pub fn orm(&self, spot: Spot) -> Vec3 {
         let factors = Vec3::new(1.0, self.material.roughness, self.material.metallic);
-        factors * self.texture(self.material.gloss.as_ref(), spot, Encoding::Linear)
+        factors * self.texture(self.material.orm.as_ref(), spot, Encoding::Linear)
     }
 
     /// Returns the linear color of transmitted light.

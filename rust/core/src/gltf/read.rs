@@ -87,9 +87,9 @@ pub fn parse<S: AsRef<str>>(bytes: &[u8], folder: Option<&Path>, names: &[S]) ->
             texture.map(|(texture, _)| source.image(&texture.source())).transpose().map_err(Error::Invalid)
         };
         let color = image(surface.base_color_texture().map(|t| (t.texture(), t.tex_coord())))?;
-        let gloss = image(surface.metallic_roughness_texture().map(|t| (t.texture(), t.tex_coord())))?;
+        let orm = image(surface.metallic_roughness_texture().map(|t| (t.texture(), t.tex_coord())))?;
         let normal = image(m.normal_texture().map(|t| (t.texture(), t.tex_coord())))?;
-        material(&m, color, gloss, normal)
+        material(&m, color, orm, normal)
     });
     let materials = materials.collect::<Result<_>>()?;
     soup.into_foliage(materials)
@@ -190,10 +190,10 @@ impl Soup {
 fn material(
     source: &gltf::Material,
     image: Option<Image>,
-    gloss: Option<Image>,
+    orm: Option<Image>,
     normal: Option<Image>,
 ) -> Result<Material> {
-    let unread = gloss.is_none() && source.pbr_metallic_roughness().metallic_roughness_texture().is_some();
+    let unread = orm.is_none() && source.pbr_metallic_roughness().metallic_roughness_texture().is_some();
     let made = Material {
         name: source.name().unwrap_or("material").to_owned(),
         base_color: Vec4::from_array(source.pbr_metallic_roughness().base_color_factor()),
@@ -208,7 +208,7 @@ fn material(
         // With a texture, the factor is 1. If the texture is not read, leaves are not metallic.
         metallic: if unread { 0.0 } else { source.pbr_metallic_roughness().metallic_factor() },
         // Red is not read as occlusion: glTF stores occlusion in a texture of its own.
-        gloss: gloss.map(|image| image.mapped(|[_, g, b, a]| [255, g, b, a])),
+        orm: orm.map(|image| image.mapped(|[_, g, b, a]| [255, g, b, a])),
         normal,
         ..Material::default()
     };

@@ -111,10 +111,10 @@ fn the_same_bytes_on_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let channels = Channels {
             normal: Some(0.3),
-            gloss: true,
+            orm: true,
             translucency: true,
             occlusion: true,
-            visibility: true,
+            bent_normal: true,
             leaf_map: true,
         };
         let settings = ChainSettings { channels, ..settings() };

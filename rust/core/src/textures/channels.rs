@@ -19,12 +19,12 @@ pub enum Channel<'a> {
     /// the hull of the crown, as usual for foliage shading.
     Normal(f32),
     /// Occlusion, roughness, metallic (ORM). Occlusion is the material's occlusion times the visible share of the sky.
-    Gloss(Option<&'a Sky>),
+    Orm(Option<&'a Sky>),
     /// Linear color of transmitted light; as an image, sRGB.
     Translucency,
     /// Bent-normal occlusion in the billboard's axes (red to the right, green up), in [−1, 1]: to first order, the visible share of the sky
     /// toward l is occlusion + this · l.
-    Visibility(&'a Sky),
+    BentNormal(&'a Sky),
     /// Texture coordinates of the leaf, 12 bits each; see `labels`.
     LeafUv,
     /// Index of the leaf and of its material; see `labels`.
@@ -42,9 +42,9 @@ impl Channel<'_> {
         match self {
             Self::BaseColor => "base_color",
             Self::Normal(_) => "normal",
-            Self::Gloss(_) => "gloss",
+            Self::Orm(_) => "orm",
             Self::Translucency => "translucency",
-            Self::Visibility(_) => "visibility",
+            Self::BentNormal(_) => "bent_normal",
             Self::LeafUv => "leaf_uv",
             Self::LeafId => "leaf_id",
             Self::Alpha => "alpha",
@@ -68,8 +68,8 @@ impl Channel<'_> {
                 Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
                 Self::Alpha => [0, 0, 0, quantise(p.w)],
                 Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
-                Self::Visibility(_) => shares(value * 0.5 + 0.5),
-                Self::Gloss(_) | Self::LeafUv | Self::LeafId => shares(value),
+                Self::BentNormal(_) => shares(value * 0.5 + 0.5),
+                Self::Orm(_) | Self::LeafUv | Self::LeafId => shares(value),
                 Self::Translucency => [encode(value.x), encode(value.y), encode(value.z), 255],
             }
         };
@@ -83,12 +83,12 @@ impl Shader for Channel<'_> {
         match *self {
             Self::BaseColor => seen.surface.base_color(seen.spot, seen.front),
             Self::Normal(bend) => normal(seen, bend),
-            Self::Gloss(sky) => {
-                let gloss = seen.surface.gloss(seen.spot);
-                sky.map_or(gloss, |sky| gloss.with_x(gloss.x * sky.from(seen.place()).share))
+            Self::Orm(sky) => {
+                let orm = seen.surface.orm(seen.spot);
+                sky.map_or(orm, |sky| orm.with_x(orm.x * sky.from(seen.place()).share))
             }
             Self::Translucency => seen.surface.translucency(seen.spot),
-            Self::Visibility(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
+            Self::BentNormal(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
             Self::LeafUv => labels::leaf_uv(seen),
             Self::LeafId => labels::leaf_id(seen),
             Self::Alpha => Vec3::ZERO,

@@ -108,9 +108,9 @@ fn opaque_materials_ignore_alpha() {
     let clear = |side: usize| Image::new(side, side, vec![[200, 100, 50, 0]; side * side]).unwrap();
     let near_and_far = [8, 256].map(|side| {
         let material =
-            Material { image: Some(clear(side)), gloss: Some(clear(side)), metallic: 1.0, ..Material::default() };
+            Material { image: Some(clear(side)), orm: Some(clear(side)), metallic: 1.0, ..Material::default() };
         let leaf = square(DMat3::IDENTITY, material);
-        (seen(&leaf, Channel::BaseColor, FRONT)(7, 8), seen(&leaf, Channel::Gloss(None), FRONT)(7, 8))
+        (seen(&leaf, Channel::BaseColor, FRONT)(7, 8), seen(&leaf, Channel::Orm(None), FRONT)(7, 8))
     });
     near(near_and_far[0].0, near_and_far[1].0);
     near(near_and_far[0].1, near_and_far[1].1);
@@ -179,13 +179,13 @@ fn factors_multiply_images() {
     let material = Material {
         roughness: 0.5,
         metallic: 1.0,
-        gloss: Some(Image::new(1, 1, vec![[255, 102, 51, 255]]).unwrap()),
+        orm: Some(Image::new(1, 1, vec![[255, 102, 51, 255]]).unwrap()),
         translucency: Vec3::new(1.0, 0.5, 0.0),
         translucency_image: Some(Image::new(1, 1, vec![[255, 188, 255, 255]]).unwrap()),
         ..Material::default()
     };
     let leaf = square(DMat3::IDENTITY, material);
-    near(seen(&leaf, Channel::Gloss(None), FRONT)(5, 5), Vec3::new(1.0, 0.2, 0.2));
+    near(seen(&leaf, Channel::Orm(None), FRONT)(5, 5), Vec3::new(1.0, 0.2, 0.2));
     // Code 188 is 0.503 by the standard's formula.
     near(seen(&leaf, Channel::Translucency, FRONT)(5, 5), Vec3::new(1.0, 0.2515, 0.0));
 }
@@ -209,5 +209,5 @@ fn channels_become_codes() {
     let canvas = super::Canvas { width: 1, height: 1, pixels: vec![Vec3::new(0.3, 0.0, 0.4).extend(0.5)] };
     let code = |channel: Channel| channel.to_image(&canvas).pixels()[0];
     assert_eq!(code(Channel::Normal(0.0)), [204, 128, 230, 255]);
-    assert_eq!(code(Channel::Gloss(None)), [153, 0, 204, 255]);
+    assert_eq!(code(Channel::Orm(None)), [153, 0, 204, 255]);
 }

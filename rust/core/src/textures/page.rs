@@ -17,13 +17,13 @@ pub struct Channels {
     /// Normals, bent toward the hull of the crown by a share in [0, 1].
     pub normal: Option<f32>,
     /// Roughness and metallic, with occlusion (ORM).
-    pub gloss: bool,
+    pub orm: bool,
     /// Translucency, the color of transmitted light.
     pub translucency: bool,
     /// Visible share of the sky, as the occlusion in ORM.
     pub occlusion: bool,
     /// Bent-normal occlusion: the direction of the visible sky, for self-shadowing. It is added to the occlusion.
-    pub visibility: bool,
+    pub bent_normal: bool,
     /// Label textures: the leaf of each texel, and its texture coordinates there.
     pub leaf_map: bool,
 }
@@ -43,19 +43,19 @@ impl Channels {
     /// Returns the channels together with those that they depend on.
     #[must_use]
     pub fn completed(self) -> Self {
-        Self { occlusion: self.occlusion || self.visibility, ..self }
+        Self { occlusion: self.occlusion || self.bent_normal, ..self }
     }
 
     /// Returns the channels for baking from billboards: their normals are bent already, and their ORM is occluded already.
     #[must_use]
     pub fn of_billboards(self) -> Self {
-        Self { normal: self.normal.map(|_| 0.0), gloss: self.gloss || self.occlusion, occlusion: false, ..self }
+        Self { normal: self.normal.map(|_| 0.0), orm: self.orm || self.occlusion, occlusion: false, ..self }
     }
 
     /// Returns whether any channel depends on the sky.
     #[must_use]
     pub fn need_sky(&self) -> bool {
-        self.occlusion || self.visibility
+        self.occlusion || self.bent_normal
     }
 
     /// Returns the list of channels, base color first. Channels that depend on the sky are left out without one.
@@ -63,9 +63,9 @@ impl Channels {
         let occluding = sky.filter(|_| self.occlusion);
         let wanted = [
             self.normal.map(Channel::Normal),
-            (self.gloss || occluding.is_some()).then_some(Channel::Gloss(occluding)),
+            (self.orm || occluding.is_some()).then_some(Channel::Orm(occluding)),
             self.translucency.then_some(Channel::Translucency),
-            sky.filter(|_| self.visibility).map(Channel::Visibility),
+            sky.filter(|_| self.bent_normal).map(Channel::BentNormal),
             self.leaf_map.then_some(Channel::LeafUv),
             self.leaf_map.then_some(Channel::LeafId),
         ];
@@ -81,11 +81,11 @@ pub struct Page {
     /// Normals, in the axes of each billboard.
     pub normal: Option<Image>,
     /// Occlusion, roughness, metallic (ORM).
-    pub gloss: Option<Image>,
+    pub orm: Option<Image>,
     /// Translucency, sRGB.
     pub translucency: Option<Image>,
     /// Bent-normal occlusion, in the axes of each billboard; added to the occlusion.
-    pub visibility: Option<Image>,
+    pub bent_normal: Option<Image>,
     /// Texture coordinates u and v of the leaf, 12 bits each. Label texture: sample it with nearest filtering.
     pub leaf_uv: Option<Image>,
     /// Index of the leaf and of its material. Label texture, too.
@@ -99,18 +99,18 @@ impl Page {
         let mut page = Self {
             base_color,
             normal: None,
-            gloss: None,
+            orm: None,
             translucency: None,
-            visibility: None,
+            bent_normal: None,
             leaf_uv: None,
             leaf_id: None,
         };
         for (channel, image) in images {
             let place = match channel {
                 Channel::Normal(_) => &mut page.normal,
-                Channel::Gloss(_) => &mut page.gloss,
+                Channel::Orm(_) => &mut page.orm,
                 Channel::Translucency => &mut page.translucency,
-                Channel::Visibility(_) => &mut page.visibility,
+                Channel::BentNormal(_) => &mut page.bent_normal,
                 Channel::LeafUv => &mut page.leaf_uv,
                 Channel::LeafId => &mut page.leaf_id,
                 Channel::BaseColor | Channel::Alpha => continue,
@@ -124,9 +124,9 @@ impl Page {
     pub fn images(&self) -> impl Iterator<Item = (&'static str, &Image)> {
         let others = [
             ("normal", &self.normal),
-            ("gloss", &self.gloss),
+            ("orm", &self.orm),
             ("translucency", &self.translucency),
-            ("visibility", &self.visibility),
+            ("bent_normal", &self.bent_normal),
             ("leaf_uv", &self.leaf_uv),
             ("leaf_id", &self.leaf_id),
         ];
@@ -140,9 +140,9 @@ impl Page {
         Self {
             base_color: image("base_color"),
             normal: other("normal", &self.normal),
-            gloss: other("gloss", &self.gloss),
+            orm: other("orm", &self.orm),
             translucency: other("translucency", &self.translucency),
-            visibility: other("visibility", &self.visibility),
+            bent_normal: other("bent_normal", &self.bent_normal),
             leaf_uv: other("leaf_uv", &self.leaf_uv),
             leaf_id: other("leaf_id", &self.leaf_id),
         }
@@ -193,9 +193,9 @@ impl Page {
             double_sided,
             normal: self.normal.clone(),
             // The image holds the full value.
-            metallic: if self.gloss.is_some() { 1.0 } else { 0.0 },
+            metallic: if self.orm.is_some() { 1.0 } else { 0.0 },
             roughness: 1.0,
-            gloss: self.gloss.clone(),
+            orm: self.orm.clone(),
             translucency: if self.translucency.is_some() { Vec3::ONE } else { Vec3::ZERO },
             translucency_image: self.translucency.clone(),
             leaf_uv: self.leaf_uv.clone(),

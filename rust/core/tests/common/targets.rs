@@ -170,7 +170,7 @@ fn try_draw(u: &mut Unstructured) -> Result<()> {
         let window = if bool::arbitrary(u)? { &Window::WHOLE } else { &cut };
         triangles.push(ScreenTriangle { reach: f32::INFINITY, corners, foliage: &foliage, triangle: 0, window });
     }
-    let channels = [Channel::BaseColor, Channel::Normal(0.3), Channel::Gloss(None), Channel::Translucency];
+    let channels = [Channel::BaseColor, Channel::Normal(0.3), Channel::Orm(None), Channel::Translucency];
     for (canvas, channel) in rasterise(&triangles, width, height, samples, &channels).iter().zip(channels) {
         assert_eq!(canvas.pixels.len(), width * height);
         assert!(canvas.pixels.iter().all(|p| p.is_finite() && (0.0..=1.0).contains(&p.w)), "{channel:?}");

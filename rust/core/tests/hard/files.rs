@@ -87,7 +87,7 @@ fn with_normals() -> String {
 }
 
 #[test]
-fn normals_and_gloss() {
+fn normals_and_orm() {
     // Mirrored and stretched nodes transform normals, too.
     let text = with_normals();
     let stretched = r#"{"mesh": 0, "matrix": [-1,0,1,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "#;

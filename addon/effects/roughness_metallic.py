@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class Gloss(Effect):
+class RoughnessMetallic(Effect):
     about = (
         "Give billboards a texture of roughness and metallic. Wanted where these differ among the leaves, as for wet "
         "or waxy ones. Costs a texture"
     )
     moving_light = True
-    reads = ("gloss",)
+    reads = ("orm",)
     is_page_texture = True
 
     def rule(self, situation: Situation) -> Rule:
@@ -40,7 +40,7 @@ class Gloss(Effect):
         return (orm.RATE,) if orm.pays(self.name, decisions) else ()
 
     def core_options(self, on: bool | None, settings: BakeSettings) -> dict[str, Any]:
-        return {"gloss": bool(on)}
+        return {"orm": bool(on)}
 
     def core_seconds(self, chain: leafcloud.Chain, decisions: Sequence[Decision]) -> float:
         return orm.seconds(self.name, chain, decisions)
@@ -49,4 +49,4 @@ class Gloss(Effect):
         return build.with_orm(self.name, page, level)
 
 
-EFFECT = Gloss()
+EFFECT = RoughnessMetallic()
