@@ -43,7 +43,7 @@ def messages() -> Iterator[Found]:
                 yield _text(node.exc.args[0]), path
     for file in sorted((ROOT / "rust").glob("*/src/**/*.rs")):
         for found in re.findall(r'Error::invalid\(\s*(?:format!\(\s*)?"((?:[^"\\]|\\.)*)"', file.read_text("utf-8")):
-            yield re.sub(r"\\\n\s*", "", found), str(file.relative_to(ROOT))
+            yield re.sub(r"\{[^}]*\}", "…", re.sub(r"\\\n\s*", "", found)), str(file.relative_to(ROOT))
 
 
 def docstrings() -> Iterator[Found]:
@@ -76,7 +76,7 @@ def main() -> None:
     number = 0
     for kind in (labels, messages, docstrings, guides):
         print(f"\n{kind.__name__}")
-        sentences = sorted({(text, place) for text, place in kind() if len(text.split()) > 3})
+        sentences = sorted({(text, place) for text, place in kind() if len(re.findall(r"[A-Za-z]+", text)) > 4})
         for text, place in drawing.sample(sentences, options.count):
             number += 1
             print(f"{number:3}. {text}  [{place}]")
@@ -94,17 +94,17 @@ def _name_of(node: ast.expr) -> str:
 
 
 def _text(node: ast.expr) -> str:
-    """Return the text of a string; `{…}` stands for values that are filled in."""
+    """Return the text of a string; `…` stands for each value that is filled in."""
     if isinstance(node, ast.JoinedStr):
         return "".join(_text(part) for part in node.values)
     if isinstance(node, ast.FormattedValue):
-        return f"{{{ast.unparse(node.value)}}}"
-    return " ".join(str(node.value).split()) if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+        return "…"
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
 
 
 def _first(text: str) -> str:
     paragraph = " ".join(text.split("\n\n")[0].split())
-    return re.split(r"(?<=[.:])\s", paragraph)[0]
+    return re.split(r"(?<=\.)\s", paragraph)[0]
 
 
 if __name__ == "__main__":
