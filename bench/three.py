@@ -64,7 +64,7 @@ and 50°; then half and a quarter of that size. Coverage relative to the leaves 
 
 
 @dataclass(frozen=True)
-class Look:
+class Request:
     """One request to the page; see bench/three/look.js."""
 
     url: str
@@ -94,7 +94,7 @@ class Seen:
         return light / self.coverage(size) if self.coverage(size) else math.nan
 
 
-def look(*looks: Look) -> list[Seen]:
+def look(*looks: Request) -> list[Seen]:
     """Render each model with three.js."""
     try:
         answer = ask("bench/three/look.html", [vars(wanted) for wanted in looks], patience=PATIENCE)
@@ -124,16 +124,16 @@ def bake(tree: Path, out: Path, *options: str) -> str:
     return f"/{out.relative_to(ROOT).as_posix()}/{tree.stem}"
 
 
-def leaves_of(base: str, *, trunk: bool = False) -> Look:
+def leaves_of(base: str, *, trunk: bool = False) -> Request:
     """Return the request for the leaves, without mip levels, which would thin out the leaves' own textures."""
-    return Look(f"{base}_LOD0.glb", mips=False, trunk=trunk, sizes=LEAVES)
+    return Request(f"{base}_LOD0.glb", mips=False, trunk=trunk, sizes=LEAVES)
 
 
 def measure(tree: Path) -> list[dict[str, Any]]:
     """Bake a tree and return a row for each size of level 1."""
     out = BAKED / tree.stem
     base = bake(tree, out, "--levels", "1", "--no-cross")
-    leaves, png, ktx2 = look(leaves_of(base), Look(f"{base}_LOD1.glb"), Look(f"{base}_LOD1.glb", ktx2=True))
+    leaves, png, ktx2 = look(leaves_of(base), Request(f"{base}_LOD1.glb"), Request(f"{base}_LOD1.glb", ktx2=True))
     leafcloud.write_png(str(out / "strip.png"), strip(leaves, png, ktx2))
     assert png.texels is not None
     return [
@@ -159,7 +159,7 @@ def measure_hand_overs(tree: Path) -> list[dict[str, Any]]:
     looks = [leaves_of(base, trunk=True)]
     for level, wanted in zip(levels, sizes, strict=True):
         url = f"{base}_LOD{level['level']}.glb"
-        looks += [Look(url, ktx2=ktx2, trunk=True, sizes=wanted) for ktx2 in (False, True)]
+        looks += [Request(url, ktx2=ktx2, trunk=True, sizes=wanted) for ktx2 in (False, True)]
     leaves, *seen = look(*looks)
     return [
         {

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry import Tree
 from ..levels.trunk import geometry_mesh
-from ..scene.light import Light, Surroundings, bake_light
+from ..scene.light import Light, LitScene, bake_light
 
 BRIGHTEST = 99.9
 """Percentile of the leaves' light that atlas pages hold. Brighter light is clipped where base colors are bright."""
@@ -43,7 +43,7 @@ def light_of(tree: Tree, layer: bpy.types.ViewLayer, *, with_trunk: bool) -> Bak
     meshes: list[bpy.types.Mesh] = []
     try:
         meshes.extend(geometry_mesh("leafcloud shadow", geometry) for geometry in casting)
-        around = Surroundings(layer, tree.sources, meshes)
+        around = LitScene(layer, tree.sources, meshes)
         leaves, *trunk = bake_light(casting if with_trunk else casting[:1], tree.matrix, around)
     finally:
         for mesh in meshes:

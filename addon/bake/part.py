@@ -18,12 +18,12 @@ from ..scene.light import Light
 
 
 @dataclass(frozen=True)
-class Part:
+class DescribedGeometry:
     """A geometry with its appearance. `matrix` (4, 4) transforms it to the world.
 
     colors (t, 3, 4): factors of the base colors; None is white. back_colors (t, 3, 3): factors on the back instead;
     None is the same as the front. materials: indexed by `material_ids` (t,). owners: for each material its index in the
-    geometry (see `Described`). messages: the losses of the material readings.
+    geometry (see `Descriptions`). messages: the losses of the material readings.
     """
 
     geometry: Geometry
@@ -51,7 +51,7 @@ class Part:
             protected=geometry.protected,
         )
 
-    def of(self, corners: NDArray[np.integer[Any]]) -> Part:
+    def of(self, corners: NDArray[np.integer[Any]]) -> DescribedGeometry:
         """Return the part made of the triangles `corners` (n, 3): indices as in `leafcloud.Simplified.corners`."""
         return replace(
             self,
@@ -64,13 +64,15 @@ class Part:
 
 def described_part(
     geometry: Geometry, matrix: NDArray[np.float64], channels: Sequence[str], share: float, light: Light | None
-) -> Part:
+) -> DescribedGeometry:
     """Build a part from a geometry, under `light` if given. `channels` and `share`: see `describe_materials`."""
     described = describe_materials(geometry, channels, matrix, share)
     front, back = _colors(described.colors, described.back_colors, light)
     materials = tuple(leafcloud.Material(**keywords) for keywords in described.materials)
     messages = tuple(described.messages)
-    return Part(geometry, matrix, materials, described.material_ids, described.owners, front, back, messages)
+    return DescribedGeometry(
+        geometry, matrix, materials, described.material_ids, described.owners, front, back, messages
+    )
 
 
 def _colors(

@@ -23,7 +23,7 @@ import leafcloud
 from ..effects.blend_order import blended_leaves
 from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
-from ..levels.building import Build, Costs, Shading
+from ..levels.building import Build, Costs, LeafShading
 from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import reflection_of
 from ..material.surface import read_surface
@@ -221,7 +221,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
         effects=on_effects(decisions),
         costs=costs,
-        shading=Shading(reflection.roughness, reflection.metallic, reflection.specular, prepared.translucent.share),
+        shading=LeafShading(reflection.roughness, reflection.metallic, reflection.specular, prepared.translucent.share),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
         wind=wind_settings(prepared),

@@ -20,7 +20,7 @@ from ..plan.schedule import Schedule
 from ..plan.wind import Wind
 from ..settings.bake import BakeSettings
 from .lighting import BakedLight
-from .part import Part
+from .part import DescribedGeometry
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Prepared:
     """Names of the leaves' own materials. Levels with baked light replace these materials."""
     light: BakedLight | None = None
     wind: Wind | None = None
-    trunk_part: Part | None = None
+    trunk_part: DescribedGeometry | None = None
     """The trunk from which the levels' own trunks are made."""
     owners: tuple[int, ...] = ()
     """For each material of the core, its index in the leaves' own materials."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..levels.building import Build, BuiltLevel
 
 
-class BackSides(Effect):
+class BackSidesEffect(Effect):
     about = (
         "Give billboards a second texture for the back. Wanted where the two sides of the leaves differ. Doubles the "
         "billboards and their texels"
@@ -60,4 +60,4 @@ class BackSides(Effect):
         return replace(built, apart=offset)
 
 
-EFFECT = BackSides()
+EFFECT = BackSidesEffect()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _BY_NAME = "baked light is right only while no light changes, so it must be asked for by name or by `unlit`"
 
 
-class BakedLight(Effect):
+class BakedLightEffect(Effect):
     about = (
         "Bake the scene's light into the levels. Wanted for targets that draw without lighting, such as phones, while "
         "no light moves. Costs baking time"
@@ -64,4 +64,4 @@ class BakedLight(Effect):
         return mean_light(levels)
 
 
-EFFECT = BakedLight()
+EFFECT = BakedLightEffect()

@@ -14,7 +14,7 @@ from ..settings.bake import BakeSettings
 from ..settings.effects import AskedEffects, asked_effects
 
 
-class BlendOrder(Effect):
+class BlendOrderEffect(Effect):
     about = (
         "Keep leaves alpha blended instead of cut out, and sort their billboards in files. Wanted for leaves that are "
         "mostly semi-transparent. Costs many triangles"
@@ -62,4 +62,4 @@ def _pieces(known: Amounts) -> int:
     return min(4_000 + min(round(100_000 * known.leaf_size), 2 * known.triangles), 7 * known.triangles)
 
 
-EFFECT = BlendOrder()
+EFFECT = BlendOrderEffect()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..levels.building import Build, BuiltLevel
 
 
-class Contrast(Effect):
+class ContrastEffect(Effect):
     about = (
         "Mix the crown's mean color into pruned leaves, which would give far crowns too much contrast. Wanted where "
         "leaves of many colors are pruned. Costs baking time"
@@ -63,4 +63,4 @@ class Contrast(Effect):
         return plain_colors(levels)
 
 
-EFFECT = Contrast()
+EFFECT = ContrastEffect()

@@ -19,7 +19,7 @@ _LEVEL = "base_color"
 """The channel that every level has. The seconds of the others belong to their own effects."""
 
 
-class FarLevels(Effect):
+class FarLevelsEffect(Effect):
     about = (
         "Make the clouds after level 1, and the cross impostor. Wanted unless the camera stays near the tree. Costs "
         "baking time and textures"
@@ -57,4 +57,4 @@ def _own_seconds(level: leafcloud.Level) -> float:
     return whole - sum(seconds for channel, seconds in level.channel_seconds.items() if channel != _LEVEL)
 
 
-EFFECT = FarLevels()
+EFFECT = FarLevelsEffect()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..levels.building import Build, BuiltLevel
 
 
-class LeafMap(Effect):
+class LeafMapEffect(Effect):
     about = (
         "Give billboards label textures, so that leaf textures can be swapped later, for another season. Wanted only "
         "on request. Costs two textures"
@@ -49,4 +49,4 @@ class LeafMap(Effect):
         return built
 
 
-EFFECT = LeafMap()
+EFFECT = LeafMapEffect()

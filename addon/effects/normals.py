@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class Normals(Effect):
+class NormalsEffect(Effect):
     about = (
         "Give billboards a normal map, so that they are lit as their leaves are. Wanted wherever light shines on the "
         "tree. Costs a texture"
@@ -44,4 +44,4 @@ class Normals(Effect):
         return replace(page, normal=build.image(self.name, f"{page.name}_normal", level.normal, level))
 
 
-EFFECT = Normals()
+EFFECT = NormalsEffect()

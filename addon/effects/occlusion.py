@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class Occlusion(Effect):
+class OcclusionEffect(Effect):
     about = (
         "Give billboards a texture of ambient occlusion, which darkens the inside of the crown. The leaves have none, "
         "so levels differ where they take over. Wanted only on request"
@@ -51,4 +51,4 @@ def sky_seconds(name: str, chain: leafcloud.Chain, decisions: Sequence[Decision]
     return chain.look_seconds["sky"] if first_on(decisions, ("occlusion", "self_shadowing")) == name else 0.0
 
 
-EFFECT = Occlusion()
+EFFECT = OcclusionEffect()

@@ -22,7 +22,7 @@ _GROWTH = Rate(lambda known: known.triangles, fixed=0.11, per_layer=0.0225, seco
 """Rendering pruned leaves to measure their growth."""
 
 
-class Pruning(Effect):
+class PruningEffect(Effect):
     about = (
         "Draw fewer and larger leaves with distance. Wanted for trees that are seen from far away, and for scenes of "
         "many trees. Costs memory for each vertex"
@@ -69,4 +69,4 @@ def _rule_of_scenes(situation: Situation) -> Rule:
     return False, f"{situation.where}, where all leaves stay until level 1 takes over"
 
 
-EFFECT = Pruning()
+EFFECT = PruningEffect()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class RoughnessMetallic(Effect):
+class RoughnessMetallicEffect(Effect):
     about = (
         "Give billboards a texture of roughness and metallic. Wanted where these differ among the leaves, as for wet "
         "or waxy ones. Costs a texture"
@@ -49,4 +49,4 @@ class RoughnessMetallic(Effect):
         return build.with_orm(self.name, page, level)
 
 
-EFFECT = RoughnessMetallic()
+EFFECT = RoughnessMetallicEffect()

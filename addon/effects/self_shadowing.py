@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class SelfShadowing(Effect):
+class SelfShadowingEffect(Effect):
     about = (
         "Give billboards a texture by which a custom shader dims lights inside the crown, without shadow maps. Wanted "
         "only on request, for such a shader. Costs a texture"
@@ -50,4 +50,4 @@ class SelfShadowing(Effect):
         return replace(build.with_orm(self.name, page, level), bent_normal=image)
 
 
-EFFECT = SelfShadowing()
+EFFECT = SelfShadowingEffect()

@@ -20,7 +20,7 @@ WORTH_A_PROXY = 2000
 """Leaf triangles from which a shadow proxy pays off: some ten times as many as a cloud has."""
 
 
-class ShadowProxy(Effect):
+class ShadowProxyEffect(Effect):
     about = (
         "Cast the leaves' shadow by an invisible mesh of few billboards. Wanted in engines that draw shadow maps, for "
         "trees of many leaves. Costs a texture, and some leaves are shaded wrongly"
@@ -54,4 +54,4 @@ class ShadowProxy(Effect):
         add_shadow_proxy(collection, build)
 
 
-EFFECT = ShadowProxy()
+EFFECT = ShadowProxyEffect()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..plan.lod_range import LodRange
 
 
-class Transitions(Effect):
+class TransitionsEffect(Effect):
     about = (
         "Morph the leaves onto their billboards and cross-fade the levels, so that no change of level is visible. "
         "Wanted where a camera moves past the distance of such a change. Costs memory for each vertex"
@@ -47,4 +47,4 @@ class Transitions(Effect):
             let_fade(obj)
 
 
-EFFECT = Transitions()
+EFFECT = TransitionsEffect()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..levels.material import Page
 
 
-class Translucency(Effect):
+class TranslucencyEffect(Effect):
     about = (
         "Let light shine through the billboards as through their leaves. Wanted for translucent leaves against the "
         "light. Costs a texture"
@@ -54,4 +54,4 @@ class Translucency(Effect):
         return replace(page, translucency=image, share=build.shading.share, opaque_parts=opaque_parts)
 
 
-EFFECT = Translucency()
+EFFECT = TranslucencyEffect()

@@ -11,7 +11,7 @@ from ..plan.situation import Situation
 from ..settings.bake import BakeSettings
 
 
-class TrunkLevels(Effect):
+class TrunkLevelsEffect(Effect):
     about = (
         "Simplify trunk and branches for each cloud. Wanted where a tree with a trunk is seen from far away. Off: all "
         "clouds have the trunk of LOD 0"
@@ -32,4 +32,4 @@ class TrunkLevels(Effect):
         return simplify, Rate(lambda known: known.trunk_left, 87.0)
 
 
-EFFECT = TrunkLevels()
+EFFECT = TrunkLevelsEffect()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..plan.lod_range import LodRange
 
 
-class Wind(Effect):
+class WindEffect(Effect):
     about = (
         "Let the wind move all levels alike. Wanted where a force field blows on the tree. Costs memory for each "
         "vertex, and evaluation on every frame"
@@ -40,4 +40,4 @@ class Wind(Effect):
         add_wind(obj, lod_range, build)
 
 
-EFFECT = Wind()
+EFFECT = WindEffect()

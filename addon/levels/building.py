@@ -43,8 +43,8 @@ class Costs:
 
 
 @dataclass(frozen=True)
-class Shading:
-    """Shading of the leaves, for clouds without textures of their own.
+class LeafShading:
+    """LeafShading of the leaves, for clouds without textures of their own.
 
     specular: Specular IOR Level. share: the fraction of the light that the leaves transmit.
     """
@@ -72,7 +72,7 @@ class Build:
     schedule: Schedule
     effects: tuple[Effect, ...]
     costs: Costs = field(default_factory=Costs)
-    shading: Shading = Shading()
+    shading: LeafShading = LeafShading()
     light: Light | None = None
     light_strength: float = 1.0
     wind: WindSettings | None = None

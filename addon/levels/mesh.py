@@ -23,7 +23,7 @@ COLOR_NAME = "Color"
 
 
 @dataclass(frozen=True)
-class Surface:
+class MeshFaces:
     """Faces of three or more corners. `v` vertices, `c` corners, `f` faces.
 
     positions (v, 3). corners (c,): the vertex of each corner, face by face. sizes (f,): the corner count of each face.
@@ -109,14 +109,14 @@ def fans(keys: NDArray[np.integer[Any]], *, mirrored: bool) -> Fans:
     return Fans(corners[used].astype(np.int64), sizes, billboards)
 
 
-def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> Surface:
+def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> MeshFaces:
     """Return the triangles `order` of `geometry` as a surface. `split`: the split of `geometry.triangles[order]`."""
     vertices = geometry.triangles[order].ravel()[split.first]
 
     def per_corner(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
         return None if values is None else values[order].reshape(-1, values.shape[-1])
 
-    return Surface(
+    return MeshFaces(
         positions=geometry.positions[vertices],
         corners=split.corners.ravel(),
         sizes=np.full(len(order), 3, np.int32),
@@ -128,9 +128,9 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
     )
 
 
-def fan_surface(corners: NDArray[np.floating[Any]], uvs: NDArray[np.float32], faces: Fans) -> Surface:
+def fan_surface(corners: NDArray[np.floating[Any]], uvs: NDArray[np.float32], faces: Fans) -> MeshFaces:
     """Return billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as a surface with one material."""
-    return Surface(
+    return MeshFaces(
         positions=as_triangles(corners.astype(np.float32)).reshape(-1, 3)[faces.first],
         corners=np.arange(len(faces.first), dtype=np.int32),
         sizes=faces.sizes,
@@ -148,7 +148,7 @@ def as_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def create_mesh(
     name: str,
-    surface: Surface,
+    surface: MeshFaces,
     materials: Sequence[bpy.types.Material | None],
     layers: LayerNames = LayerNames(),
 ) -> bpy.types.Mesh:

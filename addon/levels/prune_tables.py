@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .mesh import Surface
+from .mesh import MeshFaces
 
 PREFIX_STEPS = 64
 """Steps of both tables. Prefixes have one entry per λ = 0, 1/64 … 1, areas one per rank 0, (1/64)² … 1."""
 
 
-def prefix_table(surface: Surface, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
+def prefix_table(surface: MeshFaces, ranks: NDArray[np.float32]) -> list[dict[str, Any]]:
     """Return, for each used material, its index and the numbers of triangles with a rank below λ = 0, 1/64 … 1.
 
     Each number counts from the material's first triangle. `ranks` (f,) ascend among the faces of a material.

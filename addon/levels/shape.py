@@ -14,7 +14,7 @@ from ..plan.lod_range import LodRange
 from ..scene.light import Light
 from . import morphs
 from .building import Build
-from .mesh import Surface
+from .mesh import MeshFaces
 from .morphs import Pruning, Transition
 from .prune_tables import PREFIX_STEPS, area_shares, prefix_table
 from .wind import WindAttributes, add_wind_attributes
@@ -27,7 +27,7 @@ class Shape:
     light: (c, 3) for each side, one row per corner of the mesh.
     """
 
-    surface: Surface
+    surface: MeshFaces
     ranks: NDArray[np.float32]
     pruning: Pruning | None = None
     transition: Transition | None = None

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Geometry, world_positions
-from .flatten import USUAL_LOOK, Flattened, Look, flatten
+from .flatten import USUAL_SETTINGS, Flattened, RenderSettings, flatten
 from .images import Pixels, as_bytes, brightened, check_images, encoded, image_of, pixels_of
 from .losses import losses
 from .node_links import shown_nodes
 from .shading import read_shading, render_normals, render_orm
 from .surface import Rgb, Surface, read_surface
 from .textures import Texture, transform_matrix, uv_maps
-from .tints import Islands, looks_of, nearest_tints
-from .translucency import Translucency, read_translucency
+from .tints import Islands, nearest_tints, settings_of
+from .translucency import MaterialTranslucency, read_translucency
 
 _SEEN = 1.0 / 512.0
 """Tints closer to white than this are dropped."""
@@ -44,7 +44,7 @@ class MaterialDescription(TypedDict):
 
 
 @dataclass(frozen=True)
-class Described:
+class Descriptions:
     """Descriptions of a geometry's materials.
 
     materials: one per material of the geometry, in its order, then further renderings of the same materials.
@@ -88,7 +88,7 @@ def describe_materials(
     channels: Collection[str] = (),
     matrix: NDArray[np.float64] | None = None,
     share: float = 0.0,
-) -> Described:
+) -> Descriptions:
     """Describe all materials of a geometry, and the tints of single leaves.
 
     `channels` and `share` as in `describe_material`. `matrix`: (4, 4) the geometry's world matrix; `None` is the
@@ -97,11 +97,11 @@ def describe_materials(
     world = np.eye(4) if matrix is None else matrix
     sizes = cache(lambda: unit_sizes(geometry, world))
 
-    def described(number: int, channels: Collection[str], look: Look = USUAL_LOOK) -> _Described:
+    def described(number: int, channels: Collection[str], settings: RenderSettings = USUAL_SETTINGS) -> _Described:
         def size() -> float | None:
             return None if geometry.uvs is None else float(sizes()[number])
 
-        return _described(geometry.materials[number], channels, share, size, look)
+        return _described(geometry.materials[number], channels, share, size, settings)
 
     first = [described(number, channels) for number in range(len(geometry.materials))]
     materials, owners = [description for description, _, _ in first], list(range(len(first)))
@@ -113,11 +113,11 @@ def describe_materials(
         if flat is None or not (flat.varies or flat.by_side) or not chosen.any():
             continue
         leaves = Islands.of_geometry(geometry, world).of(chosen)
-        looks, said = looks_of(flat, leaves)
+        choices, said = settings_of(flat, leaves)
         messages += said
         flats = [flat]
-        if looks != [USUAL_LOOK]:
-            rendered = [described(number, (), look) for look in looks]
+        if choices != [USUAL_SETTINGS]:
+            rendered = [described(number, (), settings) for settings in choices]
             flats = [each for _, _, each in rendered if each is not None]
             more = [each | _shading_of(description) for each, _, _ in rendered]
             materials[number], materials[len(materials) :] = more[0], more[1:]
@@ -127,7 +127,7 @@ def describe_materials(
         material_ids[chosen] = ids[found.which]
         sides[:, chosen] = found.front, found.back
     front, back = _tinted(geometry.colors, sides)
-    return Described(materials, front, back, messages, material_ids, tuple(owners))
+    return Descriptions(materials, front, back, messages, material_ids, tuple(owners))
 
 
 def _shading_of(description: MaterialDescription) -> MaterialDescription:
@@ -186,11 +186,11 @@ def _described(
     channels: Collection[str],
     share: float,
     size: Callable[[], float | None],
-    look: Look = USUAL_LOOK,
+    settings: RenderSettings = USUAL_SETTINGS,
 ) -> _Described:
     """Describe a material. `size` returns the world size of one UV unit on the leaves; `None` without a UV map."""
     surface = read_surface(material)
-    through = read_translucency(material, surface) if share > 0.0 else Translucency()
+    through = read_translucency(material, surface) if share > 0.0 else MaterialTranslucency()
     description = MaterialDescription(
         name=surface.name,
         base_color=(*surface.color, surface.alpha),
@@ -215,13 +215,13 @@ def _described(
         messages.append(_viewport_message(shown))
     elif shown.gaps:
         check_images(shown_nodes(material.node_tree), material.name)
-        flat = flatten(material, "reflected" if through.share > 0.0 else "all", look)
+        flat = flatten(material, "reflected" if through.share > 0.0 else "all", settings)
         messages.append(_rendering_message(shown, flat))
         mode = _alpha_mode(flat.pixels[..., 3:]) if surface.gaps else surface.alpha_mode
         description |= {"base_color": (1.0,) * 4, "image": _straight(flat.pixels), "alpha_mode": mode}
         description["alpha_cutoff"] = 0.5
     if through.share > 0.0:
-        messages += _part_light(description, material, through, share, look)
+        messages += _part_light(description, material, through, share, settings)
     messages += _shade(description, material, surface.texture, channels, size)
     return description, messages, flat
 
@@ -308,7 +308,11 @@ def _alpha_mode(alpha: NDArray[np.float32]) -> Literal["OPAQUE", "MASK", "BLEND"
 
 
 def _part_light(
-    description: MaterialDescription, material: bpy.types.Material, through: Translucency, share: float, look: Look
+    description: MaterialDescription,
+    material: bpy.types.Material,
+    through: MaterialTranslucency,
+    share: float,
+    settings: RenderSettings,
 ) -> list[str]:
     """Split a material's light into reflected and transmitted by the tree's `share`. Return warnings about clipping.
 
@@ -317,7 +321,7 @@ def _part_light(
     *color, alpha = description["base_color"]
     shining = None
     if through.texture is not None and through.texture.image is None:
-        shining = _straight(flatten(material, "transmitted", look).pixels)
+        shining = _straight(flatten(material, "transmitted", settings).pixels)
     elif through.texture is not None:
         shining = pixels_of(through.texture.image, material.name)
     factor, description["image"], dark = brightened(color, description["image"], through.reflected / (1.0 - share))

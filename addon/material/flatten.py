@@ -68,7 +68,7 @@ _VARYING: dict[str, dict[str, set[str] | None]] = {
 
 
 @dataclass(frozen=True)
-class Look:
+class RenderSettings:
     """Parameters of a rendering.
 
     random: the object's random number, in [0, 1]. side: 0 for the front, 1 for the back, ½ for halfway between.
@@ -80,7 +80,7 @@ class Look:
     largest: int = LARGEST
 
 
-USUAL_LOOK = Look()
+USUAL_SETTINGS = RenderSettings()
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Flattened:
     lost: tuple[str, ...]
     """Labels of nodes whose per-leaf variation is dropped."""
     light: Light
-    look: Look
+    settings: RenderSettings
 
     @property
     def varies(self) -> bool:
@@ -106,15 +106,15 @@ class Flattened:
         return self.by_random or self.by_place
 
 
-def flatten(material: bpy.types.Material, light: Light = "all", look: Look = USUAL_LOOK) -> Flattened:
+def flatten(material: bpy.types.Material, light: Light = "all", settings: RenderSettings = USUAL_SETTINGS) -> Flattened:
     """Render a material, for which `can_render` must hold. Scenes and materials of the file stay unchanged.
 
     Raises `SceneError` if Cycles fails.
     """
     nodes = shown_nodes(material.node_tree)
-    pixels = render(material, nodes, lambda copy: color_and_alpha(copy, light), look=look)
+    pixels = render(material, nodes, lambda copy: color_and_alpha(copy, light), settings=settings)
     random, place, side, lost = (_labels(nodes, kind) for kind in ("random", "place", "side", "lost"))
-    return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, look)
+    return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, settings)
 
 
 def color_and_alpha(copy: bpy.types.Material, light: Light = "all") -> tuple[Any, Any]:
@@ -131,7 +131,7 @@ def render(
     *,
     transform: Sequence[float] = Texture.transform,
     size: float = 1.0,
-    look: Look = USUAL_LOOK,
+    settings: RenderSettings = USUAL_SETTINGS,
 ) -> NDArray[np.float32]:
     """Render what `codes` builds on a copy of a material. Return (h, w, 4), premultiplied, row 0 on top.
 
@@ -139,9 +139,9 @@ def render(
     `size`: the side of the square in the world. Raises `SceneError` if Cycles fails.
     """
     with emitting(material, codes) as shown, cycles_scene(material) as scene:
-        mesh = _square(nodes, transform, look)
+        mesh = _square(nodes, transform, settings)
         mesh.materials.append(shown)
-        return rendered(scene, mesh, min(_side_of(nodes), look.largest), size)
+        return rendered(scene, mesh, min(_side_of(nodes), settings.largest), size)
 
 
 def of_single_leaves(nodes: Iterable[bpy.types.Node]) -> list[str]:
@@ -276,7 +276,7 @@ def _side_of(nodes: Sequence[bpy.types.Node]) -> int:
     return min(max([LEAST, *sides]), LARGEST) if sides else USUAL
 
 
-def _square(nodes: Sequence[bpy.types.Node], transform: Sequence[float], look: Look) -> bpy.types.Mesh:
+def _square(nodes: Sequence[bpy.types.Node], transform: Sequence[float], settings: RenderSettings) -> bpy.types.Mesh:
     """Return a square with the UVs that the transform maps to [0, 1]², under all names that the nodes use."""
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     mesh = bpy.data.meshes.new("leafcloud flatten")
@@ -284,7 +284,7 @@ def _square(nodes: Sequence[bpy.types.Node], transform: Sequence[float], look: L
     linear, moved = np.split(np.reshape(transform, (2, 3)), [2], axis=1)
     places = np.linalg.solve(linear, np.transpose(corners) - moved).T
     add_layers(mesh, nodes, np.ascontiguousarray(places, np.float32))
-    for name, value in ((RANDOM, look.random), (SIDE, look.side)):
+    for name, value in ((RANDOM, settings.random), (SIDE, settings.side)):
         mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.full(4, value, np.float32))
     return mesh
 

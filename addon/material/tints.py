@@ -29,7 +29,7 @@ from .flatten import (
     RANDOM,
     SIDE,
     Flattened,
-    Look,
+    RenderSettings,
     add_layers,
     color_and_alpha,
     cycles_scene,
@@ -81,14 +81,14 @@ class Islands:
         return Islands(self.positions, self.triangles[chosen], self.randoms[chosen])
 
 
-def looks_of(flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
-    """Return the looks to render a material for, and messages. Tints cover the remaining variation."""
+def settings_of(flat: Flattened, leaves: Islands) -> tuple[list[RenderSettings], list[str]]:
+    """Return the settings to render a material with, and messages. Tints cover the remaining variation."""
     flat, messages = _between_sides(flat)
     said = f"material {flat.material.name!r}:"
     if not flat.varies or _are_tints(flat, leaves):
-        return [flat.look], messages
+        return [flat.settings], messages
     if not flat.by_random:
-        return [flat.look], [
+        return [flat.settings], [
             *messages,
             f"{said} islands or positions change its leaves by more than a tint, and only the tint is kept; vary them "
             f"by Object Info > Random, which is rendered for several values",
@@ -99,7 +99,7 @@ def looks_of(flat: Flattened, leaves: Islands) -> tuple[list[Look], list[str]]:
         numbers = np.quantile(numbers, (np.arange(MOST_LOOKS) + 0.5) / MOST_LOOKS)
     largest = 1 << int(np.log2(TEXELS / len(numbers) ** 0.5))
     side = min(largest, len(flat.pixels))
-    return [Look(float(number), flat.look.side, largest) for number in numbers], [
+    return [RenderSettings(float(number), flat.settings.side, largest) for number in numbers], [
         *messages,
         f"{said} Object Info > Random changes its leaves by more than a tint, so it is rendered for {len(numbers)} of "
         f"{count} random numbers, to images of {side} × {side} texels",
@@ -113,10 +113,10 @@ def _between_sides(front: Flattened) -> tuple[Flattened, list[str]]:
     """
     if not front.by_side:
         return front, []
-    back = flatten(front.material, front.light, replace(front.look, side=1.0))
+    back = flatten(front.material, front.light, replace(front.settings, side=1.0))
     if _is_tint(back, front):
         return front, []
-    between = flatten(front.material, front.light, replace(front.look, side=0.5))
+    between = flatten(front.material, front.light, replace(front.settings, side=0.5))
     if _is_tint(back, between) and _is_tint(front, between):
         return between, []
     said = f"material {front.material.name!r}: its back is more than a tint of its front, and only the tint is kept"
@@ -136,7 +136,7 @@ def nearest_tints(flats: Sequence[Flattened], leaves: Islands) -> Tints:
     """Return the leaves' tints of the most similar renderings. Leaves with equal random numbers share a rendering."""
     place, _ = _places(flats[0].pixels)
     seen, shown = _seen(flats[0], leaves, place), _shown(flats, leaves, place)
-    randoms = np.array([flat.look.random for flat in flats], np.float32)
+    randoms = np.array([flat.settings.random for flat in flats], np.float32)
     numbers, of_triangle = np.unique(leaves.randoms, return_inverse=True)
     counts = np.bincount(of_triangle)
     colors = np.stack([np.bincount(of_triangle, channel) for channel in seen.mean(axis=1).T], axis=1) / counts[:, None]
@@ -214,10 +214,10 @@ def _shown(flats: Sequence[Flattened], leaves: Islands, place: Place) -> NDArray
     first = flats[0]
     if first.by_place:
         return np.minimum([_texel(flat.pixels, place) for flat in flats], 1.0)
-    randoms = np.array([flat.look.random for flat in flats], np.float32)
+    randoms = np.array([flat.settings.random for flat in flats], np.float32)
     corners = np.arange(3 * len(randoms), dtype=np.int32).reshape(-1, 3)
     copies = Islands(np.tile(leaves.positions[leaves.triangles[0]], (len(randoms), 1)), corners, randoms)
-    return np.minimum(_seen(first, copies, place, first.look.side).mean(axis=1), 1.0)
+    return np.minimum(_seen(first, copies, place, first.settings.side).mean(axis=1), 1.0)
 
 
 def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:

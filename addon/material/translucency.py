@@ -37,8 +37,8 @@ GREATEST_SHARE = 0.9
 
 
 @dataclass(frozen=True)
-class Translucency:
-    """Translucency of a material: it transmits `color` · `texture` and reflects `reflected` · base color."""
+class MaterialTranslucency:
+    """MaterialTranslucency of a material: it transmits `color` · `texture` and reflects `reflected` · base color."""
 
     share: float = 0.0
     """Transmitted share of the light, as one number; 0 for an opaque material."""
@@ -54,7 +54,7 @@ class Translucency:
 
 @dataclass(frozen=True)
 class Translucent:
-    """Translucency of a tree's leaves."""
+    """MaterialTranslucency of a tree's leaves."""
 
     share: float
     """The greatest share of all materials."""
@@ -72,21 +72,21 @@ def translucent_of(materials: Sequence[bpy.types.Material | None]) -> Translucen
     return Translucent(max((each.share for each in read), default=0.0), next(iter(names), None), warnings)
 
 
-def read_translucency(material: bpy.types.Material | None, surface: Surface) -> Translucency:
+def read_translucency(material: bpy.types.Material | None, surface: Surface) -> MaterialTranslucency:
     """Read the translucency of a material. `surface`: its base color and alpha, as read from the same nodes."""
     shader = None if material is None else shader_of(material)
     share = 0.0 if shader is None else _share(shader)
     if material is None or shader is None or share == 0.0:
-        return Translucency()
-    rendered = Translucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), surface.layout)
+        return MaterialTranslucency()
+    rendered = MaterialTranslucency(min(share, GREATEST_SHARE), (1.0, 1.0, 1.0), surface.layout)
     if surface.gaps:
-        return Translucency() if surface.layout is None else rendered
+        return MaterialTranslucency() if surface.layout is None else rendered
     try:
         read = _read(shader, share)
         if read.texture is not None and not laid_alike(surface.texture, read.texture):
             raise NotUnderstoodError("and its base color use different texture coordinates")
         shines = read.texture is not None or any(read.color)
-        return replace(read, share=min(read.share, GREATEST_SHARE)) if shines else Translucency()
+        return replace(read, share=min(read.share, GREATEST_SHARE)) if shines else MaterialTranslucency()
     except NotUnderstoodError as reason:
         gap = f"its translucency {reason}"
     try:
@@ -95,11 +95,11 @@ def read_translucency(material: bpy.types.Material | None, surface: Surface) -> 
             raise NotUnderstoodError("and its base color use a Mapping node")
     except NotUnderstoodError as reason:
         said = f"material {material.name!r}: {gap}; rendering fails because it {reason}; its leaves count as opaque"
-        return Translucency(warnings=(said,))
+        return MaterialTranslucency(warnings=(said,))
     return replace(rendered, texture=layout, gap=gap)
 
 
-def _read(shader: Output, share: float) -> Translucency:
+def _read(shader: Output, share: float) -> MaterialTranslucency:
     """Read a Principled BSDF, or an opaque one mixed with a Translucent BSDF. Raises `NotUnderstoodError`."""
     node = shader.node
     if node.type == "BSDF_PRINCIPLED":
@@ -117,12 +117,12 @@ def _read(shader: Output, share: float) -> Translucency:
     return _with_color(color, share, 1.0 - share, share)
 
 
-def _with_color(target: Input, share: float, reflected: float, scale: float) -> Translucency:
+def _with_color(target: Input, share: float, reflected: float, scale: float) -> MaterialTranslucency:
     color = product_of(target)
     if color.attribute is not None and target.socket.node.type == "BSDF_TRANSLUCENT":
         raise NotUnderstoodError(f"is multiplied by the color attribute {color.attribute!r}")
     red, green, blue = (scale * part for part in color.factor)
-    return Translucency(share, (red, green, blue), color.texture, reflected)
+    return MaterialTranslucency(share, (red, green, blue), color.texture, reflected)
 
 
 def _share(shader: Output) -> float:

@@ -25,7 +25,7 @@ from ..errors import SceneError
 from ..geometry import Geometry, Tree
 from ..material.surface import Surface, read_surface
 from ..material.textures import ACTIVE, Texture
-from ..plan.leaves import LeavesError, Part, choose_leaves, names_of
+from ..plan.leaves import LeavesError, MaterialPart, choose_leaves, names_of
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
@@ -215,9 +215,9 @@ def _slots(gathered: Sequence[Copies]) -> list[_Slot]:
     ]
 
 
-def _part(slot: _Slot) -> Part:
+def _part(slot: _Slot) -> MaterialPart:
     copies, material = slot.copies, slot.material
-    return Part(
+    return MaterialPart(
         object_name=copies.object_name,
         material_name="" if material is None else material.name,
         triangles=slot.count,

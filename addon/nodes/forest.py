@@ -24,7 +24,7 @@ from functools import reduce
 import bpy
 
 from .builder import Section
-from .laws import LENGTH, NEVER, SHARE, Camera, add_modifier, declare, group_of_layout
+from .laws import LENGTH, NEVER, SHARE, CameraNodes, add_modifier, declare, group_of_layout
 
 GROUP_NAME = "Leafcloud Forest"
 MOST_VARIANTS = 16
@@ -110,7 +110,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-3200.0, 0.0))
-    camera = Camera(section)
+    camera = CameraNodes(section)
     rotation = section.attribute("QUATERNION", "rotation")
     scale = section.vector_attribute("scale", missing=(1.0, 1.0, 1.0))
     position = section.result("GeometryNodeInputPosition")

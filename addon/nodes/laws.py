@@ -63,7 +63,7 @@ def declare(tree: bpy.types.NodeTree, name: str, kind: str, description: str, pa
         setattr(socket, key, value)
 
 
-class Camera:
+class CameraNodes:
     """The scene's active camera in the coordinates of the object with the modifier."""
 
     def __init__(self, section: Section) -> None:
@@ -88,7 +88,7 @@ class Camera:
         return section.switch("FLOAT", known, 0.0, near, label=label)
 
 
-def camera_distance(section: Section, camera: Camera) -> bpy.types.NodeSocket:
+def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSocket:
     """Return d to the input Centre, in the object's coordinates. 0 without a camera: the level is at rest, unpruned."""
     return camera.distance(section, camera.location, section.group_input("Centre"), label="Distance d")
 

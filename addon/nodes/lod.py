@@ -47,7 +47,7 @@ from .laws import (
     NEVER,
     SHARE,
     TINY,
-    Camera,
+    CameraNodes,
     add_modifier,
     camera_distance,
     declare,
@@ -178,7 +178,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-2800.0, 0.0))
-    distance = camera_distance(section, Camera(section))
+    distance = camera_distance(section, CameraNodes(section))
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
     section = Section(tree, "Hidden fraction h", (-1500.0, 1700.0))
     fades, hidden = _hidden(section, distance)

@@ -49,7 +49,7 @@ from .laws import (
     NEVER,
     SHARE,
     TINY,
-    Camera,
+    CameraNodes,
     add_modifier,
     declare,
     declare_pruning,
@@ -244,7 +244,7 @@ def _told(
 def _distances(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Return d from the camera to each tree's center, in the coordinates of the object with the modifier and of the
     tree."""
-    camera = Camera(section)
+    camera = CameraNodes(section)
     centre = section.group_input("Centre")
     transform = section.result("GeometryNodeInstanceTransform")
     here = section.result("FunctionNodeTransformPoint", centre, transform, label="Center of the tree")

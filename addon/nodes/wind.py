@@ -67,7 +67,7 @@ from .laws import (
     NEVER,
     SHARE,
     TINY,
-    Camera,
+    CameraNodes,
     add_modifier,
     camera_distance,
     declare,
@@ -247,7 +247,7 @@ class _Air:
 
 def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-4200.0, 0.0))
-    distance = camera_distance(section, Camera(section))
+    distance = camera_distance(section, CameraNodes(section))
     share = transition_share(Section(tree, "Transition a", (-3000.0, 0.0)), distance)
     air = _air(Section(tree, "Wind and tree", (-3000.0, -1200.0)))
 

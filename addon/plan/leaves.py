@@ -34,7 +34,7 @@ class LeavesError(ValueError):
 
 
 @dataclass(frozen=True)
-class Part:
+class MaterialPart:
     """The triangles of one material slot of one object."""
 
     object_name: str
@@ -46,7 +46,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Choice:
+class LeafChoice:
     """The leaves among a sequence of parts."""
 
     indices: tuple[int, ...]
@@ -59,7 +59,7 @@ Measure = Callable[[int], NDArray[np.int64]]
 """A function that returns the number of triangles of each connected component of the part with an index."""
 
 
-def choose_leaves(parts: Sequence[Part], names: Sequence[str] | None, measure: Measure) -> Choice:
+def choose_leaves(parts: Sequence[MaterialPart], names: Sequence[str] | None, measure: Measure) -> LeafChoice:
     """Choose the parts that are leaves.
 
     `names`: exact names of objects, instancers or materials; `None` or empty: detect the leaves. `measure` is called
@@ -76,20 +76,20 @@ def says_leaf(name: str) -> bool:
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
 
 
-def names_of(part: Part) -> set[str]:
+def names_of(part: MaterialPart) -> set[str]:
     """Return the names of the part: its object, its material, and its instancer."""
     return {part.object_name, part.material_name, part.instancer_name} - {""}
 
 
-def _choose_named(parts: Sequence[Part], names: Sequence[str]) -> Choice:
+def _choose_named(parts: Sequence[MaterialPart], names: Sequence[str]) -> LeafChoice:
     for name in names:
         if not any(name in names_of(part) for part in parts):
             raise LeavesError(f"no object or material is named {name!r}; {_inventory(parts)}")
     indices = tuple(i for i, part in enumerate(parts) if any(name in names_of(part) for name in names))
-    return Choice(indices, f"{_listed(parts, indices)}: named by the user ({_quoted(names)}).")
+    return LeafChoice(indices, f"{_listed(parts, indices)}: named by the user ({_quoted(names)}).")
 
 
-def _choose_telling(parts: Sequence[Part]) -> Choice | None:
+def _choose_telling(parts: Sequence[MaterialPart]) -> LeafChoice | None:
     # Material names override the object's name: "oak_leaves" with the slots "leaf" and "bark" means "leaf" only.
     objects_with_leaf_material = {part.object_name for part in parts if says_leaf(part.material_name)}
     indices = tuple(
@@ -103,10 +103,10 @@ def _choose_telling(parts: Sequence[Part]) -> Choice | None:
     )
     if not indices:
         return None
-    return Choice(indices, f"{_listed(parts, indices)}: the names contain leaf, leaves, foliage, needle or frond.")
+    return LeafChoice(indices, f"{_listed(parts, indices)}: the names contain leaf, leaves, foliage, needle or frond.")
 
 
-def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
+def _choose_small(parts: Sequence[MaterialPart], measure: Measure) -> LeafChoice:
     sizes = [measure(i) for i in range(len(parts))]
     medians = [float(np.median(of_part)) if len(of_part) else np.inf for of_part in sizes]
     finest = min(medians, default=np.inf)
@@ -120,16 +120,16 @@ def _choose_small(parts: Sequence[Part], measure: Measure) -> Choice:
         )
     median = float(np.median(np.concatenate([sizes[i] for i in indices])))
     why = f"{count} small components (the median has {median:g} triangles), and there are no leaf names"
-    return Choice(indices, f"{_listed(parts, indices)}: {why}.")
+    return LeafChoice(indices, f"{_listed(parts, indices)}: {why}.")
 
 
-def _inventory(parts: Sequence[Part]) -> str:
+def _inventory(parts: Sequence[MaterialPart]) -> str:
     objects = dict.fromkeys(name for part in parts for name in (part.instancer_name, part.object_name) if name)
     materials = dict.fromkeys(part.material_name for part in parts if part.material_name)
     return f"objects: {_quoted(objects) or 'none'}; materials: {_quoted(materials) or 'none'}"
 
 
-def _listed(parts: Sequence[Part], indices: Sequence[int]) -> str:
+def _listed(parts: Sequence[MaterialPart], indices: Sequence[int]) -> str:
     """Return the chosen parts in words: complete objects by name, others with their materials."""
     chosen = set(indices)
     words: dict[str, None] = {}

@@ -68,7 +68,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LitScene:
     """The scene around a tree for a bake of light.
 
     layer: its lights, world and shadows count. sources: the objects that show the tree; they are hidden. casters:
@@ -80,7 +80,7 @@ class Surroundings:
     casters: Sequence[bpy.types.Mesh]
 
 
-def bake_light(geometries: Sequence[Geometry], matrix: NDArray[np.float64], around: Surroundings) -> list[Light]:
+def bake_light(geometries: Sequence[Geometry], matrix: NDArray[np.float64], around: LitScene) -> list[Light]:
     """Return the light on each geometry. The scene stays unchanged, even after an error.
 
     `matrix`: (4, 4) from the geometries to the world.

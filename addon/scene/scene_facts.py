@@ -35,14 +35,14 @@ _Look = tuple[bool, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class CamerasAndLights:
     """Cameras and lights around a tree. `camera` is None in a scene without cameras."""
 
     camera: Camera | None
     lights: Lights
 
 
-def read_scene_facts(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view: View) -> Surroundings:
+def read_scene_facts(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[float], view: View) -> CamerasAndLights:
     """Read the cameras and lights in the scene of `layer`. Its dependency graph must be up to date.
 
     `centre`: the center of the tree's crown in world space, at the current frame. `view`: resolution and field of view
@@ -68,9 +68,9 @@ def read_scene_facts(layer: bpy.types.ViewLayer, tree: Tree, centre: Sequence[fl
             )
     lights = _lights([*lamps, *worlds], list(zip(*looks, strict=True)))
     if not distances:
-        return Surroundings(None, lights)
+        return CamerasAndLights(None, lights)
     moves = len(set(cameras.values())) > 1 or bool(np.ptp(poses, axis=0).max() > STILL)
-    return Surroundings(Camera(_spans(distances), view, moves), lights)
+    return CamerasAndLights(Camera(_spans(distances), view, moves), lights)
 
 
 def _pose(camera: bpy.types.Object, away: float) -> _Pose:

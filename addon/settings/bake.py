@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypedDict, get_type_hints
 import leafcloud
 
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
-from .setting import Described, Limits, Setting
+from .setting import Limits, NamedSetting, Setting
 
 Method = Literal["stochastic", "density", "kmeans"]
 Effort = Literal["literal", "default", "final", "best"]
@@ -434,13 +434,13 @@ def _listed(names: Sequence[str]) -> str:
 
 
 @cache
-def described() -> tuple[Described, ...]:
+def described() -> tuple[NamedSetting, ...]:
     """Return all settings, in the order of `BakeSettings`."""
     hints = get_type_hints(BakeSettings, include_extras=True)
-    return tuple(Described.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
+    return tuple(NamedSetting.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
 
 
-def setting_named(name: str) -> Described:
+def setting_named(name: str) -> NamedSetting:
     """Return the setting called `name`. Raise `KeyError` for an unknown name."""
     return {each.name: each for each in described()}[name]
 

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 from .bake import BakeSettings, SettingsError, described, flag, setting_named
 from .naming import with_names
-from .setting import Described
+from .setting import NamedSetting
 
 CURVES = ("full", "quick")
 
@@ -98,12 +98,12 @@ def _flag_words(name: str, value: str | None) -> str | None:
     return flag(name) if value is None else f"{flag(name)}{between}{value}"
 
 
-def _switch(each: Described) -> str:
+def _switch(each: NamedSetting) -> str:
     """Return the flag that changes a setting of type bool from its default."""
     return flag(f"no_{each.name}" if each.default else each.name)
 
 
-def _add_setting(parser: argparse.ArgumentParser, each: Described) -> None:
+def _add_setting(parser: argparse.ArgumentParser, each: NamedSetting) -> None:
     if each.type is bool:
         action = "store_false" if each.default else "store_true"
         text = f"Turn off: {each.setting.about}" if each.default else each.setting.about
@@ -115,7 +115,7 @@ def _add_setting(parser: argparse.ArgumentParser, each: Described) -> None:
     parser.add_argument(flag(each.name), metavar=each.setting.unit, help=_help(each), **more)
 
 
-def _help(each: Described) -> str:
+def _help(each: NamedSetting) -> str:
     """Return the help of a flag: the meaning, the allowed values and the default."""
     words, choices = [each.setting.about], each.setting.choices
     if choices:

@@ -68,7 +68,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Described:
+class NamedSetting:
     """A setting with its name, the type of its values and its default."""
 
     name: str
@@ -77,7 +77,7 @@ class Described:
     setting: Setting
 
     @staticmethod
-    def of(name: str, hint: Any, default: Any) -> Described:
+    def of(name: str, hint: Any, default: Any) -> NamedSetting:
         """Build it from ``Annotated[type, Setting(…)]``.
 
         The type loses None; a ``Literal`` becomes ``str``, and a tuple type ``tuple``.
@@ -86,4 +86,4 @@ class Described:
         if NoneType in get_args(kind):
             [kind] = [each for each in get_args(kind) if each is not NoneType]
         origin = get_origin(kind)
-        return Described(name, str if origin is Literal else origin or kind, default, setting)
+        return NamedSetting(name, str if origin is Literal else origin or kind, default, setting)

@@ -20,7 +20,7 @@ from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings, described
 from ..settings.effects import EFFECTS, asked_effects
 from ..settings.naming import with_names
-from ..settings.setting import Described
+from ..settings.setting import NamedSetting
 from ..versions import blend_relative_path
 
 AUTO, ON, OFF = "AUTO", "ON", "OFF"
@@ -129,7 +129,7 @@ class LeafcloudSettings(bpy.types.PropertyGroup):
     )
 
 
-def _property(each: Described, shown: _Shown) -> Any:
+def _property(each: NamedSetting, shown: _Shown) -> Any:
     setting = each.setting
     said: dict[str, Any] = {"name": shown.label, "description": _sentence(with_labels(setting.about))}
     if setting.choices:
@@ -225,7 +225,7 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
     return BakeSettings(effects=",".join(["auto", *forced]), **values)
 
 
-def _value(each: Described, value: Any) -> Any:
+def _value(each: NamedSetting, value: Any) -> Any:
     """Return the setting's value for a property's value."""
     if each.type is float:
         value = round(value, _DIGITS)

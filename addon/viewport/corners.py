@@ -16,14 +16,14 @@ Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Part:
+class MaterialTriangles:
     """The triangles of one material: the attributes (c, …) by name, and the `paint`."""
 
     attributes: dict[str, Floats]
     paint: Paint
 
 
-def parts_of(obj: bpy.types.Object) -> list[Part]:
+def parts_of(obj: bpy.types.Object) -> list[MaterialTriangles]:
     """Return the parts of an object's own mesh, one for each used material slot."""
     mesh = own_mesh(obj)
     by_vertex = _by_vertex(mesh)
@@ -35,7 +35,7 @@ def parts_of(obj: bpy.types.Object) -> list[Part]:
         by_corner = {"normal": mesh.normals, "uv": _uvs(mesh, paint)} | _colors(mesh, paint)
         attributes = {name: values[vertices] for name, values in by_vertex.items()}
         attributes |= {name: values[chosen].reshape(-1, values.shape[2]) for name, values in by_corner.items()}
-        result.append(Part(attributes, paint))
+        result.append(MaterialTriangles(attributes, paint))
     return result
 
 

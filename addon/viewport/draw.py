@@ -14,7 +14,7 @@ from mathutils import Matrix, Vector
 from ..mesh.baked_levels import EXTRAS
 from ..nodes.lod import GROUP_NAME
 from ..versions import get_modifier_input
-from .corners import Part, parts_of
+from .corners import MaterialTriangles, parts_of
 from .look import LevelInputs, look_at
 from .shader import ATTRIBUTES, SAMPLERS, compiled, uniforms_of, uniforms_of_paint
 
@@ -28,7 +28,7 @@ class Drawn:
     obj: bpy.types.Object
     inputs: LevelInputs
     centre: Vector
-    batches: list[tuple[Part, gpu.types.GPUBatch]]
+    batches: list[tuple[MaterialTriangles, gpu.types.GPUBatch]]
 
 
 @dataclass
@@ -70,7 +70,7 @@ class Preview:
                 self.shader.uniform_sampler(name, self._page(image))
             batch.draw(self.shader)
 
-    def _batch(self, part: Part) -> gpu.types.GPUBatch:
+    def _batch(self, part: MaterialTriangles) -> gpu.types.GPUBatch:
         layout = gpu.types.GPUVertFormat()
         for name, kind in ATTRIBUTES.items():
             layout.attr_add(id=name, comp_type="F32", len=1 if kind == "FLOAT" else int(kind[3]), fetch_mode="FLOAT")

@@ -37,7 +37,7 @@ class LevelInputs:
 
 
 @dataclass(frozen=True)
-class Look:
+class Uniforms:
     """The uniforms of the shader.
 
     transition: d, start, end. keep: d, d₀, h. scale: s·γ. next_share: the fraction of the pixels that show the next
@@ -53,7 +53,7 @@ class Look:
     mean_color: tuple[float, float, float]
 
 
-def look_at(level: LevelInputs, distance: float) -> Look | None:
+def look_at(level: LevelInputs, distance: float) -> Uniforms | None:
     """Return the uniforms at `distance` ≥ 0; None if the level is not drawn.
 
     During a cross-fade each of two levels shows a fraction of the pixels, from the distance where one appears to the
@@ -73,7 +73,7 @@ def look_at(level: LevelInputs, distance: float) -> Look | None:
         if level.fade_in_end > level.appear
         else 1.0
     )
-    return Look(
+    return Uniforms(
         transition=(distance, level.start, level.end),
         keep=(distance, level.prune_start, level.prune_half),
         scale=_area_scale(kept, level.area_shares) * _trend(kept, level.growth),

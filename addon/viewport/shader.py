@@ -6,7 +6,7 @@ from pathlib import Path
 
 import gpu
 
-from .look import Look
+from .look import Uniforms
 from .paint import Paint
 
 ATTRIBUTES = {
@@ -85,7 +85,7 @@ void main() {
 """
 
 
-def uniforms_of(look: Look) -> dict[str, float | tuple[float, ...]]:
+def uniforms_of(look: Uniforms) -> dict[str, float | tuple[float, ...]]:
     """Return the uniforms that depend on a level's distance."""
     return {
         "transition_at": (*look.transition, look.scale),

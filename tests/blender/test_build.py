@@ -16,7 +16,7 @@ from addon.geometry import Geometry, Tree, is_sheared, world_normals, wound
 from addon.levels import clouds
 from addon.levels.build import build_levels
 from addon.levels.building import Build, BuiltLevel, Costs
-from addon.levels.mesh import Surface, create_mesh, fans, split_vertices
+from addon.levels.mesh import MeshFaces, create_mesh, fans, split_vertices
 from addon.levels.prune_tables import area_shares, prefix_table
 from addon.plan.lod_range import lod_ranges
 from addon.plan.registry import effect_named
@@ -233,7 +233,7 @@ def test_faces_of_a_mirrored_tree_have_reversed_winding() -> None:
 
 
 def test_a_prefix_holds_the_leaves_whose_rank_is_below() -> None:
-    surface = Surface(
+    surface = MeshFaces(
         positions=np.zeros((0, 3), np.float32),
         corners=np.zeros(0, np.int32),
         sizes=np.array([4, 3, 3, 3], np.int32),
@@ -490,5 +490,5 @@ def test_a_failed_build_leaves_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_faces_without_normals_are_flat() -> None:
     corners = np.array([0, 1, 2, 2, 1, 3], np.int32)
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1]], np.float32)
-    mesh = create_mesh("fold", Surface(positions, corners, np.array([3, 3], np.int32), np.zeros(2, np.int32)), [None])
+    mesh = create_mesh("fold", MeshFaces(positions, corners, np.array([3, 3], np.int32), np.zeros(2, np.int32)), [None])
     assert [tuple(normal.vector) for normal in mesh.corner_normals][:3] == [(0.0, 0.0, 1.0)] * 3

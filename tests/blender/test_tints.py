@@ -17,7 +17,7 @@ from addon.bake.part import described_part
 from addon.geometry import Geometry
 from addon.levels.mesh import read_own_randoms
 from addon.levels.trunk import geometry_mesh
-from addon.material.describe import Described, describe_materials
+from addon.material.describe import Descriptions, describe_materials
 from addon.material.flatten import RANDOM, flatten
 from addon.material.tints import Islands, nearest_tints
 from addon.mesh.extract import extract
@@ -76,7 +76,7 @@ def leaves_with(material: bpy.types.Material, randoms: list[float]) -> Geometry:
     return replace(geometry, randoms=np.repeat(np.array(randoms, np.float32), 2))
 
 
-def shown(described: Described, row: int, column: int) -> np.ndarray:
+def shown(described: Descriptions, row: int, column: int) -> np.ndarray:
     """Return linear colors (t, 3) of the triangles' first corners: texel of the material times vertex color."""
     images = [material["image"] for material in described.materials]
     codes = np.array([image[row, column, :3] / 255.0 for image in images if image is not None])

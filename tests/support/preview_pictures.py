@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.viewport.corners import Part, parts_of
+from addon.viewport.corners import MaterialTriangles, parts_of
 from addon.viewport.draw import centre_of, inputs_of, levels_in, uniforms_in_view
 from addon.viewport.shader import ATTRIBUTES, FRAGMENT, SAMPLERS, UNIFORMS, VARYINGS, VERTEX, laws, uniforms_of_paint
 from bench.browser import FILES, ask
@@ -35,7 +35,7 @@ def _declared(inputs: dict[str, str], outputs: dict[str, str], words: tuple[str,
     return "\n".join(["#version 300 es", "precision highp float;", *lines, laws()])
 
 
-def attributes_of(part: Part) -> dict[str, Any]:
+def attributes_of(part: MaterialTriangles) -> dict[str, Any]:
     return {
         name: {"values": part.attributes[name].ravel().tolist(), "size": 1 if kind == "FLOAT" else int(kind[3])}
         for name, kind in ATTRIBUTES.items()
@@ -66,7 +66,9 @@ def preview_pictures(
     return [np.frombuffer(base64.b64decode(text), np.float32).reshape(side, side, 4) for text in answer["pictures"]]
 
 
-def _draws(parts: Sequence[tuple[bpy.types.Object, Part]], camera: bpy.types.Object) -> list[dict[str, Any]]:
+def _draws(
+    parts: Sequence[tuple[bpy.types.Object, MaterialTriangles]], camera: bpy.types.Object
+) -> list[dict[str, Any]]:
     to_clip = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=1, y=1)
     to_clip = to_clip @ camera.matrix_world.inverted()
     eye = camera.matrix_world.translation
@@ -78,7 +80,7 @@ def _draws(parts: Sequence[tuple[bpy.types.Object, Part]], camera: bpy.types.Obj
     return draws
 
 
-def _draw(part: Part, uniforms: dict[str, Any]) -> dict[str, Any]:
+def _draw(part: MaterialTriangles, uniforms: dict[str, Any]) -> dict[str, Any]:
     images = (part.paint.color, part.paint.opacity)
     return {
         "attributes": attributes_of(part),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.plan.leaves import LeavesError, Part, choose_leaves, says_leaf
+from addon.plan.leaves import LeavesError, MaterialPart, choose_leaves, says_leaf
 
 
 def never(index: int) -> np.ndarray:
@@ -33,24 +33,29 @@ def test_other_names_are_not_recognized(name: str) -> None:
 
 
 def test_given_names_choose_objects_and_materials() -> None:
-    parts = [Part("tree", "green", 10), Part("tree", "brown", 10), Part("crown", "x", 5), Part("rock", "", 3)]
+    parts = [
+        MaterialPart("tree", "green", 10),
+        MaterialPart("tree", "brown", 10),
+        MaterialPart("crown", "x", 5),
+        MaterialPart("rock", "", 3),
+    ]
     choice = choose_leaves(parts, ["green", "crown"], never)
     assert choice.indices == (0, 2)
     assert choice.reason == "'tree' (material 'green'), 'crown': named by the user ('green', 'crown')."
 
 
 def test_given_name_of_an_object_takes_all_its_slots() -> None:
-    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "bark", 5)]
+    parts = [MaterialPart("tree", "leaf", 10), MaterialPart("tree", "bark", 10), MaterialPart("rock", "bark", 5)]
     assert choose_leaves(parts, ["tree"], never).indices == (0, 1)
 
 
 def test_given_name_of_an_instancer_takes_its_instances() -> None:
-    parts = [Part("card", "a", 10, "crown"), Part("card", "a", 10, "hedge")]
+    parts = [MaterialPart("card", "a", 10, "crown"), MaterialPart("card", "a", 10, "hedge")]
     assert choose_leaves(parts, ["crown"], never).indices == (0,)
 
 
 def test_given_names_are_exact_and_an_unknown_name_lists_all_names() -> None:
-    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10), Part("rock", "", 5)]
+    parts = [MaterialPart("tree", "leaf", 10), MaterialPart("tree", "bark", 10), MaterialPart("rock", "", 5)]
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["leaf", "Leaf"], never)
     assert str(caught.value) == (
@@ -59,26 +64,30 @@ def test_given_names_are_exact_and_an_unknown_name_lists_all_names() -> None:
 
 
 def test_telling_material_splits_an_object() -> None:
-    parts = [Part("tree", "leaf", 10), Part("tree", "bark", 10)]
+    parts = [MaterialPart("tree", "leaf", 10), MaterialPart("tree", "bark", 10)]
     choice = choose_leaves(parts, None, never)
     assert choice.indices == (0,)
     assert choice.reason == "'tree' (material 'leaf'): the names contain leaf, leaves, foliage, needle or frond."
 
 
 def test_telling_material_is_finer_than_a_telling_object() -> None:
-    parts = [Part("oak_leaves", "leaf_a", 10), Part("oak_leaves", "bark", 10), Part("leaves.001", "bark", 4)]
+    parts = [
+        MaterialPart("oak_leaves", "leaf_a", 10),
+        MaterialPart("oak_leaves", "bark", 10),
+        MaterialPart("leaves.001", "bark", 4),
+    ]
     assert choose_leaves(parts, [], never).indices == (0, 2)
 
 
 def test_telling_object_and_instancer() -> None:
-    parts = [Part("Foliage", "a", 10), Part("trunk", "b", 10), Part("card", "c", 10, "leaves")]
+    parts = [MaterialPart("Foliage", "a", 10), MaterialPart("trunk", "b", 10), MaterialPart("card", "c", 10, "leaves")]
     choice = choose_leaves(parts, None, never)
     assert choice.indices == (0, 2)
     assert choice.reason.startswith("'Foliage', 'card': the names contain")
 
 
 def test_many_small_components_are_leaves() -> None:
-    parts = [Part("a", "", 40), Part("b", "", 960)]
+    parts = [MaterialPart("a", "", 40), MaterialPart("b", "", 960)]
     choice = choose_leaves(parts, None, sizes([2] * 20, [60] * 16))
     assert choice.indices == (0,)
     assert choice.reason == "'a': 20 small components (the median has 2 triangles), and there are no leaf names."
@@ -86,19 +95,19 @@ def test_many_small_components_are_leaves() -> None:
 
 def test_twigs_are_coarser_than_leaves() -> None:
     # As in the ez-tree oak: 5320 cards of 2 triangles, 140 twigs of mostly 6.
-    parts = [Part("a", "", 840), Part("b", "", 10640)]
+    parts = [MaterialPart("a", "", 840), MaterialPart("b", "", 10640)]
     assert choose_leaves(parts, None, sizes([6] * 140, [2] * 5320)).indices == (1,)
 
 
 def test_parts_of_one_kind_are_counted_together() -> None:
     # As in the Shapespark tree: five kinds of twig cards with few components each, and a trunk.
-    parts = [Part(name, "", 1) for name in "abct"]
+    parts = [MaterialPart(name, "", 1) for name in "abct"]
     assert choose_leaves(parts, None, sizes([8] * 8, [16, 8, 8, 8], [8] * 5, [222])).indices == (0, 1, 2)
 
 
 @pytest.mark.parametrize("of_parts", [([2] * 15, [400]), ([33] * 100, [400]), ([], [12])])
 def test_few_or_large_components_need_a_name(of_parts: tuple[list[int], ...]) -> None:
-    parts = [Part("a", "m", 1), Part("b", "", 1)]
+    parts = [MaterialPart("a", "m", 1), MaterialPart("b", "", 1)]
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, None, sizes(*of_parts))
     assert str(caught.value) == (
@@ -108,7 +117,7 @@ def test_few_or_large_components_need_a_name(of_parts: tuple[list[int], ...]) ->
 
 
 def test_a_thousand_names_still_make_one_line() -> None:
-    parts = [Part(f"object{i}", "", 1) for i in range(1000)]
+    parts = [MaterialPart(f"object{i}", "", 1) for i in range(1000)]
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["x"], never)
     assert str(caught.value).endswith("'object11' and 988 more; materials: none")
