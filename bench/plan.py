@@ -5,7 +5,7 @@ usage: python bench/plan.py [--runs N] [--texture-size N] [TREE.glb …]
 The default trees are all of ../shared/foliage except the one of a million triangles. Each is baked with all effects
 on and the chain `both`, with baked light, and with `blend_order`. Seconds are the minimum over the runs, because
 other load on the machine only adds time. Prints a table in Markdown: for each effect and tree the measured and the
-estimated cost, the largest factor between the two, and the factor on the rate in `addon/plan/costs.py` that minimizes
+estimated cost, the largest factor between the two, and the factor on the rate in `addon/effects/` that minimizes
 it. For all trees it also writes docs/bench/plan.md.
 """
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..effects.blend_order import blended_leaves
+from ..errors import SceneError
 from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, LeafShading
@@ -181,7 +182,12 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:
-    """Start the core's job for a cost curve around the settings, without pruned leaves."""
+    """Start the core's job for a cost curve around the settings, without pruned leaves.
+
+    Raise `SceneError` for a chain without clouds.
+    """
+    if prepared.settings.chain == "pruning":
+        raise SceneError("a cost curve measures clouds, and `chain=pruning` has none: choose another chain")
     options = chain_options(prepared.settings, prepared.facts, prepared.effects)
     return leafcloud.start_cost_curve(prepared.foliage, trunk=prepared.trunk, quick=quick, **options)
 

@@ -39,7 +39,7 @@ class FarLevelsEffect(Effect):
         if seen is None:
             return True, f"{situation.free_camera}, so it may see every level"
         needed = max(seen.last, 1)
-        if needed + 1 >= len(seen.switches):
+        if needed + 1 >= len(seen.soonest):
             return True, f"{situation.where}, and {situation.takes_over(needed)}: every level is seen"
         left = f"only level {needed} is made" if needed == 1 else f"no level after level {needed} is made"
         return False, f"{situation.where}, and {situation.takes_over(needed + 1)}: {left}"

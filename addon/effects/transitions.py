@@ -33,7 +33,7 @@ class TransitionsEffect(Effect):
             return True, f"{where}, and {takes_over(seen.passed[0])}"
         if seen.first != seen.last:
             return False, f"{where}, and no tree is seen changing levels"
-        if seen.last + 1 < len(seen.switches):
+        if seen.last + 1 < len(seen.soonest):
             return False, f"{where}, and {takes_over(seen.last + 1)}"
         return False, f"{where}, past the last change of level: {takes_over(seen.last)}"
 

@@ -1,7 +1,8 @@
 """Camera visibility: an estimate, before the bake, of the levels that the cameras of a scene see.
 
-Switch distances depend on the levels' deviations. Before the bake only upper bounds of these are known, so a level may
-take over sooner than estimated. The plan leaves out only coarser levels, so no picture lacks detail.
+Switch distances depend on the deviations and the texels of the levels. Before the bake only bounds of these are known:
+a level takes over between its *soonest* and its *latest* distance. A level counts as seen if it may be seen. The plan
+leaves out only coarser levels, so no picture lacks detail.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import leafcloud
 
@@ -20,6 +22,10 @@ from .pruning import cut_off_distance, share_left
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
 
+LARGEST_TEXEL = 8.0
+"""Greatest width of a texel of level 1, as a fraction of R, times the width of the atlas in texels: 4 to 8 on the
+measured trees."""
+
 STILL = 1e-3
 """Maximum changes of a still camera: place and distance as fractions of the distance, direction in radians, zoom as a
 fraction."""
@@ -29,11 +35,12 @@ fraction."""
 class CameraVisibility:
     """The levels and the changes of level that the cameras see, over all trees.
 
-    switches: the switch distance of each level, LOD 0 first, in world units. first, last: the nearest and the farthest
-    level seen. passed: the numbers of the levels that some tree visibly changes to, or back from.
+    soonest, latest: bounds on the switch distance of each level, LOD 0 first, in world units. first, last: the nearest
+    and the farthest level seen. passed: the numbers of the levels that some tree visibly changes to, or back from.
     """
 
-    switches: tuple[float, ...]
+    soonest: tuple[float, ...]
+    latest: tuple[float, ...]
     first: int
     last: int
     passed: tuple[int, ...]
@@ -44,14 +51,18 @@ def camera_visibility(settings: BakeSettings, facts: Facts) -> CameraVisibility 
     if facts.camera is None:
         return None
     spans = facts.camera.spans
-    switches = expected_switches(settings, facts, facts.camera.view)
-    clouds = _clouds(settings)
-    ranges = lod_ranges(switches, [0 < number <= clouds for number in range(len(switches))], transitions=True)
-    first = min(level_at(near, ranges) for near, _ in spans)
-    last = max(level_at(far, ranges) for _, far in spans)
-    into = range(1, len(ranges))
-    passed = tuple(number for number in into if any(_passes(span, *ranges[number - 1 : number + 1]) for span in spans))
-    return CameraVisibility(switches, first, last, passed)
+    soonest = soonest_switches(settings, facts, facts.camera.view)
+    latest = latest_switches(settings, facts, facts.camera.view)
+    is_cloud = [0 < number <= _clouds(settings) for number in range(len(soonest))]
+    soon, late = (lod_ranges(switches, is_cloud, transitions=True) for switches in (soonest, latest))
+    first = min(level_at(near, late) for near, _ in spans)
+    last = max(level_at(far, soon) for _, far in spans)
+    passed = tuple(
+        number
+        for number in range(1, len(soon))
+        if any(_passes(span, min(soon[number - 1].start, soon[number].appear), late[number].appear) for span in spans)
+    )
+    return CameraVisibility(soonest, latest, first, last, passed)
 
 
 def stands_still(camera: Camera) -> bool:
@@ -73,13 +84,34 @@ def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
     return replace(facts, engine=settings.engine, camera=camera)
 
 
-def expected_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
-    """Return the estimated switch distances before the bake, LOD 0's 0 first, in world units."""
+def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
+    """Return the switch distances that follow from ε, LOD 0's 0 first, in world units.
+
+    Deviations are near their bounds, so a level takes over at most a little sooner.
+    """
     clouds = _clouds(settings)
     errors = [min(settings.epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
-    deviations = [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)]
-    deviations += [CROSS_DEVIATION] if settings.cross else []
-    distances = [far_off(deviation * facts.radius, settings.pixels, view) for deviation in deviations]
+    return _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
+
+
+def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
+    """Return the latest switch distances, LOD 0's 0 first, in world units.
+
+    A level with large texels takes over later. A budget of billboards or texels leaves the deviation open, up to R.
+    """
+    soonest = soonest_switches(settings, facts, view)
+    if settings.max_billboards is not None or settings.max_texels is not None:
+        soonest = _switches(settings, facts, view, [1.0] * _clouds(settings))
+    # Each cloud's atlas has half the width of the one before.
+    texels = [LARGEST_TEXEL * facts.radius * 2**number / settings.texture_size for number in range(_clouds(settings))]
+    sharp = [0.0, *(far_off(texel, 1.0, view) for texel in texels)]
+    return rising([max(pair) for pair in zip_longest(soonest, sharp, fillvalue=0.0)])
+
+
+def _switches(settings: BakeSettings, facts: Facts, view: View, deviations: Sequence[float]) -> tuple[float, ...]:
+    """Return the switch distances for the clouds' deviations, as fractions of R."""
+    known = [*deviations, CROSS_DEVIATION] if settings.cross else deviations
+    distances = [far_off(deviation * facts.radius, settings.pixels, view) for deviation in known]
     if settings.chain == "pruning":
         distances = [max(*distances, cut_off_distance(prune_start(settings, facts, view), settings.prune_half))]
     return rising([0.0, *distances])
@@ -119,7 +151,7 @@ def _clouds(settings: BakeSettings) -> int:
     return 0 if settings.chain == "pruning" else settings.levels
 
 
-def _passes(span: Span, before: LodRange, behind: LodRange) -> bool:
-    """Return whether a moving camera sees part of the morph before a level, or the level's appearance."""
+def _passes(span: Span, begin: float, end: float) -> bool:
+    """Return whether a moving camera is at some time between the begin of a morph and the end of the change."""
     near, far = span
-    return far - near > STILL * far and far > min(before.start, behind.appear) and near < behind.appear
+    return far - near > STILL * far and far > begin and near < end

@@ -59,7 +59,10 @@ class Situation:
 
     def takes_over(self, level: int) -> str:
         assert self.seen is not None
-        return f"level {level} takes over at {self.seen.switches[level] / self.facts.radius:.3g}"
+        soonest, latest = (each[level] / self.facts.radius for each in (self.seen.soonest, self.seen.latest))
+        if soonest == latest:
+            return f"level {level} takes over at {soonest:.3g}"
+        return f"level {level} takes over between {soonest:.3g} and {latest:.3g}"
 
     @property
     def before_level_1(self) -> str:

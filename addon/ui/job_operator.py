@@ -13,6 +13,7 @@ from ..bake.job import POLL_SECONDS, Job, wait
 from ..errors import SceneError
 from ..settings.bake import SettingsError
 from .properties import with_labels
+from .viewport import is_previewed
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -36,7 +37,8 @@ def cancel_running() -> None:
 def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Return whether the operator can start now. Set the poll message if it cannot."""
     if not context.selected_objects:
-        operator.poll_message_set("Nothing is selected: select the tree's leaves and its trunk, if it has one")
+        remedy = "stop the preview, which hides the levels" if is_previewed() else "select the tree's leaves and trunk"
+        operator.poll_message_set(f"Nothing is selected: {remedy}")
         return False
     if context.mode != "OBJECT":
         operator.poll_message_set("Leave Edit Mode first")

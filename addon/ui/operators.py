@@ -124,6 +124,10 @@ def output_folder(directory: str) -> Path | None:
             "absolute path"
         )
     folder = Path(bpy.path.abspath(directory))
+    if not folder.is_absolute():
+        raise SceneError(
+            f"`out` is {directory!r}: begin it with // for a folder beside the .blend file, or choose an absolute path"
+        )
     try:
         with Staging(folder):
             return folder

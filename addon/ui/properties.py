@@ -222,6 +222,8 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
     states = {name: getattr(properties, effect_property(name)) for name in EFFECTS}
     forced = [f"{'+' if state == ON else '-'}{name}" for name, state in states.items() if state != AUTO]
     values = {each.name: _value(each, getattr(properties, each.name)) for each in described() if each.name in _SHOWN}
+    if not properties.directory:
+        values["engine"] = BakeSettings.engine  # The panel shows the engine only for files.
     return BakeSettings(effects=",".join(["auto", *forced]), **values)
 
 

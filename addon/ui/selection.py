@@ -45,7 +45,7 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
         if lost:
             raise SceneError(
                 f"object {obj.name!r} is a level of a baked tree, and the view layer lacks its source objects "
-                f"{', '.join(map(repr, lost[:8]))}: restore them, or select another tree"
+                f"{', '.join(map(repr, lost[:8]))}: restore them under these names, or select another tree"
             )
         sources |= {here[name]: None for name in names}
     return list(sources)

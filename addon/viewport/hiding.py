@@ -14,6 +14,9 @@ import bpy
 KEY = "leafcloud_previewed"
 """The custom property of a view layer that lists the objects which a preview has hidden there."""
 
+SELECTED = "leafcloud_previewed_selection"
+"""The custom property of a view layer that lists the selected ones among these objects."""
+
 
 def hide(layer: bpy.types.ViewLayer, objects: Iterable[bpy.types.Object]) -> None:
     """Hide objects of the view layer.
@@ -24,6 +27,8 @@ def hide(layer: bpy.types.ViewLayer, objects: Iterable[bpy.types.Object]) -> Non
     # Blender crashes where a property is given a deleted object; to read the name of one raises an error before.
     listed = {str(number): obj for number, obj in enumerate(objects) if obj.name}
     layer[KEY] = listed
+    # Hiding an object deselects it.
+    layer[SELECTED] = {key: obj for key, obj in listed.items() if obj.select_get(view_layer=layer)}
     for obj in listed.values():
         obj.hide_set(True, view_layer=layer)
 
@@ -38,8 +43,12 @@ def reveal_all() -> None:
 def _reveal(layer: bpy.types.ViewLayer) -> None:
     if KEY not in layer:
         return
+    # The lists have None for an object that was deleted.
     for obj in layer[KEY].values():
-        # The list has None for an object that was deleted.
         if obj is not None and layer.objects.get(obj.name) == obj:
             obj.hide_set(False, view_layer=layer)
+    for obj in layer.get(SELECTED, {}).values():
+        if obj is not None and layer.objects.get(obj.name) == obj:
+            obj.select_set(True, view_layer=layer)
     del layer[KEY]
+    layer.pop(SELECTED, None)

@@ -13,6 +13,8 @@ import pytest
 from command_line import QUICK, bake_apart, run, saved
 from glb import read_glb
 
+from addon.settings.effects import EFFECTS
+
 
 def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
@@ -52,19 +54,12 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
 def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path) -> None:
     table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
-    assert [line.split()[:2] for line in table.stdout.splitlines()[1:]] == sorted([
-        ["transitions", "on"], ["pruning", "off"], ["back_sides", "auto"], ["trunk_levels", "on"],
-        ["far_levels", "on"], ["normals", "on"], ["roughness_metallic", "off"], ["translucency", "off"],
-        ["blend_order", "off"], ["occlusion", "off"], ["self_shadowing", "off"], ["shadow_proxy", "off"],
-        ["leaf_map", "off"], ["contrast", "off"], ["wind", "off"], ["baked_light", "off"],
-    ])  # fmt: skip
+    states = dict(line.split()[:2] for line in table.stdout.splitlines()[1:])
+    on = {"transitions": "on", "trunk_levels": "on", "far_levels": "on", "normals": "on", "back_sides": "auto"}
+    assert states == dict.fromkeys(EFFECTS, "off") | on
     plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
-    assert [(effect["name"], effect["on"]) for effect in json.loads(plan.stdout)] == sorted([
-        ("transitions", False), ("pruning", True), ("back_sides", False), ("trunk_levels", False),
-        ("far_levels", True), ("normals", False), ("roughness_metallic", False), ("translucency", False),
-        ("blend_order", False), ("occlusion", False), ("self_shadowing", False), ("shadow_proxy", False),
-        ("leaf_map", False), ("contrast", False), ("wind", False), ("baked_light", False),
-    ])  # fmt: skip
+    given = {effect["name"]: effect["on"] for effect in json.loads(plan.stdout)}
+    assert given == dict.fromkeys(EFFECTS, False) | {"pruning": True, "far_levels": True}
     assert not (tmp_path / "out").exists()
 
 

@@ -257,6 +257,14 @@ def test_a_folder_that_is_not_writable_is_refused_before_the_bake(
 
 
 @pytest.mark.usefixtures("no_bake")
+@pytest.mark.parametrize("folder", ["out", "~/out"])
+def test_a_folder_relative_to_the_process_is_refused(folder: str, sources: list[bpy.types.Object]) -> None:
+    bpy.context.scene.leafcloud.directory = folder
+    with pytest.raises(RuntimeError, match=f"Folder is '{folder}': begin it with //"):
+        bpy.ops.leafcloud.bake()
+
+
+@pytest.mark.usefixtures("no_bake")
 def test_a_relative_folder_of_an_unsaved_file_is_refused_before_the_bake(sources: list[bpy.types.Object]) -> None:
     bpy.context.scene.leafcloud.directory = "//out"
     with pytest.raises(RuntimeError, match=r"Folder is '//out', .* this file is not saved: save it"):

@@ -48,6 +48,21 @@ def test_the_settings_start_as_those_of_the_command_line() -> None:
     assert leaf_names(bpy.context.scene.leafcloud) is None
 
 
+def test_the_engine_counts_only_where_files_are_written() -> None:
+    """The panel hides it without a folder."""
+    settings = bpy.context.scene.leafcloud
+    settings.engine = "godot"
+    assert bake_settings(settings).engine == "generic"
+    settings.directory = "//levels"
+    assert bake_settings(settings).engine == "godot"
+
+
+def test_a_cost_curve_needs_a_chain_with_clouds(selected_shrub: list[bpy.types.Object]) -> None:
+    bpy.context.scene.leafcloud.chain = "pruning"
+    with pytest.raises(RuntimeError, match="measures clouds, and Chain: Pruning has none: choose another"):
+        bpy.ops.leafcloud.curve()
+
+
 def test_effects_and_leaves_can_be_chosen() -> None:
     settings = bpy.context.scene.leafcloud
     settings.leaves = "needles, twig cards ,"

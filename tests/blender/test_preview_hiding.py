@@ -74,6 +74,15 @@ def test_stopping_shows_just_what_was_hidden(levels: list[str]) -> None:
     assert KEY not in bpy.context.view_layer
 
 
+def test_stopping_selects_the_levels_that_were_selected(levels: list[str]) -> None:
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.data.objects["second"].select_set(True)
+    preview(levels)
+    assert bpy.context.selected_objects == []
+    stop_preview()
+    assert [obj.name for obj in bpy.context.selected_objects] == ["second"]
+
+
 def test_a_file_that_is_saved_meanwhile_has_its_levels_visible(levels: list[str], tmp_path: Path) -> None:
     preview(levels)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from addon.plan.camera_visibility import camera_visibility, expected_switches, pixels_of
+from addon.plan.camera_visibility import camera_visibility, latest_switches, pixels_of, soonest_switches
 from addon.plan.costs import with_costs
 from addon.plan.decision import Decision, is_on
 from addon.plan.effects import plan_effects, plan_levels
@@ -30,14 +30,14 @@ def seen_from(*spans: tuple[float, float]) -> Facts:
 
 
 def test_levels_switch_once_their_error_bounds_cover_few_pixels() -> None:
-    assert expected_switches(SETTINGS, FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0, 50.0))
-    assert expected_switches(replace(SETTINGS, cross=False), FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0))
+    assert soonest_switches(SETTINGS, FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0, 50.0))
+    assert soonest_switches(replace(SETTINGS, cross=False), FACTS, VIEW) == pytest.approx((0.0, 8.0, 28.0))
 
 
 def test_the_cross_replaces_pruned_leaves_once_almost_none_are_kept() -> None:
     pruning = replace(SETTINGS, chain="pruning", prune_pixels=10.0)
     # A leaf of side 0.2 covers 10 pixels at distance 10. Half of the leaves are kept at 20, 0.5% at 2000.
-    assert expected_switches(pruning, FACTS, VIEW) == pytest.approx((0.0, 2000.0))
+    assert soonest_switches(pruning, FACTS, VIEW) == pytest.approx((0.0, 2000.0))
 
 
 @pytest.mark.parametrize(
@@ -59,6 +59,21 @@ def test_a_camera_sees_the_levels_for_its_distances(
     seen = camera_visibility(SETTINGS, seen_from(span))
     assert seen is not None
     assert (seen.first, seen.last, seen.passed) == (first, last, passed)
+
+
+@pytest.mark.parametrize("settings", [{"texture_size": 256}, {"max_billboards": 10}, {"max_texels": 10_000}])
+def test_a_change_of_level_that_may_come_later_is_planned_for(settings: dict[str, int]) -> None:
+    """A texel of 8 R / 256 covers a pixel at 31.25. A budget allows a deviation of R, which covers 10 pixels at 100."""
+    wanted = replace(SETTINGS, **settings)
+    latest = latest_switches(wanted, FACTS, VIEW)
+    assert latest[1] == pytest.approx(31.25 if "texture_size" in settings else 100.0)
+    assert latest_switches(SETTINGS, FACTS, VIEW) == soonest_switches(SETTINGS, FACTS, VIEW)
+    seen = camera_visibility(wanted, seen_from((9.0, 30.0)))
+    assert seen is not None
+    assert (seen.first, seen.last, seen.passed) == (0, 2, (1, 2))
+    transitions = {effect.name: effect for effect in plan_effects(wanted, seen_from((9.0, 30.0)))}["transitions"]
+    assert transitions.on
+    assert transitions.reason.endswith(f"level 1 takes over between 4 and {latest[1] / 2:.3g}")
 
 
 def test_near_and_far_trees_are_seen_on_different_levels() -> None:

@@ -103,7 +103,7 @@ def test_chain_both_prunes_only_leaves_that_are_small_enough(leaf: float, pruned
     plan = {effect.name: effect for effect in plan_effects(BakeSettings(chain="both"), facts)}
     assert (plan["pruning"].on, plan["contrast"].on) == (pruned, pruned)
     if not pruned and camera is None:
-        assert plan["pruning"].reason == "the leaves are so large that level 1 takes over before any is pruned"
+        assert plan["pruning"].reason == "the error bound 0.04 lets level 1 take over before any leaf is pruned"
 
 
 @pytest.mark.parametrize(

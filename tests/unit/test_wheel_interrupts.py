@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -112,6 +113,54 @@ except leafcloud.CancelledError:
     print(f"{before} after {time.monotonic() - begin:.2f}")
 """
 
+FORKED_IN_PROGRESS = """
+foliage = leafcloud.Foliage(*squares(300))
+child = None
+
+def fork_once(stage, fraction):
+    global child
+    child = os.fork() if child is None else child
+
+try:
+    leafcloud.build_chain(foliage, levels=1, texture_size=256, progress=fork_once)
+except leafcloud.LeafcloudError as error:
+    os._exit(0 if child == 0 and "forked" in str(error) else 1)
+for _ in range(600):
+    ended, status = os.waitpid(child, os.WNOHANG)
+    if ended:
+        print(os.waitstatus_to_exitcode(status))
+        break
+    time.sleep(0.1)
+else:
+    os.kill(child, signal.SIGKILL)
+    print("the child hangs")
+"""
+
+FIRST_CALL = """
+import os, signal, sys, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)
+threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    import leafcloud
+    while True:
+        leafcloud.read_gltf({path!r}).centre
+except KeyboardInterrupt:
+    os._exit(130)
+"""
+
+RENDER_STOPS = """
+signal.signal(signal.SIGINT, signal.default_int_handler)
+foliage = leafcloud.Foliage(*squares(20_000))
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    leafcloud.render([foliage], (1, 0, 0), 16384, centre=foliage.centre, radius=foliage.radius, samples=16)
+except KeyboardInterrupt:
+    begin = time.monotonic()
+    leafcloud.fit(leafcloud.Foliage(*squares(10)))
+    print(f"{time.monotonic() - begin:.2f}", flush=True)
+os._exit(0)
+"""
+
 
 def said(script: str) -> str:
     """The output of a script that must end."""
@@ -141,3 +190,20 @@ def test_a_page_that_is_being_baked_can_be_cancelled() -> None:
     fraction, _, seconds = said(CANCELLED).partition(" after ")
     assert 0.0 < float(fraction) < 1.0
     assert float(seconds) < 1.0 + 0.7
+
+
+def test_a_child_forked_in_a_progress_function_is_refused() -> None:
+    assert said(FORKED_IN_PROGRESS) == "0"
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.03, 0.05, 0.1, 0.3])
+def test_an_interrupt_of_the_first_calls_is_a_keyboard_interrupt(delay: float, shrub: Path) -> None:
+    """Numpy loads at the import, where an interrupt is an ordinary exception."""
+    script = FIRST_CALL.format(delay=delay, path=str(shrub))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_an_interrupted_render_frees_the_threads() -> None:
+    """The whole picture would take minutes; the next call needs its threads."""
+    assert float(said(RENDER_STOPS)) < 3.0

@@ -199,11 +199,13 @@ pub fn build_within(
     let curve = sweep(foliage, trunk, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
     let (model, offers, settings) = (Model::new(&curve), offers(&curve), &curve.settings);
     let tries = Tries { foliage, trunk, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
-    match wish {
+    let built = match wish {
         Wish::Preset(preset) => tries.place(preset),
         Wish::ImageError(most) => tries.reach(most),
         Wish::Seconds(most) => tries.hurry(most, begun),
-    }
+    }?;
+    progress.tell("bake", 1.0)?;
+    Ok(built)
 }
 
 impl Wish {

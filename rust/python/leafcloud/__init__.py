@@ -1,5 +1,7 @@
 """Leafcloud: levels of detail for foliage that do not pop. `__init__.pyi` beside this file documents the module."""
 
+import numpy as _numpy  # noqa: F401  Loaded here: Ctrl-C during a first load inside the core would be a panic there.
+
 from ._native import (
     EPSILON_STEP,
     HAND_OVER,

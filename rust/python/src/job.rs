@@ -128,6 +128,7 @@ impl Work {
             let result = guard(|| self.run(Progress::new(&report), None));
             let _ = caller.events.send(Event::Ended(Box::new(result))); // Nobody receives it after Ctrl-C.
         })?;
+        let process = std::process::id();
         let stop = |_: &PyErr| stopped.store(true, Ordering::Relaxed);
         loop {
             let waited = &mut happened;
@@ -147,6 +148,7 @@ impl Work {
                 Err(RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
             }
             py.check_signals().inspect_err(stop)?;
+            work::check_process(process)?; // The function may have forked.
         }
     }
 }
@@ -286,9 +288,6 @@ impl Drop for PyJob {
     }
 }
 
-const FORKED: &str =
-    "the job was started before this process was forked, and runs in its parent only; start it again in this process";
-
 impl PyJob {
     fn start(work: Work) -> PyResult<Self> {
         let shared = Arc::new(Shared::default());
@@ -311,7 +310,7 @@ impl PyJob {
             return lock(&self.shared.result).clone();
         }
         let known = self.shared.result.try_lock().ok().and_then(|result| result.clone());
-        Some(known.unwrap_or_else(|| Err(Failure::Refused(FORKED.to_owned()))))
+        known.or_else(|| work::check_process(self.process).err().map(Err))
     }
 }
 

@@ -23,6 +23,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     work::own_threads();
+    drop(numpy::PyArray1::<f64>::zeros(module.py(), 0, false)); // Loads numpy's C functions, for the same reason.
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     errors::register(module)?;
     settings::register(module)?;

@@ -42,9 +42,9 @@ pub fn render<'py>(
     };
     let parts: Vec<Bound<'py, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
     let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
-    let image = interruptible(py, move |_| {
+    let image = interruptible(py, move |progress| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
-        metrics::render(&parts, &view)
+        metrics::render_watched(&parts, &view, progress)
     })?;
     arrays::image_array(py, &image)
 }

@@ -37,6 +37,7 @@ pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(Progress) -> leafcloud::Result<T> + Send + 'static,
 ) -> PyResult<T> {
+    let process = std::process::id();
     let stopped = Arc::new(AtomicBool::new(false));
     let (done, mut result) = mpsc::sync_channel(1);
     let told = Arc::clone(&stopped);
@@ -52,10 +53,22 @@ pub fn interruptible<T: Send + 'static>(
             Err(mpsc::RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
             Err(mpsc::RecvTimeoutError::Timeout) => {
                 py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?;
+                check_process(process)?; // A signal handler may have forked.
             }
         }
     }
 }
+
+/// Refuses to wait in a forked child: a fork copies neither the thread of the work nor its end.
+///
+/// # Errors
+/// This process is not `process`, which started the work.
+pub fn check_process(process: u32) -> Result<(), Failure> {
+    if process == std::process::id() { Ok(()) } else { Err(Failure::Refused(FORKED.to_owned())) }
+}
+
+const FORKED: &str =
+    "the work was started before this process was forked, and runs in its parent only; start it again in this process";
 
 /// Starts a thread named after the library.
 ///

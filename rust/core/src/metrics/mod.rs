@@ -6,7 +6,7 @@ mod render;
 mod visibility;
 
 use render::silhouette;
-pub use render::{View, render};
+pub use render::{View, render, render_watched};
 pub use visibility::visibility;
 
 use std::sync::Arc;

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
-use crate::textures::{Channel, Samples, ScreenTriangle, Window, count_seen, rasterise};
+use crate::progress::Progress;
+use crate::textures::{Channel, Samples, ScreenTriangle, Window, count_seen, rasterise_timed};
 
 /// An orthographic camera.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +31,15 @@ pub struct View {
 /// No parts; a direction without length; a center or up direction that is not finite; a radius that is not above 0; a size outside 1 to
 /// 16384; parts so large against the image that single precision cannot place them.
 pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
-    rendered(parts, view, Channel::BaseColor)
+    render_watched(parts, view, Progress::silent())
+}
+
+/// Renders as [`render()`] does, and reports progress.
+///
+/// # Errors
+/// Those of [`render()`]; [`Error::Cancelled`].
+pub fn render_watched(parts: &[&Foliage], view: &View, progress: Progress) -> Result<Image> {
+    rendered(parts, view, Channel::BaseColor, progress)
 }
 
 /// Renders alpha alone, on black.
@@ -38,12 +47,14 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
 /// # Errors
 /// Those of [`render()`].
 pub fn silhouette(parts: &[&Foliage], view: &View) -> Result<Image> {
-    rendered(parts, view, Channel::Alpha)
+    rendered(parts, view, Channel::Alpha, Progress::silent())
 }
 
-fn rendered(parts: &[&Foliage], view: &View, channel: Channel) -> Result<Image> {
+fn rendered(parts: &[&Foliage], view: &View, channel: Channel, progress: Progress) -> Result<Image> {
     let triangles = on_screen(parts, view)?;
-    Ok(channel.to_image(&rasterise(&triangles, view.size, view.size, view.samples.each(), &[channel])[0]))
+    let size = view.size;
+    let (canvases, _) = rasterise_timed(&triangles, size, size, view.samples.each(), &[channel], progress)?;
+    Ok(channel.to_image(&canvases[0]))
 }
 
 /// Returns the number of samples that show each triangle.

@@ -24,7 +24,7 @@ pub use channels::Channel;
 pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
-use raster::rasterise_timed;
+pub(crate) use raster::rasterise_timed;
 pub use raster::{Canvas, ScreenTriangle, Seen, Shader, Window, count_seen, rasterise};
 pub use samples::Samples;
 pub use sky::{Outlook, Sky};

@@ -117,7 +117,7 @@ pub fn rasterise(
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(super) fn rasterise_timed<'a>(
+pub(crate) fn rasterise_timed<'a>(
     triangles: &[ScreenTriangle<'a>],
     width: usize,
     height: usize,
