@@ -137,11 +137,11 @@ else:
 """
 
 FIRST_CALL = """
-import os, signal, sys, threading
+import os, signal, threading
+import leafcloud
 signal.signal(signal.SIGINT, signal.default_int_handler)
-threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
 try:
-    import leafcloud
+    threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
     while True:
         leafcloud.read_gltf({path!r}).centre
 except KeyboardInterrupt:
@@ -196,9 +196,9 @@ def test_a_child_forked_in_a_progress_function_is_refused() -> None:
     assert said(FORKED_IN_PROGRESS) == "0"
 
 
-@pytest.mark.parametrize("delay", [0.01, 0.03, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("delay", [0.0, 0.001, 0.01, 0.1])
 def test_an_interrupt_of_the_first_calls_is_a_keyboard_interrupt(delay: float, shrub: Path) -> None:
-    """Numpy loads at the import, where an interrupt is an ordinary exception."""
+    """The import has loaded numpy: a load inside a call of the core would panic when interrupted."""
     script = FIRST_CALL.format(delay=delay, path=str(shrub))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stderr) == (130, "")
