@@ -36,9 +36,9 @@ def test_an_upper_case_suffix_and_a_text_path_are_accepted(tmp_path: Path) -> No
     assert triangles_in_scene() == 2
 
 
-@pytest.mark.parametrize("beside", [True, False])
-def test_a_gltf_with_an_external_or_embedded_buffer_is_read(tmp_path: Path, beside: bool) -> None:
-    _write_gltf(tmp_path / "tree.gltf", QUAD, beside=beside)
+@pytest.mark.parametrize("external", [True, False])
+def test_a_gltf_with_an_external_or_embedded_buffer_is_read(tmp_path: Path, external: bool) -> None:
+    _write_gltf(tmp_path / "tree.gltf", QUAD, external=external)
     load(tmp_path / "tree.gltf")
     assert triangles_in_scene() == 2
 
@@ -104,7 +104,7 @@ def test_gltf_coordinates_that_are_not_finite_raise(tmp_path: Path, kind: str, b
     if kind == "glb":
         write_quad_glb(path, positions=positions)
     else:
-        _write_gltf(path, positions, beside=True)
+        _write_gltf(path, positions, external=True)
     with pytest.raises(SceneError) as caught:
         load(path)
     assert str(caught.value) == (
@@ -167,7 +167,7 @@ def test_a_truncated_glb_raises(tmp_path: Path, share: float) -> None:
 
 
 def test_a_gltf_without_its_buffer_raises(tmp_path: Path) -> None:
-    _write_gltf(tmp_path / "tree.gltf", QUAD, beside=True)
+    _write_gltf(tmp_path / "tree.gltf", QUAD, external=True)
     (tmp_path / "the buffer.bin").unlink()
     with pytest.raises(SceneError) as caught:
         load(tmp_path / "tree.gltf")
@@ -185,12 +185,12 @@ def test_an_error_of_blenders_importer_is_passed_on(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path} cannot be read: {words}; check the file, or export it again"
 
 
-def _write_gltf(path: Path, positions: list[tuple[float, float, float]], *, beside: bool) -> None:
-    """Write the quad as .gltf, positions interleaved with zeros, with an external (`beside`) or embedded buffer."""
+def _write_gltf(path: Path, positions: list[tuple[float, float, float]], *, external: bool) -> None:
+    """Write the quad as .gltf, positions interleaved with zeros, with an external (`external`) or embedded buffer."""
     vertices = np.zeros((4, 6), "<f4")
     vertices[:, :3] = positions
     body = vertices.tobytes() + struct.pack("<6I", 0, 1, 2, 0, 2, 3)
-    if beside:
+    if external:
         (path.parent / "the buffer.bin").write_bytes(body)
         uri = "the%20buffer.bin"
     else:

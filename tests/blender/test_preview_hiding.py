@@ -119,7 +119,7 @@ def step(message: str) -> None:
 def test_undo_and_redo_leave_the_preview_on(levels: list[str]) -> None:
     step("before")
     preview(levels)
-    step("meanwhile")
+    step("during")
     for turn in (bpy.ops.ed.undo, bpy.ops.ed.redo):
         turn()
         assert (is_previewed(), visible()) == (True, OTHERS)
@@ -131,7 +131,7 @@ def test_undo_and_redo_leave_the_preview_on(levels: list[str]) -> None:
 def test_undo_after_the_preview_shows_the_levels(levels: list[str]) -> None:
     step("before")
     preview(levels)
-    step("meanwhile")
+    step("during")
     stop_preview()
     step("afterwards")
     for turn in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.redo):
