@@ -186,7 +186,7 @@ def test_an_error_of_blenders_importer_is_passed_on(tmp_path: Path) -> None:
 
 
 def _write_gltf(path: Path, positions: list[tuple[float, float, float]], *, external: bool) -> None:
-    """Write the quad as .gltf, positions interleaved with zeros, with an external (`external`) or embedded buffer."""
+    """Write the quad as .gltf, positions interleaved with zeros, with an external or embedded buffer."""
     vertices = np.zeros((4, 6), "<f4")
     vertices[:, :3] = positions
     body = vertices.tobytes() + struct.pack("<6I", 0, 1, 2, 0, 2, 3)

@@ -1,4 +1,4 @@
-"""Front and back billboards are moved apart in Blender, so that Cycles shows the billboard of the visible side."""
+"""Front and back billboards are apart in Blender, so that Cycles shows the billboard of the visible side."""
 
 from __future__ import annotations
 

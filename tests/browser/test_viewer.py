@@ -97,7 +97,7 @@ def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
 
 @pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The last bake prunes all leaves except one. The others keep all leaves until level 1 takes over."""
+    """The last bake protects one leaf and prunes the others. The other bakes keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
         bake(shrub, out, *QUICK, "--effects=+pruning")
@@ -305,7 +305,7 @@ def contrast_at(pruning: Pruning, keep: float) -> float:
 
 
 def test_colors_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """A pixel shows the unchanged trunk, or a leaf whose difference from the mean is multiplied by κ.
+    """A pixel shows the unchanged trunk, or a leaf. κ multiplies the leaf's difference from the mean color.
 
     All leaves have the same light, except for the ORM of three.js: up to a tenth less, equal in each channel.
     """

@@ -28,7 +28,7 @@ BY_ALL = set(EFFECTS) - {"baked_light", "blend_order"}
 
 
 def chain_with_sides(*two_sided: bool) -> Any:
-    """Return a stand-in for a chain. It has only one fact about each level: whether the level has two sides."""
+    """Return a stand-in for a chain. Its levels have only the attribute `two_sided`."""
     return SimpleNamespace(levels=[SimpleNamespace(two_sided=each) for each in two_sided])
 
 
