@@ -97,7 +97,7 @@ def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
 
 @pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The last bake protects one leaf and prunes the others. The other bakes keep all leaves until level 1 takes over."""
+    """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
         bake(shrub, out, *QUICK, "--effects=+pruning")
