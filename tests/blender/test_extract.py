@@ -1,4 +1,4 @@
-"""Extraction: what the evaluated scene shows, as arrays: meshes, instances, coordinates."""
+"""Extraction of the evaluated scene into arrays: meshes, curves, instances, coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from addon.scene.load import load
 
 
 def scatter_group(source: bpy.types.Object | None, scale: tuple[float, float, float] = (1, 1, 1)) -> bpy.types.NodeTree:
-    """Geometry nodes that place an object, or a cube of their own without one, on every point; the points go."""
+    """Return geometry nodes that replace every point by an instance of `source`, or of a cube without a source."""
     group = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
@@ -38,7 +38,7 @@ def scatter_group(source: bpy.types.Object | None, scale: tuple[float, float, fl
     return group
 
 
-def test_a_square_bit_for_bit() -> None:
+def test_a_triangle_is_read_bit_for_bit() -> None:
     third = np.float32(1 / 3)
     obj = add_mesh("leaf", [(third, -0.0, 0.1), (1.0, 0.0, 0.1), (1.0, 1.0, 0.1)], [(0, 1, 2)])
     obj.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
@@ -63,11 +63,11 @@ def test_polygons_become_triangles_that_cover_them() -> None:
     triangles = np.array(corners(read().leaves))
     assert len(triangles) == 2 + 3
     areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
-    assert (areas > 0).all()  # the pentagon is concave: a fan would turn a triangle over
+    assert (areas > 0).all()  # A fan of the concave pentagon would flip a triangle.
     assert areas.sum() == 1.0 + 3.0
 
 
-def test_several_objects_and_materials() -> None:
+def test_leaves_and_trunk_of_several_objects_share_one_frame() -> None:
     leaf, bark = material("leaf"), material("bark")
     add_mesh("b", TRIANGLE, [(0, 1, 2)], materials=[bark])
     add_mesh("a", TRIANGLE, [(0, 1, 2)], materials=[leaf], matrix=Matrix.Translation((10, 0, 0)))
@@ -81,12 +81,12 @@ def test_several_objects_and_materials() -> None:
     assert tree.trunk.materials == [bark]
 
 
-def test_leaf_and_trunk_slots_of_one_mesh() -> None:
+def test_material_slots_divide_one_mesh_into_leaves_and_trunk() -> None:
     leaf, bark, twig = material("leaf"), material("bark"), material("twig")
     obj = add_mesh("tree", SQUARE, [(0, 1, 2), (0, 2, 3), (1, 2, 3)], materials=[bark, leaf, twig])
     obj.data.polygons.foreach_set("material_index", [0, 1, 2])
     tree = read()
-    # Vertices of the other part do not come along.
+    # The leaves contain no vertices of the trunk.
     assert tree.leaves.positions.tolist() == [list(SQUARE[i]) for i in (0, 2, 3)]
     assert tree.leaves.triangles.tolist() == [[0, 1, 2]]
     assert tree.leaves.materials == [leaf]
@@ -95,7 +95,7 @@ def test_leaf_and_trunk_slots_of_one_mesh() -> None:
     assert tree.trunk.material_ids.tolist() == [0, 1]
 
 
-def test_names_given_choose_other_leaves() -> None:
+def test_leaf_names_choose_the_leaves() -> None:
     leaf, bark = material("leaf"), material("bark")
     add_mesh("a", TRIANGLE, [(0, 1, 2)], materials=[leaf])
     add_mesh("b", SQUARE, [(0, 1, 2), (0, 2, 3)], materials=[bark])
@@ -104,16 +104,16 @@ def test_names_given_choose_other_leaves() -> None:
         read(leaf_names=["needles"])
 
 
-def test_many_small_components_without_names() -> None:
+def test_many_small_components_are_leaves_if_no_name_matches() -> None:
     cards = [(x + dx, dy, 0.0) for x in range(0, 40, 2) for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))]
     add_mesh("x", cards, [(i, i + 1, i + 2, i + 3) for i in range(0, len(cards), 4)])
     add_mesh("y", SQUARE, [(0, 1, 2), (0, 2, 3)])
     tree = read()
-    # A lone square is as small as a card: one kind.
+    # A single square is as small as a card, so both objects are leaves.
     assert tree.choice == "'x', 'y': 21 small components (the median has 2 triangles), and there are no leaf names."
 
 
-def test_objects_that_are_not_chosen_stay_out() -> None:
+def test_unselected_objects_are_left_out() -> None:
     first = add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     add_mesh("leaf2", TRIANGLE, [(0, 1, 2)])
     light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
@@ -125,7 +125,7 @@ def test_objects_that_are_not_chosen_stay_out() -> None:
     assert tree.dropped == ["'Light' has no faces, or is hidden"]
 
 
-def test_hidden_objects_stay_out() -> None:
+def test_hidden_objects_are_left_out() -> None:
     add_mesh("leaf", TRIANGLE, [(0, 1, 2)])
     add_mesh("hidden", TRIANGLE, [(0, 1, 2)]).hide_viewport = True
     add_mesh("cutter", TRIANGLE, [(0, 1, 2)]).hide_render = True
@@ -134,14 +134,14 @@ def test_hidden_objects_stay_out() -> None:
     assert tree.dropped == ["'cutter' is hidden in renders"]
 
 
-def test_empty_selection_and_empty_scene() -> None:
+def test_an_empty_selection_and_an_empty_scene_raise() -> None:
     with pytest.raises(SceneError, match="nothing is selected; select the objects of the tree"):
         read([])
     with pytest.raises(SceneError, match="there are no faces: no visible objects"):
         read()
 
 
-def test_a_mesh_without_faces() -> None:
+def test_a_mesh_without_faces_raises_or_is_dropped() -> None:
     empty = add_mesh("leaf", SQUARE, [], edges=[(0, 1)])
     with pytest.raises(SceneError, match="there are no faces: 'leaf' has no faces"):
         read()
@@ -151,7 +151,7 @@ def test_a_mesh_without_faces() -> None:
     assert read().dropped == ["'leaf' has no faces"]
 
 
-def test_loose_parts_are_dropped_and_told() -> None:
+def test_loose_vertices_and_edges_are_dropped_and_reported() -> None:
     add_mesh("leaf", [*SQUARE, (5.0, 5.0, 5.0), (6.0, 6.0, 6.0)], [(0, 1, 2)], edges=[(2, 3)])
     tree = read()
     assert len(tree.leaves.positions) == 3
@@ -159,7 +159,7 @@ def test_loose_parts_are_dropped_and_told() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_coordinates_that_are_not_finite(bad: float) -> None:
+def test_coordinates_that_are_not_finite_raise(bad: float) -> None:
     obj = add_mesh("leaf", SQUARE, [(0, 1, 2, 3)])
     # Setting the property would clamp infinity.
     coordinates = np.array(SQUARE, np.float32)
@@ -180,7 +180,7 @@ def test_modifiers_are_applied() -> None:
     assert [triangle[0] for triangle in corners(read().leaves)] == [(0, 0, 0), (2, 0, 0), (4, 0, 0)]
 
 
-def test_curves_count_with_their_meshes() -> None:
+def test_curves_are_converted_to_meshes() -> None:
     curve = bpy.data.curves.new("stem", "CURVE")
     curve.dimensions = "3D"
     curve.bevel_depth = 0.1
@@ -196,13 +196,13 @@ def test_curves_count_with_their_meshes() -> None:
     assert [found.name for found in tree.trunk.materials] == ["bark"]
 
 
-def test_geometry_node_instances_of_an_object() -> None:
+def test_geometry_node_instances_of_an_object_are_read() -> None:
     leaf = material("leaf")
     card = add_mesh("card", TRIANGLE, [(0, 1, 2)], materials=[leaf], link=False)
     points = add_mesh("crown", [(0, 0, 0), (3, 0, 0), (0, 4, 0)], [(0, 1, 2)], matrix=Matrix.Translation((0, 0, 7)))
     points.modifiers.new("scatter", "NODES").node_group = scatter_group(card, (2.0, 2.0, 2.0))
     tree = read()
-    assert tree.matrix.tolist() == np.array(Matrix.Translation((0, 0, 7))).tolist()  # of what places the leaves
+    assert tree.matrix.tolist() == np.array(Matrix.Translation((0, 0, 7))).tolist()  # of the scattering object
     expected = [[(x, y, 0), (x + 2, y, 0), (x + 2, y + 2, 0)] for x, y in ((0, 0), (3, 0), (0, 4))]
     assert corners(tree.leaves) == expected
     assert tree.leaves.materials == [leaf]
@@ -211,7 +211,7 @@ def test_geometry_node_instances_of_an_object() -> None:
     assert len(read([points]).leaves.triangles) == 3
 
 
-def test_geometry_node_instances_of_a_mesh() -> None:
+def test_geometry_node_instances_of_a_mesh_are_read() -> None:
     points = add_mesh("leaves", [(0, 0, 0), (3, 0, 0)], [], edges=[(0, 1)])
     points.modifiers.new("scatter", "NODES").node_group = scatter_group(None)
     tree = read()
@@ -230,7 +230,7 @@ def test_instances_scaled_to_nothing_are_dropped() -> None:
     assert tree.dropped == ["2 copies of 'card' by 'crown', scaled to zero"]
 
 
-def test_collection_instances_also_mirrored() -> None:
+def test_mirrored_collection_instances_keep_their_normals() -> None:
     leaf = material("leaf")
     library = bpy.data.collections.new("library")
     library.objects.link(add_mesh("card", TRIANGLE, [(0, 1, 2)], materials=[leaf], link=False))
@@ -241,12 +241,12 @@ def test_collection_instances_also_mirrored() -> None:
         empty.location.x, empty.scale.x = place, mirror
         bpy.context.collection.objects.link(empty)
     tree = read()
-    # The mirrored copy swaps two corners, so that it still winds about its normal.
+    # Two corners of the mirrored copy are swapped, so its winding still matches its normal.
     assert corners(tree.leaves) == [[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(5, 0, 0), (4, 1, 0), (4, 0, 0)]]
     assert tree.leaves.normals.tolist() == [[[0, 0, 1]] * 3] * 2
 
 
-def test_materials_linked_to_the_object() -> None:
+def test_materials_linked_to_the_object_are_read() -> None:
     of_mesh, of_object = material("bark"), material("leaf")
     obj = add_mesh("x", TRIANGLE, [(0, 1, 2)], materials=[of_mesh])
     obj.material_slots[0].link = "OBJECT"
@@ -254,7 +254,7 @@ def test_materials_linked_to_the_object() -> None:
     assert read().leaves.materials == [of_object]
 
 
-def test_a_transformed_frame_keeps_its_bits_and_carries_others() -> None:
+def test_the_first_leaf_object_keeps_its_coordinates_and_others_are_transformed() -> None:
     turn = Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.7, 4, (1, 2, 3)) @ Matrix.Diagonal((2.0, 3.0, 0.5, 1.0))
     place = Matrix.Translation((-4, 0, 9)) @ Matrix.Rotation(-1.1, 4, "Y") @ Matrix.Diagonal((0.25, 1.0, 7.0, 1.0))
     points = np.random.default_rng(3).normal(size=(3, 3)).astype(np.float32)
@@ -266,7 +266,7 @@ def test_a_transformed_frame_keeps_its_bits_and_carries_others() -> None:
         world_positions(tree.leaves, tree.matrix)[3:], [place @ Matrix.Translation(p).translation for p in SQUARE[:3]],
         atol=1e-5,
     )  # fmt: skip
-    # In the world, normals stand upright on their triangles, whatever the scales.
+    # In world space normals are perpendicular to their triangles at any scale.
     normals = tree.leaves.normals[1] @ np.linalg.inv(tree.matrix[:3, :3])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     np.testing.assert_allclose(normals, winding_normals(tree.leaves, tree.matrix)[[1, 1, 1]], atol=1e-5)
@@ -274,7 +274,7 @@ def test_a_transformed_frame_keeps_its_bits_and_carries_others() -> None:
 
 
 @pytest.mark.parametrize("scale", [(0.0, 0.0, 0.0), (1.0, 0.0, 1.0)])
-def test_a_singular_matrix(scale: tuple[float, float, float]) -> None:
+def test_a_singular_matrix_raises(scale: tuple[float, float, float]) -> None:
     add_mesh("leaf", TRIANGLE, [(0, 1, 2)], matrix=Matrix.Diagonal((*scale, 1.0)))
     shown = ", ".join(f"{length:g}" for length in scale)
     with pytest.raises(SceneError) as caught:
@@ -292,7 +292,7 @@ def test_the_same_scene_gives_the_same_bytes() -> None:
         assert getattr(first.leaves, field).tobytes() == getattr(second.leaves, field).tobytes()
 
 
-def test_the_tree_that_comes_with_the_repository(shrub: Path) -> None:
+def test_the_shrub_of_the_repository_is_read(shrub: Path) -> None:
     load(shrub)
     tree = read()
     assert tree.trunk is not None
@@ -313,7 +313,9 @@ def test_the_tree_that_comes_with_the_repository(shrub: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("named", [True, False])
-def test_measured_trees(foliage_dir: Path, file: str, leaf_triangles: int, trunk_triangles: int, named: bool) -> None:
+def test_measured_trees_are_divided_into_leaves_and_trunk(
+    foliage_dir: Path, file: str, leaf_triangles: int, trunk_triangles: int, named: bool
+) -> None:
     load(foliage_dir / f"{file}.glb")
     if not named:
         for data in (*bpy.data.objects, *bpy.data.materials):
@@ -324,7 +326,7 @@ def test_measured_trees(foliage_dir: Path, file: str, leaf_triangles: int, trunk
     assert (tree.warnings, tree.dropped) == ([], [])
 
 
-def test_a_million_triangles_are_read_to_the_bit(foliage_dir: Path) -> None:
+def test_a_million_triangles_are_read_bit_for_bit(foliage_dir: Path) -> None:
     load(foliage_dir / "maple_1m.glb")
     tree = extract(bpy.context.evaluated_depsgraph_get(), None)
     assert len(tree.leaves.triangles) == 1_000_352

@@ -24,7 +24,7 @@ def empty() -> Glb:
     return Glb({"asset": {"version": "2.0"}, "buffers": [{}], "bufferViews": [], "accessors": []}, bytearray())
 
 
-def test_views_begin_at_multiples_of_four_bytes() -> None:
+def test_buffer_views_start_at_multiples_of_four_bytes() -> None:
     glb = empty()
     assert [glb.append_view(b"abc"), glb.append_view(b"defgh"), glb.append_view(b"")] == [0, 1, 2]
     assert bytes(glb.binary) == b"abc\0defgh\0\0\0"
@@ -43,7 +43,7 @@ def test_a_file_is_read_back_as_it_was_written(tmp_path: Path) -> None:
     assert again.content() == (tmp_path / "a.glb").read_bytes()
 
 
-def test_accessors_and_views_without_users_go() -> None:
+def test_unused_accessors_and_buffer_views_are_removed() -> None:
     glb = empty()
     unused, used = (glb.append_accessor(np.full((1, 3), value, np.float32)) for value in (1.0, 2.0))
     indices = glb.append_accessor(np.zeros((3, 1), np.float32))
@@ -81,16 +81,16 @@ def test_a_bake_reads_and_writes_each_file_once(tmp_path: Path, monkeypatch: pyt
 def test_edits_in_memory_give_the_bytes_of_edits_from_file_to_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Edits must not share lists or dictionaries inside the document: a change of one place would show in another."""
+    """Edits must not share lists or dictionaries within the document. Otherwise one change would appear twice."""
 
     def through_a_file(edit: Callable[..., None]) -> Callable[..., None]:
-        def edit_what_was_written(glb: Glb, *arguments: Any) -> None:
+        def edit_the_written_file(glb: Glb, *arguments: Any) -> None:
             glb.write(tmp_path / "between.glb")
             again = Glb.read(tmp_path / "between.glb")
             glb.document, glb.binary = again.document, again.binary
             edit(glb, *arguments)
 
-        return edit_what_was_written
+        return edit_the_written_file
 
     settings = BakeSettings(epsilon=0.1, texture_size=128, levels=1, engine="babylon", effects="all")
     trunk = add_mesh("trunk", [(0, 0, -1), (0.2, 0, -1), (0.2, 0, 1), (0, 0, 1)], [(0, 1, 2, 3)])
@@ -105,4 +105,4 @@ def test_edits_in_memory_give_the_bytes_of_edits_from_file_to_file(
     for path in (tmp_path / "memory").glob("*.glb"):
         assert path.read_bytes() == (tmp_path / "files" / path.name).read_bytes(), path.name
     extension = Glb.read(tmp_path / "memory" / "tree_LOD2.glb").materials[0]["extensions"][DIFFUSE_TRANSMISSION]
-    assert "diffuseTransmissionTexture" in extension, "the case of two textures that are equal at first"
+    assert "diffuseTransmissionTexture" in extension, "two textures are equal until an edit changes one"

@@ -1,4 +1,4 @@
-"""Materials in the words of the core: as importers make them."""
+"""Materials of imported files, described for the core."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ TEXTURED = {"baseColorTexture": {"index": 0}}
 
 
 def imported(path: Path, **options: Any) -> bpy.types.Material:
-    """The material of a small GLB, through Blender's importer."""
+    """Write a small GLB and return its material from Blender's importer."""
     load(write_quad_glb(path / "a.glb", **options))
     return bpy.data.meshes[0].materials[0]
 
 
 @pytest.mark.parametrize("double_sided", [True, False])
-def test_factor_of_an_opaque_glb(tmp_path: Path, double_sided: bool) -> None:
+def test_the_factor_of_an_opaque_glb_is_read_without_alpha(tmp_path: Path, double_sided: bool) -> None:
     factor = {"pbrMetallicRoughness": {"baseColorFactor": [0.25, 0.5, 0.75, 0.5]}, "doubleSided": double_sided}
     description, messages = describe_material(imported(tmp_path, material=factor))
     assert description["name"] == "leaf"
@@ -40,7 +40,7 @@ def test_factor_of_an_opaque_glb(tmp_path: Path, double_sided: bool) -> None:
     assert messages == []
 
 
-def test_texture_of_an_opaque_glb_has_no_alpha(tmp_path: Path) -> None:
+def test_the_texture_of_an_opaque_glb_has_no_alpha(tmp_path: Path) -> None:
     description, messages = describe_material(
         imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=IMAGE)
     )
@@ -52,7 +52,7 @@ def test_texture_of_an_opaque_glb_has_no_alpha(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cutoff", [None, 0.5, 0.25, 0.9])
-def test_masked_glb(tmp_path: Path, cutoff: float | None) -> None:
+def test_texture_and_cutoff_of_a_masked_glb_are_read(tmp_path: Path, cutoff: float | None) -> None:
     masked: dict[str, Any] = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
     if cutoff is not None:
         masked["alphaCutoff"] = cutoff
@@ -65,7 +65,7 @@ def test_masked_glb(tmp_path: Path, cutoff: float | None) -> None:
     assert messages == []
 
 
-def test_factor_texture_and_colours_of_a_masked_glb(tmp_path: Path) -> None:
+def test_a_masked_glb_with_vertex_colors_keeps_factor_texture_and_cutoff(tmp_path: Path) -> None:
     masked = {
         "pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [0.5, 0.25, 1.0, 0.75]},
         "alphaMode": "MASK",
@@ -81,7 +81,7 @@ def test_factor_texture_and_colours_of_a_masked_glb(tmp_path: Path) -> None:
     assert (surface.color_attribute, surface.alpha_attribute) == ("", "")
 
 
-def test_blended_glb(tmp_path: Path) -> None:
+def test_a_blended_glb_keeps_its_alpha(tmp_path: Path) -> None:
     blended = {"pbrMetallicRoughness": {**TEXTURED, "baseColorFactor": [1, 1, 1, 0.5]}, "alphaMode": "BLEND"}
     description, messages = describe_material(imported(tmp_path, material=blended, image=IMAGE))
     assert description["alpha_mode"] == "BLEND"
@@ -91,7 +91,7 @@ def test_blended_glb(tmp_path: Path) -> None:
     assert messages == []
 
 
-def test_colours_alone_of_a_glb(tmp_path: Path) -> None:
+def test_vertex_colors_of_a_glb_do_not_change_the_base_color(tmp_path: Path) -> None:
     plain: dict[str, Any] = {"pbrMetallicRoughness": {}}
     material = imported(tmp_path, material=plain, colors=[(1.0, 0.5, 0.0, 1.0)] * 4)
     description, messages = describe_material(material)
@@ -109,7 +109,7 @@ def test_colours_alone_of_a_glb(tmp_path: Path) -> None:
         ({"wrapS": 33648, "wrapT": 10497}, "MIXED"),
     ],
 )
-def test_wrapping_of_a_glb(tmp_path: Path, sampler: dict[str, Any], extension: str) -> None:
+def test_the_wrapping_of_a_glb_is_read(tmp_path: Path, sampler: dict[str, Any], extension: str) -> None:
     masked = {"pbrMetallicRoughness": TEXTURED, "alphaMode": "MASK"}
     surface = read_surface(imported(tmp_path, material=masked, image=IMAGE, sampler=sampler))
     assert surface.warnings == ()
@@ -117,8 +117,8 @@ def test_wrapping_of_a_glb(tmp_path: Path, sampler: dict[str, Any], extension: s
     assert surface.texture.extension == extension
 
 
-def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
-    """Half of it, as Blender shows that: (0.6, 0, 0.8) half way to (0, 0, 1)."""
+def test_the_scale_of_a_normal_map_is_rendered(tmp_path: Path) -> None:
+    """Blender renders a scale of 0.5 as the mean of (0.6, 0, 0.8) and (0, 0, 1)."""
     tilted = png([[(204, 128, 230, 255)] * 2] * 2)
     material = imported(tmp_path, material={"normalTexture": {"index": 0, "scale": 0.5}}, image=tilted)
     description, [message] = describe_material(material, ("normals",))
@@ -129,8 +129,8 @@ def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
     assert np.abs(description["normal"] - np.array(expected)).max() <= 1.5
 
 
-def test_the_factors_of_roughness_and_metallic(tmp_path: Path) -> None:
-    """Roughness 0.5 · 204 and metallic 0.25 · 80."""
+def test_the_factors_of_roughness_and_metallic_are_applied(tmp_path: Path) -> None:
+    """The codes are 0.5 · 204 for roughness and 0.25 · 80 for metallic."""
     orm = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5, "metallicFactor": 0.25}
     pixels = png([[(0, 204, 80, 255)] * 2] * 2)
     material = imported(tmp_path, material={"pbrMetallicRoughness": orm}, image=pixels)
@@ -140,7 +140,7 @@ def test_the_factors_of_roughness_and_metallic(tmp_path: Path) -> None:
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
 
 
-def test_texture_transform_of_a_glb(tmp_path: Path) -> None:
+def test_the_texture_transform_of_a_glb_is_read(tmp_path: Path) -> None:
     quarter_turn = {"offset": [0.5, 0.0], "rotation": np.pi / 2, "scale": [2.0, 4.0]}
     texture = {"index": 0, "extensions": {"KHR_texture_transform": quarter_turn}}
     material = imported(tmp_path, material={"pbrMetallicRoughness": {"baseColorTexture": texture}}, image=IMAGE)
@@ -155,7 +155,7 @@ def test_texture_transform_of_a_glb(tmp_path: Path) -> None:
         np.testing.assert_allclose((looked_up[0], 1 - looked_up[1]), (0.5 + 4 * v, -2 * u), atol=1e-6)
 
 
-def test_a_glb_whose_texture_is_missing(tmp_path: Path) -> None:
+def test_a_glb_without_its_texture_raises(tmp_path: Path) -> None:
     material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image_uri="gone.png")
     with pytest.raises(SceneError) as caught:
         describe_material(material)
@@ -165,7 +165,7 @@ def test_a_glb_whose_texture_is_missing(tmp_path: Path) -> None:
     )
 
 
-def test_a_texture_that_is_no_image(tmp_path: Path) -> None:
+def test_a_texture_that_is_not_an_image_raises(tmp_path: Path) -> None:
     material = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=b"no image at all")
     with pytest.raises(
         SceneError, match="'Image_0' of material 'leaf' cannot be read: its packed data is not an image"
@@ -174,7 +174,7 @@ def test_a_texture_that_is_no_image(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("with_opacity", [True, False])
-def test_obj_materials(tmp_path: Path, with_opacity: bool) -> None:
+def test_the_materials_of_an_obj_are_read(tmp_path: Path, with_opacity: bool) -> None:
     (tmp_path / "tex.png").write_bytes(IMAGE)
     maps = "map_Kd tex.png\n" + ("map_d tex.png\n" if with_opacity else "")
     (tmp_path / "a.mtl").write_text(f"newmtl leaf\nKd 0.1 0.5 0.2\n{maps}")
@@ -190,8 +190,8 @@ def test_obj_materials(tmp_path: Path, with_opacity: bool) -> None:
     assert description["alpha_mode"] == ("BLEND" if with_opacity else "OPAQUE")
 
 
-def test_exporters_greater_than_comes_back_through_gltf(tmp_path: Path) -> None:
-    """What Leafcloud's own levels are made of: Principled, image, Greater Than."""
+def test_a_greater_than_node_survives_export_and_import(tmp_path: Path) -> None:
+    """The material has the nodes of Leafcloud's own levels: Principled BSDF, image, Greater Than."""
     material, principled, tree = new_material()
     pixels = [[tuple(value / 255 for value in pixel) for pixel in row] for row in (TOP, BOTTOM)]
     image = texture_node(tree, new_image("i", pixels, alpha_mode="CHANNEL_PACKED"))
@@ -213,7 +213,7 @@ def test_exporters_greater_than_comes_back_through_gltf(tmp_path: Path) -> None:
     assert (after["alpha_mode"], after["alpha_cutoff"]) == ("MASK", pytest.approx(0.25))
 
 
-def test_an_image_file_without_alpha(tmp_path: Path) -> None:
+def test_an_image_file_without_alpha_is_opaque(tmp_path: Path) -> None:
     (tmp_path / "rgb.bmp").write_bytes(_bmp([(10, 20, 30)]))
     material, principled, tree = new_material()
     image = texture_node(tree, bpy.data.images.load(str(tmp_path / "rgb.bmp")))
@@ -224,7 +224,7 @@ def test_an_image_file_without_alpha(tmp_path: Path) -> None:
 
 
 def _bmp(row: list[tuple[int, int, int]]) -> bytes:
-    """One row of RGB pixels as a BMP file."""
+    """Return one row of RGB pixels as a BMP file."""
     body = b"".join(bytes((blue, green, red)) for red, green, blue in row)
     body += b"\0" * (-len(body) % 4)
     header = struct.pack("<2sIHHI", b"BM", 54 + len(body), 0, 0, 54)

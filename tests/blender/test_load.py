@@ -1,4 +1,4 @@
-"""Opening files: every kind, and every way in which one can be bad."""
+"""Opening files of every supported type, and errors for broken files."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ def triangles_in_scene() -> int:
     return len(extract(bpy.context.evaluated_depsgraph_get(), None).leaves.triangles)
 
 
-def test_glb_replaces_what_was_open(tmp_path: Path) -> None:
+def test_a_glb_replaces_the_open_scene(tmp_path: Path) -> None:
     bpy.context.collection.objects.link(bpy.data.objects.new("old", None))
     load(write_quad_glb(tmp_path / "tree.glb"))
     assert [obj.name for obj in bpy.data.objects] == ["leaves"]
     assert triangles_in_scene() == 2
 
 
-def test_upper_case_suffix_and_text_path(tmp_path: Path) -> None:
+def test_an_upper_case_suffix_and_a_text_path_are_accepted(tmp_path: Path) -> None:
     load(str(write_quad_glb(tmp_path / "TREE.GLB")))
     assert triangles_in_scene() == 2
 
 
-@pytest.mark.parametrize("beside", [True, False])
-def test_gltf_with_its_buffer_beside_or_inside(tmp_path: Path, beside: bool) -> None:
-    _write_gltf(tmp_path / "tree.gltf", QUAD, beside=beside)
+@pytest.mark.parametrize("external", [True, False])
+def test_a_gltf_with_an_external_or_embedded_buffer_is_read(tmp_path: Path, external: bool) -> None:
+    _write_gltf(tmp_path / "tree.gltf", QUAD, external=external)
     load(tmp_path / "tree.gltf")
     assert triangles_in_scene() == 2
 
 
-def test_obj(tmp_path: Path) -> None:
+def test_an_obj_is_read(tmp_path: Path) -> None:
     (tmp_path / "tree.obj").write_text(TRIANGLE_OBJ)
     load(tmp_path / "tree.obj")
     assert triangles_in_scene() == 1
 
 
-def test_blend(tmp_path: Path) -> None:
+def test_a_blend_is_read(tmp_path: Path) -> None:
     mesh = bpy.data.meshes.new("leaves")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     bpy.context.collection.objects.link(bpy.data.objects.new("leaves", mesh))
@@ -60,7 +60,7 @@ def test_blend(tmp_path: Path) -> None:
     assert extract(bpy.context.evaluated_depsgraph_get(), None).name == "oak"
 
 
-def test_blend_keeps_coordinates_that_are_not_finite_and_extract_refuses_them(tmp_path: Path) -> None:
+def test_a_blend_with_coordinates_that_are_not_finite_loads_but_extract_raises(tmp_path: Path) -> None:
     mesh = bpy.data.meshes.new("leaves")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, math.nan, 0)], [], [(0, 1, 2)])
     bpy.context.collection.objects.link(bpy.data.objects.new("leaves", mesh))
@@ -71,20 +71,20 @@ def test_blend_keeps_coordinates_that_are_not_finite_and_extract_refuses_them(tm
 
 
 @pytest.mark.parametrize("name", ["gone.glb", "gone.gltf", "gone.obj", "gone.blend"])
-def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
+def test_a_missing_file_raises(tmp_path: Path, name: str) -> None:
     with pytest.raises(SceneError) as caught:
         load(tmp_path / name)
     assert str(caught.value) == f"{tmp_path / name} does not exist, or is not a file; check the path"
 
 
-def test_a_folder(tmp_path: Path) -> None:
+def test_a_folder_raises(tmp_path: Path) -> None:
     (tmp_path / "folder.glb").mkdir()
     with pytest.raises(SceneError, match="does not exist, or is not a file"):
         load(tmp_path / "folder.glb")
 
 
 @pytest.mark.parametrize("name", ["tree.fbx", "tree", "tree.glb.zip"])
-def test_an_unknown_kind_leaves_the_scene(tmp_path: Path, name: str) -> None:
+def test_an_unknown_file_type_raises_and_keeps_the_scene(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"")
     bpy.context.collection.objects.link(bpy.data.objects.new("old", None))
     with pytest.raises(SceneError) as caught:
@@ -97,14 +97,14 @@ def test_an_unknown_kind_leaves_the_scene(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("kind", ["glb", "gltf"])
-def test_gltf_coordinates_that_are_not_finite(tmp_path: Path, kind: str, bad: float) -> None:
-    """Blender's importer would move the vertex to the origin without a word."""
+def test_gltf_coordinates_that_are_not_finite_raise(tmp_path: Path, kind: str, bad: float) -> None:
+    """Blender's importer would move the vertex to the origin without a warning."""
     path = tmp_path / f"tree.{kind}"
     positions = [*QUAD[:2], (0.5, bad, 0.25), QUAD[3]]
     if kind == "glb":
         write_quad_glb(path, positions=positions)
     else:
-        _write_gltf(path, positions, beside=True)
+        _write_gltf(path, positions, external=True)
     with pytest.raises(SceneError) as caught:
         load(path)
     assert str(caught.value) == (
@@ -112,7 +112,7 @@ def test_gltf_coordinates_that_are_not_finite(tmp_path: Path, kind: str, bad: fl
     )
 
 
-def test_obj_without_the_file_of_its_materials(tmp_path: Path) -> None:
+def test_an_obj_without_its_mtl_file_raises(tmp_path: Path) -> None:
     path = tmp_path / "tree.obj"
     path.write_text("mtllib my tree.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(SceneError, match=r"my tree\.mtl does not exist, but tree\.obj reads its materials from it"):
@@ -124,7 +124,7 @@ def test_obj_without_the_file_of_its_materials(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "shown"), [("v 1 nan 0", "1, nan, 0"), ("v 1 0 -Inf", "1, 0, -inf"), ("v 1e39 0 0", "inf, 0, 0")]
 )
-def test_obj_coordinates_that_are_not_finite(tmp_path: Path, line: str, shown: str) -> None:
+def test_obj_coordinates_that_are_not_finite_raise(tmp_path: Path, line: str, shown: str) -> None:
     path = tmp_path / "tree.obj"
     path.write_text(f"# banana\nmtllib inf.mtl\nv 0 0 0\nv 1e2 1e-39 0\n\t{line}\nvn 0 0 1\nf 1 2 3\n")
     with pytest.raises(SceneError) as caught:
@@ -134,7 +134,7 @@ def test_obj_coordinates_that_are_not_finite(tmp_path: Path, line: str, shown: s
     )
 
 
-def test_obj_whose_names_look_like_numbers(tmp_path: Path) -> None:
+def test_an_obj_with_names_that_look_like_numbers_is_read(tmp_path: Path) -> None:
     (tmp_path / "tree.obj").write_text(TRIANGLE_OBJ + "# nan inf 1e99\nusemtl leaf_inf\n")
     load(tmp_path / "tree.obj")
     assert triangles_in_scene() == 1
@@ -142,7 +142,7 @@ def test_obj_whose_names_look_like_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["tree.glb", "tree.gltf", "tree.blend"])
 @pytest.mark.parametrize("content", [b"", b"hello", b"[1, 2]", b"glTF", b"\xff\xfe\x00", b"BLENDER"])
-def test_files_with_other_content(tmp_path: Path, name: str, content: bytes) -> None:
+def test_files_with_wrong_content_raise(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SceneError) as caught:
         load(tmp_path / name)
@@ -158,7 +158,7 @@ def test_an_obj_without_faces_is_empty(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.5, 0.99])
-def test_a_glb_that_is_cut_short(tmp_path: Path, share: float) -> None:
+def test_a_truncated_glb_raises(tmp_path: Path, share: float) -> None:
     path = write_quad_glb(tmp_path / "tree.glb")
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * share)])
@@ -166,8 +166,8 @@ def test_a_glb_that_is_cut_short(tmp_path: Path, share: float) -> None:
         load(path)
 
 
-def test_a_gltf_whose_buffer_is_missing(tmp_path: Path) -> None:
-    _write_gltf(tmp_path / "tree.gltf", QUAD, beside=True)
+def test_a_gltf_without_its_buffer_raises(tmp_path: Path) -> None:
+    _write_gltf(tmp_path / "tree.gltf", QUAD, external=True)
     (tmp_path / "the buffer.bin").unlink()
     with pytest.raises(SceneError) as caught:
         load(tmp_path / "tree.gltf")
@@ -176,7 +176,7 @@ def test_a_gltf_whose_buffer_is_missing(tmp_path: Path) -> None:
     )
 
 
-def test_what_blender_refuses_is_said_in_its_words(tmp_path: Path) -> None:
+def test_an_error_of_blenders_importer_is_passed_on(tmp_path: Path) -> None:
     path = tmp_path / "tree.gltf"
     path.write_text(json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": ["FOO"], "extensionsUsed": ["FOO"]}))
     with pytest.raises(SceneError) as caught:
@@ -185,12 +185,12 @@ def test_what_blender_refuses_is_said_in_its_words(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path} cannot be read: {words}; check the file, or export it again"
 
 
-def _write_gltf(path: Path, positions: list[tuple[float, float, float]], *, beside: bool) -> None:
-    """The quad as text, its positions interleaved with zeros, the buffer in a file of its own or inside."""
+def _write_gltf(path: Path, positions: list[tuple[float, float, float]], *, external: bool) -> None:
+    """Write the quad as .gltf, positions interleaved with zeros, with an external or embedded buffer."""
     vertices = np.zeros((4, 6), "<f4")
     vertices[:, :3] = positions
     body = vertices.tobytes() + struct.pack("<6I", 0, 1, 2, 0, 2, 3)
-    if beside:
+    if external:
         (path.parent / "the buffer.bin").write_bytes(body)
         uri = "the%20buffer.bin"
     else:

@@ -1,4 +1,4 @@
-"""Messages name settings: the command line by flags, the sidebar by labels, and neither by what only the other has."""
+"""Messages name settings by flags on the command line, and by labels in the sidebar."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ ADDON = Path(addon.__file__).parent
 FLAG = re.compile(r"--[a-z]")
 NAMED = re.compile(r"`\w+(?:=[^`]*)?`")
 KEYWORDS = {each.name for each in described() if "_" in each.name} | {"epsilon"}
-"""Names of settings that nobody could take for words."""
+"""Names of settings that are not also English words."""
 
 
 def texts(path: Path) -> Iterator[str]:
-    """The texts in a module that are no docstrings; what an f-string fills in is an X."""
+    """Yield the texts in a module except docstrings. X replaces the values of an f-string."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     bare = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     parts = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
@@ -53,12 +53,12 @@ MODULES = sorted(path for path in ADDON.rglob("*.py") if path.name != "flags.py"
 
 
 def test_only_the_command_line_writes_flags() -> None:
-    """`flags.py` is the command line's own. No other text of the add-on, whoever it reaches, has one."""
+    """`flags.py` belongs to the command line. No other text of the extension contains a flag."""
     assert len(MODULES) > 80
     assert [text for path in MODULES for text in texts(path) if FLAG.search(text)] == []
 
 
-def test_both_faces_know_every_name_in_a_message() -> None:
+def test_command_line_and_sidebar_know_every_name_in_a_message() -> None:
     found = {name for path in MODULES for text in texts(path) for name in NAMED.findall(text)}
     assert {"`effects=-blend_order`", "`out`", "`unlit`", "`image_epsilon`"} <= found
     for name in found - {"`X`", "`X=X`", "`with`"}:
@@ -81,14 +81,14 @@ def test_both_faces_know_every_name_in_a_message() -> None:
         ("object '`bark`' and `make setup`", "object '`bark`' and `make setup`", "object '`bark`' and `make setup`"),
     ],
 )
-def test_each_face_puts_its_own_words(message: str, flags: str, labels: str) -> None:
+def test_a_name_becomes_a_flag_or_a_label(message: str, flags: str, labels: str) -> None:
     assert with_flags(message) == flags
     assert with_labels(message) == labels
 
 
 @pytest.mark.usefixtures("registered")
-def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line() -> None:
-    """Any two properties at their ends, their choices, or beyond what their own limits let through."""
+def test_errors_about_settings_contain_no_flags_in_the_sidebar() -> None:
+    """Try each pair of properties at all their limits and choices. Some values exceed the limits of the settings."""
     settings = bpy.context.scene.leafcloud
     ends: dict[str, list[object]] = {}
     for each in LeafcloudSettings.bl_rna.properties:
@@ -117,7 +117,7 @@ def test_no_settings_of_the_sidebar_are_refused_in_the_words_of_the_command_line
     assert any(message.startswith("Chain: Pruning and Cross: Off exclude each other") for message in refused)
 
 
-def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
+def test_reasons_of_the_plan_contain_no_flags_in_the_sidebar() -> None:
     view, sun = View(), Lights(("Sun",))
     cameras = (None, *(Camera(spans, view) for spans in [((3.0, 3.0),), ((3.0, 400.0),), ((3.0, 3.0), (90.0, 90.0))]))
     facts = Facts(
@@ -130,7 +130,7 @@ def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
         try:
             settings = BakeSettings(effects=effects, unlit=unlit, viewer=viewer, engine=engine, chain=chain)
         except SettingsError:
-            continue  # Chains that prune, without pruning.
+            continue  # A chain that prunes needs the effect pruning.
         for camera in cameras:
             seen = seen_as_set(settings, Facts(**{**vars(facts), "scene_camera": camera}))
             plan = plan_effects(settings, seen)
@@ -140,19 +140,19 @@ def test_no_plan_is_explained_in_the_words_of_the_command_line() -> None:
 
 
 @pytest.mark.usefixtures("registered")
-def test_no_label_or_tooltip_has_the_words_of_the_command_line() -> None:
+def test_labels_and_tooltips_contain_no_flags() -> None:
     classes = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith(("LEAFCLOUD_", "Leafcloud"))]
     assert len(classes) > 10
     for cls in classes:
         suits_the_sidebar(f"{cls.bl_rna.name} {cls.bl_rna.description}")
         for each in (each for each in cls.bl_rna.properties if not each.identifier.startswith("bl_")):
             items = each.enum_items if each.type == "ENUM" else ()
-            for said in (each, *items):
-                suits_the_sidebar(f"{said.name} {said.description}")
+            for shown in (each, *items):
+                suits_the_sidebar(f"{shown.name} {shown.description}")
 
 
 @pytest.mark.usefixtures("registered")
-def test_what_the_core_refuses_names_the_sidebars_settings() -> None:
+def test_errors_of_the_core_contain_labels_in_the_sidebar() -> None:
     corners = np.random.default_rng(1).normal(size=(1500, 1, 3)) + np.random.default_rng(2).normal(size=(1500, 3, 3))
     leaves = add_mesh("leaves", corners.reshape(-1, 3).tolist(), np.arange(4500).reshape(-1, 3).tolist())
     leaves.select_set(True)
@@ -167,7 +167,7 @@ def test_what_the_core_refuses_names_the_sidebars_settings() -> None:
     assert "leave Max Billboards and max texels out" in with_labels(str(refused.value))
 
 
-def test_help_names_flags() -> None:
+def test_help_names_settings_by_flags() -> None:
     text = " ".join(run("--help").stdout.split())
     assert "`" not in text
     assert "k-means clusters of leaves, as many as --max-billboards" in text

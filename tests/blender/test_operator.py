@@ -1,4 +1,4 @@
-"""The operator in a scene: what it adds, what it refuses, and that a refusal changes nothing."""
+"""The bake operator in a scene: its results and its errors. An error changes nothing in the scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups
 
 @pytest.fixture
 def selected_shrub(shrub: Path) -> list[bpy.types.Object]:
-    """The shrub's objects, selected, with settings that bake it quickly."""
+    """Return the selected objects of the shrub, with settings for a fast bake."""
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
@@ -34,7 +34,7 @@ def counts() -> dict[str, int]:
 
 
 def refused(words: str) -> None:
-    """Runs the operator, which has to refuse with these words and change nothing."""
+    """Run the operator. It has to raise a one-line error with these words and change nothing."""
     before, visible = counts(), [obj.visible_get() for obj in bpy.context.scene.objects]
     with pytest.raises(RuntimeError, match=words) as refusal:
         bpy.ops.leafcloud.bake()
@@ -43,7 +43,7 @@ def refused(words: str) -> None:
     assert [obj.visible_get() for obj in bpy.context.scene.objects] == visible
 
 
-def test_the_settings_start_as_those_of_the_command_line() -> None:
+def test_the_sidebar_starts_with_the_defaults_of_the_command_line() -> None:
     assert bake_settings(bpy.context.scene.leafcloud) == BakeSettings()
     assert leaf_names(bpy.context.scene.leafcloud) is None
 
@@ -94,7 +94,7 @@ def test_every_chain_can_be_chosen() -> None:
         assert bake_settings(settings).chain == chain
 
 
-def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub: list[bpy.types.Object]) -> None:
+def test_a_bake_adds_levels_and_hides_the_selected_objects(selected_shrub: list[bpy.types.Object]) -> None:
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     collection = bpy.context.scene.collection.children["leaves"]
     assert {obj.name for obj in collection.objects} == {
@@ -105,7 +105,7 @@ def test_a_bake_puts_the_levels_in_the_place_of_what_was_selected(selected_shrub
     assert bpy.context.window_manager.leafcloud.stage == ""
 
 
-def test_a_bake_writes_files_where_a_folder_is_given(selected_shrub: list[bpy.types.Object], tmp_path: Path) -> None:
+def test_a_bake_with_a_folder_writes_files(selected_shrub: list[bpy.types.Object], tmp_path: Path) -> None:
     bpy.context.scene.leafcloud.directory = str(tmp_path)
     bpy.ops.leafcloud.bake()
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
@@ -116,13 +116,13 @@ def test_a_bake_writes_files_where_a_folder_is_given(selected_shrub: list[bpy.ty
     assert not [name for name, _ in bpy.data.objects["leaves_LOD0"].data.attributes.items() if name.startswith("_")]
 
 
-def test_nothing_selected_is_refused(selected_shrub: list[bpy.types.Object]) -> None:
+def test_an_empty_selection_is_refused(selected_shrub: list[bpy.types.Object]) -> None:
     bpy.ops.object.select_all(action="DESELECT")
     assert not bpy.ops.leafcloud.bake.poll()
     refused("Nothing is selected")
 
 
-def test_leaves_that_are_not_there_are_refused(selected_shrub: list[bpy.types.Object]) -> None:
+def test_unknown_leaf_names_are_refused(selected_shrub: list[bpy.types.Object]) -> None:
     bpy.context.scene.leafcloud.leaves = "petals"
     refused("petals")
 
@@ -140,7 +140,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused(selected_shrub: list[bpy.
     refused("file")
 
 
-def test_a_running_bake_ends_with_the_add_on(selected_shrub: list[bpy.types.Object]) -> None:
+def test_cancel_running_ends_a_bake(selected_shrub: list[bpy.types.Object]) -> None:
     corners = [(0.0, 0.0, float(z)) for z in range(3000)]
     triangles = [(0, i, i + 1) for i in range(1, 2999)]
     corners = [(x + 0.01 * i % 1.0, 0.1 * i, z) for i, (x, _, z) in enumerate(corners)]

@@ -1,4 +1,4 @@
-"""Scenes and the effects that they call for: each is built, read and planned, with the reason told to the artist."""
+"""Scenes and their planned effects. Each test builds and reads a scene, then checks the plan and its reasons."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from addon.plan.effects import sees_pages
 from addon.settings.bake import BakeSettings
 
 ANYWHERE = {"transitions", "far_levels", "normals"}
-"""What is on of a plain crown where the viewer may be anywhere; back sides are left to each level."""
+"""Effects of a plain crown for a viewer anywhere. Each level decides about back sides itself."""
 
-# At 1080 pixels over 50° a deviation of ε = 0.04 R is seen 8 pixels large from 5.79 R, one of 0.14 R from 20.3 R.
+# At 1080 pixels over 50° a deviation of ε = 0.04 R is 8 pixels large at 5.79 R, a deviation of 0.14 R at 20.3 R.
 
 
-def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
+def test_a_still_camera_near_the_tree_needs_no_effects() -> None:
     crown = add_crown()
     add_camera(3.2, crown)
     plan = plan_of(crown, ONLY_THIS_VIEW)
@@ -45,7 +45,7 @@ def test_a_still_camera_close_by_calls_for_nothing_but_the_leaves() -> None:
     assert plan["normals"].reason.endswith("no billboard is seen")
 
 
-def test_only_pages_that_a_camera_may_see_are_packed_tightly() -> None:
+def test_atlas_pages_are_packed_tightly_if_a_camera_may_see_them() -> None:
     crown = add_crown()
     assert sees_pages(BakeSettings(), facts_of(crown))
     camera = add_camera(3.2, crown)
@@ -56,7 +56,7 @@ def test_only_pages_that_a_camera_may_see_are_packed_tightly() -> None:
     assert sees_pages(ONLY_THIS_VIEW, facts_of(crown, ONLY_THIS_VIEW))
 
 
-def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:
+def test_a_still_camera_far_away_needs_no_transitions() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
     plan = plan_of(crown, ONLY_THIS_VIEW)
@@ -65,7 +65,7 @@ def test_a_still_camera_far_away_sees_one_level_and_no_hand_over() -> None:
     assert plan["transitions"].reason == "the camera stays 12 crown radii away, and level 2 takes over at 20.3"
 
 
-def test_a_camera_that_flies_through_sees_every_hand_over() -> None:
+def test_a_camera_that_passes_all_switch_distances_needs_transitions() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)
     middle, radius = bounds(crown)
@@ -75,14 +75,14 @@ def test_a_camera_that_flies_through_sees_every_hand_over() -> None:
     assert plan["transitions"].reason == "the camera stays 3 to 300 crown radii away, and level 1 takes over at 5.79"
 
 
-def test_a_camera_that_flies_about_within_one_level_sees_no_hand_over() -> None:
+def test_a_camera_that_moves_within_one_level_needs_no_transitions() -> None:
     crown = add_crown()
     camera = add_camera(1.0, crown)
     fly(camera, (0.0, -1.2, 0.0), (0.0, -1.8, 0.0), (0.5, -1.5, 0.0))
     assert on(plan_of(crown)) == set()
 
 
-def test_at_night_one_lamp_that_moves_calls_for_normals() -> None:
+def test_a_moving_lamp_turns_on_normals() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
     fly(add_light("POINT"), (-3.0, -2.0, 1.0), (3.0, -2.0, 1.0))
@@ -94,7 +94,7 @@ def test_at_night_one_lamp_that_moves_calls_for_normals() -> None:
     assert unlit["baked_light"].reason == "the target is unlit, but the lamp 'Point' moves or changes"
 
 
-def test_a_still_sun_lights_the_levels_as_blender_renders() -> None:
+def test_a_still_sun_turns_on_normals() -> None:
     crown = add_crown()
     add_camera(12.0, crown)
     add_light("SUN")
@@ -103,7 +103,7 @@ def test_a_still_sun_lights_the_levels_as_blender_renders() -> None:
     assert plan["normals"].reason.startswith("Blender lights the tree as it renders")
 
 
-def test_an_unlit_game_gets_the_light_of_a_still_sun() -> None:
+def test_an_unlit_target_gets_the_baked_light_of_a_still_sun() -> None:
     crown = add_crown(principled("laurel", Subsurface_Weight=0.5))
     add_camera(3.0, crown)
     add_light("SUN")
@@ -112,13 +112,13 @@ def test_an_unlit_game_gets_the_light_of_a_still_sun() -> None:
     assert plan["baked_light"].reason == "the target is unlit, and the scene's lights do not change: 'Sun'"
 
 
-def test_an_unlit_game_without_a_light_in_the_scene_gets_none() -> None:
+def test_an_unlit_target_gets_no_baked_light_from_a_dark_scene() -> None:
     plan = plan_of(add_crown(), BakeSettings(engine="three", unlit=True))
     assert on(plan) == {"transitions", "far_levels"}
     assert "the scene has no light" in plan["baked_light"].reason
 
 
-def test_leaves_that_differ_in_roughness_call_for_it_where_billboards_are_seen() -> None:
+def test_leaves_of_different_roughness_need_a_texture_if_billboards_are_seen() -> None:
     crown = add_crown(principled("laurel", Roughness=0.2))
     crown.data.materials.append(principled("moss", Roughness=1.0))
     for polygon in crown.data.polygons[:10]:
@@ -130,14 +130,14 @@ def test_leaves_that_differ_in_roughness_call_for_it_where_billboards_are_seen()
     assert plan["roughness_metallic"].reason.endswith("no billboard is seen")
 
 
-def test_opaque_leaves_that_are_all_alike_call_for_no_texture_beside_normals() -> None:
+def test_opaque_leaves_of_one_material_need_no_texture_except_normals() -> None:
     plan = plan_of(add_crown(principled("leaf", Roughness=0.3)))
     assert on(plan) == ANYWHERE
     assert plan["roughness_metallic"].reason.startswith("roughness and metallic do not vary")
     assert plan["translucency"].reason == "no leaf material is translucent"
 
 
-def test_a_wind_that_reaches_the_tree_moves_it() -> None:
+def test_a_force_field_that_reaches_the_tree_turns_on_wind() -> None:
     crown = add_crown()
     add_wind(2.5, (0.0, math.pi / 2.0, 0.0))
     far = add_wind(7.0, (0.0, 0.0, 0.0))
@@ -153,12 +153,12 @@ def test_a_wind_that_reaches_the_tree_moves_it() -> None:
     assert plan["wind"].reason == f"the force field {wind.field!r} blows on the tree"
 
 
-def test_without_a_wind_there_is_none() -> None:
+def test_wind_is_off_without_a_force_field() -> None:
     plan = plan_of(add_crown())
     assert (plan["wind"].on, plan["wind"].reason) == (False, "no force field blows on the tree")
 
 
-def test_a_hundred_trees_stand_on_every_level_and_change_none() -> None:
+def test_a_hundred_trees_show_every_level_without_transitions() -> None:
     crown = add_crown()
     add_camera(3.0, crown)
     copies(crown, 100, 4.0)
@@ -171,7 +171,7 @@ def test_a_hundred_trees_stand_on_every_level_and_change_none() -> None:
     assert plan["pruning"].reason.startswith("the camera sees the 100 trees from 3 to ")
 
 
-def test_one_tree_before_a_camera_that_nears_it_a_little() -> None:
+def test_a_camera_that_crosses_one_switch_distance_needs_no_far_levels() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)
     middle, radius = bounds(crown)
@@ -189,26 +189,26 @@ def test_without_a_camera_the_viewer_may_be_anywhere() -> None:
 
 @pytest.mark.parametrize("chain", ["pruning", "both"])
 @pytest.mark.parametrize("engine", ["generic", "three"])
-def test_chains_that_prune_call_for_pruning_where_the_viewer_may_be_anywhere(chain: str, engine: str) -> None:
+def test_chains_that_prune_turn_on_pruning_for_a_viewer_anywhere(chain: str, engine: str) -> None:
     plan = plan_of(add_crown(), BakeSettings(chain=chain, engine=engine, prune_pixels=24.0))
     assert plan["pruning"].on is True
     assert plan["pruning"].reason.endswith(f"so it may see {CARDS} leaves from far away")
 
 
 @pytest.mark.parametrize("engine", ["generic", "godot", "three"])
-def test_the_chain_of_billboards_prunes_nothing_and_calls_for_no_ranks(engine: str) -> None:
+def test_the_chain_of_billboards_turns_off_pruning(engine: str) -> None:
     assert plan_of(add_crown(), BakeSettings(chain="billboards", engine=engine))["pruning"].on is False
 
 
 @pytest.mark.parametrize("settings", [BakeSettings(engine="godot"), BakeSettings(viewer="anywhere")])
-def test_for_an_engine_or_if_asked_for_the_camera_does_not_count(settings: BakeSettings) -> None:
+def test_the_camera_is_ignored_for_an_engine_and_for_a_viewer_anywhere(settings: BakeSettings) -> None:
     crown = add_crown()
     add_camera(3.0, crown)
     assert on(plan_of(crown, settings)) == ANYWHERE
 
 
 def keyed(owner: bpy.types.ID, path: str, *values: object) -> None:
-    """Gives a property these values, evenly over the frames."""
+    """Keyframe a property with these values, ten frames apart."""
     bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 10 * len(values) - 9
     for number, value in enumerate(values):
         setattr(owner, path, value)
@@ -216,33 +216,33 @@ def keyed(owner: bpy.types.ID, path: str, *values: object) -> None:
     bpy.context.scene.frame_set(1)
 
 
-def test_a_camera_that_stands_still_says_nothing_about_who_looks() -> None:
+def test_a_still_camera_is_ignored() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)
     plan = plan_of(crown)
     assert on(plan) == ANYWHERE
     assert plan["far_levels"].reason.startswith("the camera stands still, and the viewer may be anywhere, so ")
     keyed(camera, "location", camera.location.copy(), camera.location.copy())
-    assert on(plan_of(crown)) == ANYWHERE, "keys that hold it still"
+    assert on(plan_of(crown)) == ANYWHERE, "two equal keys keep the camera still"
 
 
-@pytest.mark.parametrize("what", ["turns", "zooms", "orbits", "sees trees pass", "gives way"])
-def test_a_camera_that_is_animated_is_planned_by(what: str) -> None:
-    """It stays near the tree all the time, in one place or on a circle about it, where only the leaves are seen."""
+@pytest.mark.parametrize("motion", ["turns", "zooms", "orbits", "trees move", "switches"])
+def test_an_animated_camera_is_used(motion: str) -> None:
+    """The camera stays near the tree, in one place or on a circle around the tree. So it sees only the leaves."""
     crown = add_crown()
     camera = add_camera(3.0, crown)
     assert facts_of(crown).camera is None
     middle, radius = bounds(crown)
-    if what == "turns":
+    if motion == "turns":
         keyed(camera, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
-    elif what == "zooms":
+    elif motion == "zooms":
         keyed(camera.data, "lens", 20.0, 35.0)
-    elif what == "orbits":
+    elif motion == "orbits":
         turntable = bpy.data.objects.new("turntable", None)
         bpy.context.scene.collection.objects.link(turntable)
         turntable.location, camera.parent, camera.location = middle, turntable, (0.0, -3.0 * radius, 0.0)
         keyed(turntable, "rotation_euler", (0.0, 0.0, 0.0), (0.0, 0.0, 3.0))
-    elif what == "sees trees pass":
+    elif motion == "trees move":
         fly(crown, (0.0, 0.0, 0.0), (0.0, 0.3 * radius, 0.0))
     else:
         other = add_camera(3.0, crown)
@@ -250,11 +250,11 @@ def test_a_camera_that_is_animated_is_planned_by(what: str) -> None:
             bpy.context.scene.timeline_markers.new(each.name, frame=frame).camera = each
     facts = facts_of(crown)
     assert facts.camera is not None
-    assert facts.camera.farthest == pytest.approx((3.3 if what == "sees trees pass" else 3.0) * radius, rel=1e-3)
+    assert facts.camera.farthest == pytest.approx((3.3 if motion == "trees move" else 3.0) * radius, rel=1e-3)
     assert not on(plan_of(crown)) & {"far_levels", "normals"}
 
 
-def test_a_camera_that_hangs_on_what_moves_is_followed() -> None:
+def test_a_camera_with_a_moving_parent_is_followed() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)
     rail = bpy.data.objects.new("rail", None)
@@ -264,7 +264,7 @@ def test_a_camera_that_hangs_on_what_moves_is_followed() -> None:
     assert "transitions" in on(plan_of(crown))
 
 
-def test_a_constraint_that_copies_what_moves_is_followed() -> None:
+def test_a_camera_constrained_to_a_moving_object_is_followed() -> None:
     crown = add_crown()
     camera = add_camera(3.0, crown)
     rail = bpy.data.objects.new("rail", None)
@@ -276,7 +276,7 @@ def test_a_constraint_that_copies_what_moves_is_followed() -> None:
     assert facts.camera.farthest == pytest.approx(40.0, rel=0.02)
 
 
-def test_markers_cut_between_cameras() -> None:
+def test_timeline_markers_switch_between_cameras() -> None:
     crown = add_crown()
     near, far = add_camera(3.0, crown), add_camera(30.0, crown)
     scene = bpy.context.scene
@@ -290,7 +290,7 @@ def test_markers_cut_between_cameras() -> None:
     assert (scene.camera, scene.frame_current) == (near, 1)
 
 
-def test_reading_a_scene_leaves_its_frame() -> None:
+def test_reading_a_scene_keeps_its_frame() -> None:
     crown = add_crown()
     fly(add_camera(3.0, crown), (0.0, -3.0, 0.0), (0.0, -300.0, 0.0))
     bpy.context.scene.frame_set(7, subframe=0.25)
@@ -300,7 +300,7 @@ def test_reading_a_scene_leaves_its_frame() -> None:
     assert bpy.context.scene.camera.matrix_world == before
 
 
-def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
+def test_a_copy_twice_as_large_has_half_the_distance_in_crown_radii() -> None:
     crown = add_crown()
     add_camera(10.0, crown)
     other = bpy.data.objects.new("large", crown.data)
@@ -312,7 +312,7 @@ def test_a_copy_twice_as_large_is_seen_from_half_as_far() -> None:
     assert large == pytest.approx(own / 2.0, rel=0.02)
 
 
-def test_only_leaves_of_several_colours_have_a_contrast_to_keep() -> None:
+def test_contrast_is_on_only_for_leaves_of_several_colors() -> None:
     crown = add_crown()
     settings = BakeSettings(chain="both", prune_pixels=24.0)
     plan = plan_of(crown, settings)

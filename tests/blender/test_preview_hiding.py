@@ -1,4 +1,4 @@
-"""Levels that a preview draws are hidden in the 3D views meanwhile, but not in files, undo steps and renders."""
+"""A running preview hides its levels in the 3D views, but not in files, undo steps and renders."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 @contextmanager
 def without_addon() -> Iterator[None]:
-    """As in a Blender that does not have it."""
+    """Unregister the extension in the `with` block."""
     addon.unregister()
     try:
         yield
@@ -35,7 +35,7 @@ def without_addon() -> Iterator[None]:
 
 @pytest.fixture
 def levels() -> list[str]:
-    """The names of two levels; the scene has a third, which the artist has hidden, and something else."""
+    """Return the names of two visible levels. The scene also has a level hidden by the artist, and another object."""
     for name in ("first", "second", "put aside"):
         add_lod_modifier(place(build(FOUR), name), LodSettings(NEVER, NEVER))
     place(build(FOUR), "ground")
@@ -44,7 +44,7 @@ def levels() -> list[str]:
 
 
 drawn: list[list[str]] = []
-"""The names of the levels that were asked to be drawn, for each time."""
+"""For each request to draw, the names of the levels."""
 
 
 def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
@@ -53,7 +53,7 @@ def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
 
 
 def preview(names: list[str]) -> None:
-    """What the operator does, but for drawing."""
+    """Start the preview like the operator, but do not draw."""
     drawn.clear()
     start_preview(bpy.context.view_layer, drawer)
     assert drawn == [names]
@@ -66,7 +66,7 @@ def visible() -> list[str]:
 ALL, OTHERS = ["first", "ground", "second"], ["ground"]
 
 
-def test_stopping_shows_just_what_was_hidden(levels: list[str]) -> None:
+def test_stopping_the_preview_shows_its_levels(levels: list[str]) -> None:
     preview(levels)
     assert (is_previewed(), visible()) == (True, OTHERS)
     stop_preview()
@@ -83,7 +83,7 @@ def test_stopping_selects_the_levels_that_were_selected(levels: list[str]) -> No
     assert [obj.name for obj in bpy.context.selected_objects] == ["second"]
 
 
-def test_a_file_that_is_saved_meanwhile_has_its_levels_visible(levels: list[str], tmp_path: Path) -> None:
+def test_a_file_saved_during_the_preview_has_visible_levels(levels: list[str], tmp_path: Path) -> None:
     preview(levels)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
     assert (is_previewed(), visible()) == (True, OTHERS), "the preview goes on"
@@ -93,7 +93,7 @@ def test_a_file_that_is_saved_meanwhile_has_its_levels_visible(levels: list[str]
         assert KEY not in bpy.context.view_layer
 
 
-def test_a_file_that_cannot_be_saved_leaves_the_preview_on(levels: list[str], tmp_path: Path) -> None:
+def test_a_failed_save_leaves_the_preview_on(levels: list[str], tmp_path: Path) -> None:
     preview(levels)
     with pytest.raises(RuntimeError, match="Cannot open file"):
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "missing" / "tree.blend"))
@@ -102,8 +102,8 @@ def test_a_file_that_cannot_be_saved_leaves_the_preview_on(levels: list[str], tm
     assert visible() == ALL
 
 
-def test_a_file_of_an_automatic_save_shows_its_levels_when_it_is_opened(levels: list[str], tmp_path: Path) -> None:
-    """Blender writes the latest undo step, as it is, and calls no handler."""
+def test_an_opened_auto_save_shows_its_levels(levels: list[str], tmp_path: Path) -> None:
+    """For an auto-save Blender writes the latest undo step unchanged and calls no handler."""
     with without_addon():
         hide(bpy.context.view_layer, [bpy.data.objects[name] for name in levels])
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "auto.blend"))
@@ -120,7 +120,7 @@ def test_opening_another_file_stops_the_preview(levels: list[str], tmp_path: Pat
 
 
 def step(message: str) -> None:
-    """What Blender does after each operator that can be undone."""
+    """Change the scene and push an undo step, as Blender does after an operator."""
     bpy.data.objects["ground"].location.x += 1.0
     bpy.ops.ed.undo_push(message=message)
 
@@ -128,7 +128,7 @@ def step(message: str) -> None:
 def test_undo_and_redo_leave_the_preview_on(levels: list[str]) -> None:
     step("before")
     preview(levels)
-    step("meanwhile")
+    step("during")
     for turn in (bpy.ops.ed.undo, bpy.ops.ed.redo):
         turn()
         assert (is_previewed(), visible()) == (True, OTHERS)
@@ -137,10 +137,10 @@ def test_undo_and_redo_leave_the_preview_on(levels: list[str]) -> None:
     assert visible() == ALL
 
 
-def test_steps_of_a_preview_that_was_stopped_come_back_with_the_levels_visible(levels: list[str]) -> None:
+def test_undo_after_the_preview_shows_the_levels(levels: list[str]) -> None:
     step("before")
     preview(levels)
-    step("meanwhile")
+    step("during")
     stop_preview()
     step("afterwards")
     for turn in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.redo):
@@ -148,7 +148,7 @@ def test_steps_of_a_preview_that_was_stopped_come_back_with_the_levels_visible(l
         assert (is_previewed(), visible()) == (False, ALL)
 
 
-def test_undoing_the_levels_themselves_stops_the_preview() -> None:
+def test_undoing_the_bake_stops_the_preview() -> None:
     place(build(FOUR), "ground")
     bpy.ops.ed.undo_push(message="before")
     add_lod_modifier(place(build(FOUR), "level"), LodSettings(NEVER, NEVER))
@@ -168,7 +168,7 @@ def unlink(obj: bpy.types.Object) -> None:
     bpy.context.scene.collection.objects.unlink(obj)
 
 
-def test_without_a_visible_level_nothing_starts(levels: list[str]) -> None:
+def test_the_preview_does_not_start_without_a_visible_level(levels: list[str]) -> None:
     for name in levels:
         bpy.data.objects[name].hide_set(True)
     start_preview(bpy.context.view_layer, drawer)
@@ -177,10 +177,10 @@ def test_without_a_visible_level_nothing_starts(levels: list[str]) -> None:
 
 @pytest.mark.parametrize("saved", [False, True])
 @pytest.mark.parametrize("lose", [delete, unlink])
-def test_a_level_that_goes_meanwhile_is_no_obstacle(
+def test_a_level_may_be_removed_during_the_preview(
     lose: Callable[[bpy.types.Object], None], saved: bool, levels: list[str], tmp_path: Path
 ) -> None:
-    """Deleted, or in no scene any more; the preview is stopped, or goes on after the file was saved."""
+    """The level is deleted or unlinked. Then the preview stops, with or without a save before."""
     preview(levels)
     lose(bpy.data.objects["first"])
     if saved:
@@ -190,7 +190,7 @@ def test_a_level_that_goes_meanwhile_is_no_obstacle(
     assert visible() == ["ground", "second"]
 
 
-def test_renders_show_the_levels_meanwhile(tmp_path: Path) -> None:
+def test_renders_show_the_levels_during_the_preview(tmp_path: Path) -> None:
     material, principled, _ = new_material()
     principled.inputs["Emission Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     principled.inputs["Emission Strength"].default_value = 1.0

@@ -1,4 +1,4 @@
-"""Roughness, metallic and normals from node trees: rendered, and compared with Blender's manual of the nodes."""
+"""Roughness, metallic and normals rendered from node trees, compared with the nodes in Blender's manual."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHANNELS = ("normals", "orm")
 
 
 def data_node(tree: Any, rows: list[list[tuple[float, ...]]]) -> bpy.types.Node:
-    """An image of data whose pixels have no values between them."""
+    """Return an image node with data and without interpolation."""
     node = texture_node(tree, new_image("data", [[(*pixel, 1.0) for pixel in row] for row in rows], space="Non-Color"))
     node.interpolation = "Closest"
     return node
@@ -34,7 +34,7 @@ def normal_map(tree: Any, color: bpy.types.NodeSocket, strength: float = 1.0) ->
 
 
 def ramp(tree: Any, axis: str, slope: float) -> bpy.types.Node:
-    """A Bump node whose height grows by `slope` along one unit of an axis of the UV map."""
+    """Return a Bump node. The height grows by `slope` per unit along an axis of the UV map."""
     parts, bump = tree.nodes.new("ShaderNodeSeparateXYZ"), tree.nodes.new("ShaderNodeBump")
     tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], parts.inputs[0])
     tree.links.new(math_node(tree, "MULTIPLY", parts.outputs[axis], slope), bump.inputs["Height"])
@@ -43,13 +43,13 @@ def ramp(tree: Any, axis: str, slope: float) -> bpy.types.Node:
 
 
 def codes_of(normal: Sequence[float]) -> list[int]:
-    """As files have them: 0 is −1, 255 is 1."""
+    """Return the 8-bit codes of a normal, as in files: 0 is −1, 255 is 1."""
     unit = np.array(normal) / np.linalg.norm(normal)
     return np.rint(127.5 * (unit + 1.0)).astype(int).tolist()
 
 
 def assert_codes(image: Any, expected: Any, *, off: int = 1) -> None:
-    """All over the image, but for its rim, where a Bump node sees over the edge."""
+    """Compare all texels except the rim, where a Bump node reads beyond the edge."""
     assert image is not None
     assert image.dtype == np.uint8
     inner = image[2:-2, 2:-2].astype(int)
@@ -57,7 +57,7 @@ def assert_codes(image: Any, expected: Any, *, off: int = 1) -> None:
 
 
 def described(principled: bpy.types.Node, source: bpy.types.NodeSocket, name: str = "Normal") -> tuple[Any, str]:
-    """The material, with something linked to an input, and the one message."""
+    """Link a socket to an input. Return the description of the material and its only message."""
     tree = principled.id_data
     tree.links.new(source, principled.inputs[name])
     material = next(each for each in bpy.data.materials if each.node_tree == tree)
@@ -81,8 +81,8 @@ def lay(obj: bpy.types.Object, scale: float = 1.0) -> None:
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.5, 2.0])
-def test_the_strength_of_a_normal_map(strength: float) -> None:
-    """Up to 1, between the surface's own normal and the map's, as glTF's scale; beyond, x and y are scaled alone."""
+def test_the_strength_of_a_normal_map_is_rendered(strength: float) -> None:
+    """A strength up to 1 mixes the surface's normal with the map's, like glTF's scale. More scales only x and y."""
     _, principled, tree = new_material()
     normal = 2.0 * np.array((204, 102, 217)) / 255.0 - 1.0
     color = data_node(tree, [[(204 / 255, 102 / 255, 217 / 255)]]).outputs["Color"]
@@ -96,7 +96,7 @@ def test_the_strength_of_a_normal_map(strength: float) -> None:
 
 
 @pytest.mark.parametrize(("axis", "slope"), [("X", 0.5), ("Y", 0.5), ("Y", -2.0)])
-def test_a_ramp_of_height(axis: str, slope: float) -> None:
+def test_a_height_ramp_tilts_the_normal(axis: str, slope: float) -> None:
     """The surface z = slope · x has the normal (−slope, 0, 1)."""
     _, principled, tree = new_material()
     description, _ = described(principled, ramp(tree, axis, slope).outputs["Normal"])
@@ -104,7 +104,7 @@ def test_a_ramp_of_height(axis: str, slope: float) -> None:
 
 
 def test_a_bump_is_as_steep_as_on_the_leaves() -> None:
-    """Three metres to a unit of the UV map: the same height is a third of the slope."""
+    """One unit of the UV map is three meters long, so the same height gives a third of the slope."""
     material, principled, tree = new_material()
     tree.links.new(ramp(tree, "X", 0.9).outputs["Normal"], principled.inputs["Normal"])
     obj = add_mesh("leaves", SQUARE, [(0, 1, 2, 3)], materials=[material])
@@ -117,8 +117,7 @@ def test_a_bump_is_as_steep_as_on_the_leaves() -> None:
     assert_codes(result.materials[0]["normal"], codes_of((-0.3, 0.0, 1.0)))
 
 
-def test_a_bump_on_a_normal_map() -> None:
-    """A ramp on a map that is flat is the ramp, and a bump without height leaves the map as it is."""
+def test_a_bump_without_height_keeps_its_normal_map() -> None:
     _, principled, tree = new_material()
     bump = ramp(tree, "X", 0.0)
     tilted = normal_map(tree, data_node(tree, [[(0.8, 0.5, 0.9)]]).outputs["Color"])
@@ -127,8 +126,8 @@ def test_a_bump_on_a_normal_map() -> None:
     assert_codes(description["normal"], codes_of((0.6, 0.0, 0.8)))
 
 
-def test_normals_are_unit_vectors_where_texels_meet() -> None:
-    """A mean of two tilted normals is shorter than 1."""
+def test_normals_between_texels_have_length_1() -> None:
+    """The mean of two tilted normals is shorter than 1."""
     _, principled, tree = new_material()
     image = data_node(tree, [[(0.9, 0.5, 0.8), (0.1, 0.5, 0.8)]])
     image.interpolation = "Linear"
@@ -138,8 +137,8 @@ def test_normals_are_unit_vectors_where_texels_meet() -> None:
     assert np.ptp(description["normal"][..., 0].astype(int)) > 100
 
 
-def test_up_is_up() -> None:
-    """Of an image with a tilted half on top."""
+def test_the_rendering_is_not_upside_down() -> None:
+    """The two halves of the image tilt to different sides."""
     _, principled, tree = new_material()
     image = data_node(tree, [[(0.8, 0.5, 0.9)], [(0.5, 0.8, 0.9)]])
     description, _ = described(principled, normal_map(tree, image.outputs["Color"], 0.999).outputs["Normal"])
@@ -147,8 +146,8 @@ def test_up_is_up() -> None:
     assert_codes(description["normal"][32:], codes_of((0.0, 0.6, 0.8)), off=2)
 
 
-def test_a_rendering_lies_like_the_colours() -> None:
-    """Tiled twice by the same Mapping node, the rendering is one tile; and not to be had by another Mapping."""
+def test_a_rendering_uses_the_mapping_of_the_base_color() -> None:
+    """One Mapping node tiles both images twice, and the rendering is one tile. Another Mapping node gives a warning."""
     material, principled, tree = new_material()
     moved = tree.nodes.new("ShaderNodeMapping")
     moved.inputs["Scale"].default_value = (2.0, 2.0, 1.0)
@@ -179,10 +178,10 @@ def test_a_rendering_lies_like_the_colours() -> None:
         (0.0, (3.0, 3.0), 0.999, (0.6, 0.0, 0.8)),
     ],
 )
-def test_a_mapping_turns_normals(
+def test_a_mapping_node_turns_normals(
     turn: float, scale: tuple[float, float], strength: float, expected: tuple[float, ...]
 ) -> None:
-    """Blender's are those of the UV map; the core's axes are those in which the image lies."""
+    """Blender's tangent space has the axes of the UV map. The core's has the axes of the image."""
     _, principled, tree = new_material()
     moved = tree.nodes.new("ShaderNodeMapping")
     moved.inputs["Rotation"].default_value = (0.0, 0.0, turn)
@@ -198,32 +197,32 @@ def test_a_mapping_turns_normals(
 
 
 @pytest.mark.parametrize("kind", ["object space", "other map", "no image", "position"])
-def test_what_cannot_be_rendered_is_said(kind: str) -> None:
+def test_normals_that_cannot_be_rendered_give_a_warning(kind: str) -> None:
     material, principled, tree = new_material()
     image = data_node(tree, [[(0.8, 0.5, 0.9)]])
     node = normal_map(tree, image.outputs["Color"], 0.5)
-    said = "come from the node 'Normal Map', not from tangent-space maps and bumps"
+    words = "come from the node 'Normal Map', not from tangent-space maps and bumps"
     if kind == "object space":
         node.space = "OBJECT"
     elif kind == "other map":
         layout = tree.nodes.new("ShaderNodeUVMap")
         layout.uv_map = "Other"
         tree.links.new(layout.outputs["UV"], image.inputs["Vector"])
-        said = "uses the UV map 'Other', but the base color uses the active UV map"
+        words = "uses the UV map 'Other', but the base color uses the active UV map"
     elif kind == "no image":
         image.image = None
-        said = "depends on the node 'Image Texture', which has no image"
+        words = "depends on the node 'Image Texture', which has no image"
     else:
-        node, said = tree.nodes.new("ShaderNodeNewGeometry"), "come from the node 'Geometry', not from tangent-space"
+        node, words = tree.nodes.new("ShaderNodeNewGeometry"), "come from the node 'Geometry', not from tangent-space"
     tree.links.new(node.outputs["Position" if kind == "position" else "Normal"], principled.inputs["Normal"])
     shading = read_shading(material, None)
     assert shading.normal is None
     [warning] = shading.warnings
-    assert said in warning
+    assert words in warning
     assert warning.endswith("; mesh normals are used instead")
 
 
-def test_leaves_without_a_uv_map() -> None:
+def test_leaves_without_a_uv_map_give_a_warning() -> None:
     material, principled, tree = new_material()
     tree.links.new(ramp(tree, "X", 0.5).outputs["Normal"], principled.inputs["Normal"])
     result = describe_materials(leaves_of(material).leaves, CHANNELS)
@@ -237,7 +236,7 @@ def test_leaves_without_a_uv_map() -> None:
 # Roughness and metallic
 
 
-def test_half_an_image_of_roughness() -> None:
+def test_an_image_multiplied_by_half_is_rendered() -> None:
     _, principled, tree = new_material()
     image = data_node(tree, [[(0.2, 0.2, 0.2)], [(0.8, 0.8, 0.8)]])
     principled.inputs["Metallic"].default_value = 0.4
@@ -248,8 +247,8 @@ def test_half_an_image_of_roughness() -> None:
     assert "its roughness and metallic are neither constants nor channels of one image; they are rendered" in message
 
 
-def test_values_are_cut_before_they_are_averaged() -> None:
-    """Cycles shades with roughness within [0, 1]: 3 · 0.2 and 3 · 0.8."""
+def test_values_are_clamped_before_averaging() -> None:
+    """Cycles clamps roughness to [0, 1]: 3 · 0.2 stays 0.6, 3 · 0.8 becomes 1."""
     _, principled, tree = new_material()
     image = data_node(tree, [[(0.2, 0.2, 0.2)], [(0.8, 0.8, 0.8)]])
     description, _ = described(principled, math_node(tree, "MULTIPLY", image.outputs["Color"], 3.0), "Roughness")
@@ -257,8 +256,8 @@ def test_values_are_cut_before_they_are_averaged() -> None:
     assert_codes(description["orm"][32:], (255, 255, 0))
 
 
-def test_a_principled_in_groups() -> None:
-    """Two deep, with its roughness handed in from outside."""
+def test_a_principled_bsdf_in_nested_groups_is_rendered() -> None:
+    """The groups are two deep. An input of the outer group has the roughness."""
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
     inner, outer = (bpy.data.node_groups.new(name, "ShaderNodeTree") for name in ("inner", "outer"))
@@ -280,30 +279,30 @@ def test_a_principled_in_groups() -> None:
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     description, [message] = describe_material(material, CHANNELS)
     assert_codes(description["orm"], (255, 153, 0))
-    assert "dropped" not in message, "what is handed to the groups for something else does not count"
-    assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 3, "the groups are not touched"
+    assert "dropped" not in message, "an input that does not reach the roughness is ignored"
+    assert len(inner.interface.items_tree) == len(outer.interface.items_tree) == 3, "the groups are unchanged"
 
 
-def test_what_tells_leaves_apart_is_lost() -> None:
+def test_per_leaf_variation_is_dropped_with_a_warning() -> None:
     _, principled, tree = new_material()
     description, message = described(principled, tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"], "Roughness")
     assert_codes(description["orm"], (255, 128, 0))
     assert ", so per-leaf variation from Object Info is dropped;" in message
 
 
-# Planning, and nothing more than is asked for
+# Nothing is rendered without need
 
 
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: Any, **__: Any) -> None:
-        raise AssertionError("nothing has to be rendered")
+        raise AssertionError("nothing may be rendered")
 
     monkeypatch.setattr("addon.material.flatten.rendered", refused)
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_the_plan_knows_without_rendering() -> None:
+def test_the_plan_needs_no_rendering() -> None:
     material, principled, tree = new_material()
     image = data_node(tree, [[(0.6, 0.6, 0.6)]])
     tree.links.new(image.outputs["Color"], principled.inputs["Roughness"])
@@ -314,7 +313,7 @@ def test_the_plan_knows_without_rendering() -> None:
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_what_is_read_is_not_rendered() -> None:
+def test_readable_channels_are_not_rendered() -> None:
     material, principled, tree = new_material()
     principled.inputs["Metallic"].default_value = 0.25
     image = data_node(tree, [[(0.8, 0.5, 0.9)]])
@@ -325,7 +324,7 @@ def test_what_is_read_is_not_rendered() -> None:
     assert description["normal"].tolist() == [[[204, 128, 230, 255]]]
 
 
-def test_nothing_is_left_behind() -> None:
+def test_rendering_leaves_no_data_behind() -> None:
     material, principled, tree = new_material()
     tree.links.new(ramp(tree, "X", 0.5).outputs["Normal"], principled.inputs["Normal"])
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")

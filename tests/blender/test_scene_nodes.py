@@ -1,4 +1,4 @@
-"""The scene node group, read from evaluated meshes and compared with the formulas of the methods, written out here.
+"""The node group of a scene: evaluated meshes are compared with these formulas.
 
 λ = min((d₀/d)^(ln ½ / ln h), 1), λ′ = λ·(1 − a·(d_range/z)·((d − d_min)/d_range)^(m/n)), ρ = min(0.05, 1 − λ′),
 r = (λ′ − rank)/(ρλ′) in [0, 1], s² = ΣA/Σ(A·r²), p' = pivot + (p − pivot)·s·r.
@@ -34,7 +34,7 @@ from addon.versions import set_corner_normals, set_modifier_input
 def add_trees(
     meshes: Sequence[bpy.types.Mesh], places: Sequence[Matrix | Vector | tuple[float, ...]]
 ) -> bpy.types.Collection:
-    """A collection that is in no scene, with a tree at each place, drawn in this order."""
+    """Return a collection with a tree at each place, drawn in this order. No scene contains the collection."""
     trees = bpy.data.collections.new("Trees")
     for number, (mesh, where) in enumerate(zip(meshes, places, strict=True)):
         obj = bpy.data.objects.new(f"Tree {number}", mesh)
@@ -55,7 +55,7 @@ def own_keep(distance: float, settings: SceneSettings) -> float:
 
 
 def published(distances: Floats, keeps: Floats, settings: SceneSettings) -> Floats:
-    """λ′ where all trees count fully."""
+    """Return λ′ for trees that all count fully."""
     depths, reach = distances - distances.min(), np.ptp(distances)
     if reach == 0.0:
         return keeps
@@ -64,7 +64,7 @@ def published(distances: Floats, keeps: Floats, settings: SceneSettings) -> Floa
 
 
 def drawn(leaves: Leaves, keep: float, protected: bool = False) -> Floats:
-    """(n, 3, 3) the corners of the leaves that are left, in their order in the mesh, in the tree's coordinates."""
+    """Return the corners (n, 3, 3) of the kept leaves, in the order of the mesh and in the tree's coordinates."""
     ranks = leaves.ranks.astype(np.float64)
     free = ranks >= 0.0
     width = min(0.05, 1.0 - keep) * keep
@@ -83,7 +83,7 @@ def carried(points: Floats, where: Matrix) -> Floats:
 
 
 def shares(obj: bpy.types.Object, tree_count: int, leaf_count: int) -> Floats:
-    """The share of faces that is left of each tree; trees are told apart by x, at 100, 200 … from each other."""
+    """Return each tree's share of kept faces. Trees must stand at x = 0, 100, 200 …"""
     x = points_of(evaluate(obj))[::3, 0]
     return np.bincount((x / 100.0).round().astype(int), minlength=tree_count) / leaf_count
 
@@ -119,23 +119,23 @@ def test_four_leaves_grow_about_their_pivots_where_their_tree_stands() -> None:
     np.testing.assert_allclose(points_of(evaluate(obj)), carried(own, where), atol=1e-5)
 
 
-def test_growth_and_contrast_are_as_measured() -> None:
+def test_growth_and_contrast_follow_the_settings() -> None:
     leaves, keep = many_leaves(300), 0.25
     add_camera((0.0, 0.0, 40.0))
-    plain, told = (
+    plain, measured = (
         add_scene(add_trees([build(leaves)], [Matrix()]), SceneSettings(prune_start=10.0, growth=g, contrast=c))[0]
         for g, c in (((0.0, 0.0), (0.0, 0.0)), ((0.1, 0.0), (0.3, -0.02)))
     )
-    plain, told = evaluate(plain), evaluate(told)
+    plain, measured = evaluate(plain), evaluate(measured)
     pivots = np.repeat(leaves.pivots[leaves.ranks < keep], 3, axis=0)
-    np.testing.assert_allclose(points_of(told) - pivots, keep**0.1 * (points_of(plain) - pivots), atol=1e-4)
-    pulled = np.empty(len(told.vertices), np.float32)
-    told.attributes["leaf_mean_share"].data.foreach_get("value", pulled)
+    np.testing.assert_allclose(points_of(measured) - pivots, keep**0.1 * (points_of(plain) - pivots), atol=1e-4)
+    pulled = np.empty(len(measured.vertices), np.float32)
+    measured.attributes["leaf_mean_share"].data.foreach_get("value", pulled)
     np.testing.assert_allclose(pulled, 1.0 - keep ** (0.3 - 0.02 * math.log(keep)), atol=1e-5)
     assert "leaf_mean_share" not in plain.attributes
 
 
-def test_one_tree_alone_and_trees_at_one_distance_lose_nothing_to_the_scene() -> None:
+def test_trees_at_one_distance_are_pruned_like_single_trees() -> None:
     settings = SceneSettings(prune_start=5.0, full_models=1.0, far=100.0, strength=1.0)
     leaves = many_leaves(100)
     places = [(100.0 * i, 0.0, 0.0) for i in range(2)]
@@ -144,15 +144,15 @@ def test_one_tree_alone_and_trees_at_one_distance_lose_nothing_to_the_scene() ->
     assert shares(obj, 2, 100).tolist() == [0.1, 0.1]
 
 
-def test_near_the_camera_everything_is_as_it_was() -> None:
+def test_trees_near_the_camera_are_unchanged() -> None:
     leaves = many_leaves(100)
     obj, _ = add_scene(add_trees([build(leaves)], [Matrix()]), SceneSettings(prune_start=50.0))
-    assert points_of(evaluate(obj)).tobytes() == leaves.points.tobytes()  # without a camera, too
+    assert points_of(evaluate(obj)).tobytes() == leaves.points.tobytes()  # The scene has no camera.
     add_camera((0.0, 0.0, 49.0))
     assert points_of(evaluate(obj)).tobytes() == leaves.points.tobytes()
 
 
-def test_the_object_with_the_modifier_may_stand_anywhere() -> None:
+def test_the_place_of_the_modifiers_object_has_no_influence() -> None:
     leaves = many_leaves(60)
     obj, _ = add_scene(add_trees([build(leaves)], [(0.0, 7.0, 0.0)]), SceneSettings(prune_start=5.0))
     add_camera((0.0, 0.0, 9.0))
@@ -163,16 +163,16 @@ def test_the_object_with_the_modifier_may_stand_anywhere() -> None:
     np.testing.assert_allclose(after, before, atol=2e-5)
 
 
-def test_distances_are_taken_from_the_centre_of_each_tree() -> None:
+def test_distances_are_measured_from_the_center_of_each_tree() -> None:
     settings = SceneSettings(prune_start=5.0, centre=(0.0, 0.0, 6.0))
     where = Matrix.LocRotScale(Vector((100.0, 0.0, 0.0)), Euler((math.pi / 2.0, 0.0, 0.0)), Vector((2.0, 2.0, 2.0)))
     obj, _ = add_scene(add_trees([build(many_leaves(100))], [where]), settings)
-    add_camera((100.0, -12.0, 40.0))  # Turned and scaled, the centre lies at (100, −12, 0): 40 away, 20 for the tree.
+    add_camera((100.0, -12.0, 40.0))  # The center is at (100, −12, 0): 40 away, 20 in the tree's units.
     assert shares(obj, 2, 100)[1] == 0.25
 
 
 def falling_weight(distance: float, far: float) -> float:
-    """Cubic smooth step from 1 at ¾ to 0 at `far`."""
+    """Return a cubic smooth step from 1 at ¾ of `far` to 0 at `far`."""
     t = min(max((distance / far - 0.75) / 0.25, 0.0), 1.0)
     return 1.0 - t * t * (3.0 - 2.0 * t)
 
@@ -193,7 +193,7 @@ def test_trees_fade_out_of_the_count_before_the_far_distance(far: float) -> None
         assert found == pytest.approx(1.0 - loss, abs=0.0011)
 
 
-def test_the_share_is_continuous_on_the_way_of_the_camera_and_of_a_tree_that_enters() -> None:
+def test_the_share_is_continuous_while_the_camera_and_a_tree_move() -> None:
     settings = SceneSettings(prune_start=60.0, full_models=4.0, far=400.0, strength=1.0)
     places = [(0.0, 20.0, 0.0), (100.0, 0.0, 0.0), (200.0, 0.0, 30.0), (300.0, 0.0, 0.0)]
     trees = add_trees([build(many_leaves(4000))] * 4, places)
@@ -201,7 +201,7 @@ def test_the_share_is_continuous_on_the_way_of_the_camera_and_of_a_tree_that_ent
     camera, comer = add_camera((0.0, 0.0, 0.0)), trees.objects[3]
 
     def greatest_jumps(steps: int) -> Floats:
-        """By tree, the greatest change of its share while the camera passes three trees and a fourth comes from far."""
+        """Return each tree's largest change of share. The camera passes three trees, and a fourth approaches."""
         seen = []
         for share in np.linspace(0.0, 1.0, steps + 1):
             camera.location = (900.0 * share - 200.0, 60.0 * math.sin(5.0 * share), 10.0)
@@ -211,11 +211,11 @@ def test_the_share_is_continuous_on_the_way_of_the_camera_and_of_a_tree_that_ent
 
     coarse, fine = greatest_jumps(50), greatest_jumps(400)
     assert (coarse > 0.01).all()
-    # An eighth where λ′ is smooth, as it is for m ≥ n; a jump would stay as it is.
+    # Steps eight times finer divide the changes of a smooth λ′ (m ≥ n) by eight. A jump would keep its size.
     assert (fine < 0.3 * coarse).all()
 
 
-def test_a_tree_beyond_the_far_distance_changes_nothing() -> None:
+def test_a_tree_beyond_the_far_distance_does_not_change_other_trees() -> None:
     settings = SceneSettings(prune_start=20.0, full_models=1.0, far=500.0, strength=0.9)
     places = [(0.0, 5.0, 0.0), (100.0, 0.0, 0.0), (200.0, 0.0, 30.0)]
     mesh = build(many_leaves(1000))
@@ -232,7 +232,7 @@ def test_a_tree_beyond_the_far_distance_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
-def test_the_share_falls_with_the_distance_and_is_never_above_the_trees_own(strength: float) -> None:
+def test_the_share_falls_with_distance_and_never_exceeds_the_trees_own_share(strength: float) -> None:
     settings = SceneSettings(prune_start=150.0, full_models=3.0, far=1400.0, strength=strength)
     places = [(100.0 * i, 0.0, 0.0) for i in range(20)]
     obj, _ = add_scene(add_trees([build(many_leaves(500))] * 20, places), settings)
@@ -248,7 +248,7 @@ def test_the_share_falls_with_the_distance_and_is_never_above_the_trees_own(stre
 
 
 def quads(count: int, seed: int) -> bpy.types.Mesh:
-    """Leaves of a quad and a triangle each, on two scattered ranks' worth of points."""
+    """Return a mesh of leaves in random places with random ranks. Each leaf is a quad and a triangle."""
     rng = np.random.default_rng(seed)
     corner = rng.normal(size=(count, 1, 3))
     shape = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 1.5, 0]]) * 0.05
@@ -266,7 +266,7 @@ def triangle_count(mesh: bpy.types.Mesh) -> int:
 
 @pytest.mark.parametrize("budget", [1, 2, 3, 50, 997, 1000, 2500, 3600])
 @pytest.mark.parametrize("strength", [0.0, 0.7])
-def test_the_budget_is_never_exceeded_and_used_up_to_a_leaf(budget: int, strength: float) -> None:
+def test_the_scene_uses_its_budget_up_to_one_leaf(budget: int, strength: float) -> None:
     settings = SceneSettings(prune_start=25.0, full_models=2.0, far=300.0, strength=strength, budget=budget)
     meshes = [quads(400, 1), quads(700, 2), quads(300, 3), quads(400, 1)]
     places = [(0.0, 3.0, 0.0), (30.0, 0.0, 0.0), (-20.0, 40.0, 0.0), (0.0, 80.0, 10.0)]
@@ -283,8 +283,8 @@ def test_the_budget_is_never_exceeded_and_used_up_to_a_leaf(budget: int, strengt
         assert triangle_count(evaluate(obj)) == without
 
 
-def test_the_budget_is_used_where_all_trees_are_alike() -> None:
-    # 64 trees around the camera, with as many leaves of each rank: cut by rank alone, each would cost 192 triangles.
+def test_equal_trees_use_the_budget_up_to_one_leaf() -> None:
+    # All 64 trees have the same ranks. Pruning by rank alone would remove 64 leaves, 192 triangles, at once.
     mesh = quads(50, 4)
     angles = np.arange(64) * math.tau / 64
     places = [(100.0 * math.cos(angle), 100.0 * math.sin(angle), 0.0) for angle in angles]
@@ -295,7 +295,7 @@ def test_the_budget_is_used_where_all_trees_are_alike() -> None:
         assert budget - 3 < triangle_count(evaluate(obj)) <= budget
 
 
-def test_the_budget_is_one_factor_for_all_trees() -> None:
+def test_the_budget_scales_all_trees_by_one_factor() -> None:
     settings = SceneSettings(prune_start=100.0, full_models=2.0, far=1000.0, strength=0.6)
     places = [(100.0 * i, 0.0, 0.0) for i in range(5)]
     obj, modifier = add_scene(add_trees([build(many_leaves(2000))] * 5, places), settings)
@@ -309,14 +309,14 @@ def test_the_budget_is_one_factor_for_all_trees() -> None:
 
 
 def protecting(leaves: Leaves, share: float) -> Leaves:
-    """The same leaves, that share of which is protected."""
+    """Return the same leaves. The given share of the leaves is protected."""
     ranks = leaves.ranks.copy()
     ranks[: int(share * len(ranks))] = -1.0
     return Leaves(leaves.points, leaves.targets, ranks, leaves.pivots, leaves.pivot_targets)
 
 
 @pytest.mark.parametrize("distance", [5.0, 12.0, 480.0, 1e8])
-def test_protected_leaves_stay_as_they_are_and_do_not_count(distance: float) -> None:
+def test_protected_leaves_are_unchanged_and_do_not_count(distance: float) -> None:
     leaves = protecting(many_leaves(200), 0.3)
     settings = SceneSettings(prune_start=10.0)
     obj, _ = add_scene(add_trees([build(leaves)], [Matrix()]), settings)
@@ -328,7 +328,7 @@ def test_protected_leaves_stay_as_they_are_and_do_not_count(distance: float) -> 
     assert found[:60].tobytes() == leaves.points[:180].tobytes()
 
 
-def test_protected_triangles_count_in_the_budget_that_cannot_remove_them() -> None:
+def test_protected_triangles_count_toward_the_budget_and_are_kept() -> None:
     leaves = protecting(many_leaves(200), 0.3)
     obj, modifier = add_scene(add_trees([build(leaves)] * 2, [Matrix(), (30.0, 0.0, 0.0)]), SceneSettings(budget=150))
     add_camera((0.0, 0.0, 0.0))
@@ -338,7 +338,7 @@ def test_protected_triangles_count_in_the_budget_that_cannot_remove_them() -> No
     assert not np.isnan(points_of(evaluate(obj))).any()
 
 
-def test_trunk_in_the_collection_is_left_alone() -> None:
+def test_a_trunk_in_the_collection_is_unchanged() -> None:
     leaves, trunk = many_leaves(100), many_leaves(40)
     trees = add_trees([build(leaves), build(trunk, attributes=False)], [Matrix(), Matrix()])
     obj, _ = add_scene(trees, SceneSettings(prune_start=1.0))
@@ -349,7 +349,7 @@ def test_trunk_in_the_collection_is_left_alone() -> None:
 
 
 def test_the_area_of_many_leaves_is_kept() -> None:
-    # A plain f32 sum of this many areas, as Blender 4.2 takes it, is off by a thousandth.
+    # Blender 4.2 adds areas in f32. For this many leaves such a sum is off by a thousandth.
     leaves = many_leaves(150_000)
     obj, _ = add_scene(add_trees([build(leaves)] * 2, [(0.0, 0.0, 20.0), (1.0, 0.0, 30.0)]), SceneSettings(10.0))
     add_camera((0.0, 0.0, 0.0))
@@ -357,7 +357,7 @@ def test_the_area_of_many_leaves_is_kept() -> None:
     assert area == pytest.approx(2.0 * leaves.areas.sum(), rel=3e-5)
 
 
-def test_what_the_trees_carry_survives() -> None:
+def test_materials_uv_maps_and_normals_are_kept() -> None:
     meshes = []
     for number, name in enumerate(("Spring", "Autumn")):
         mesh = build(many_leaves(40))
@@ -386,7 +386,7 @@ def test_an_empty_collection_draws_nothing() -> None:
     assert len(evaluate(obj).polygons) == 0
 
 
-def test_the_group_is_made_once_and_is_its_own() -> None:
+def test_the_node_group_is_created_once() -> None:
     foreign = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
     group = scene_group()
     assert group != foreign
@@ -394,7 +394,7 @@ def test_the_group_is_made_once_and_is_its_own() -> None:
     assert len(bpy.data.node_groups) == 2
 
 
-def test_the_inputs_have_the_promised_names() -> None:
+def test_the_inputs_have_their_documented_names() -> None:
     sockets = [item for item in scene_group().interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     inputs = [socket for socket in sockets if socket.in_out == "INPUT"]
@@ -405,7 +405,7 @@ def test_the_inputs_have_the_promised_names() -> None:
     assert all(socket.description for socket in inputs)
 
 
-def test_the_group_can_be_read_by_an_artist() -> None:
+def test_each_node_has_a_labeled_frame_and_its_own_place() -> None:
     nodes = [node for node in scene_group().nodes if node.bl_idname != "NodeFrame"]
     assert all(node.parent.label for node in nodes)
     assert len({(node.parent.name, *node.location) for node in nodes}) == len(nodes)

@@ -1,4 +1,4 @@
-"""What materials say of orm and normals."""
+"""Roughness, metallic and normals read from material nodes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def data_node(tree: Any, pixel: tuple[float, float, float]) -> bpy.types.Node:
     return texture_node(tree, new_image("data", [[(*pixel, 0.25)]], space="Non-Color"))
 
 
-def test_constants() -> None:
+def test_constant_roughness_and_metallic_are_read() -> None:
     material, principled, _ = new_material()
     principled.inputs["Roughness"].default_value = 0.25
     principled.inputs["Metallic"].default_value = 0.75
     description, messages = describe_material(material, CHANNELS)
     assert (description["roughness"], description["metallic"], description["orm"], messages) == (0.25, 0.75, None, [])
     assert read_shading(material, None).glossy
-    # What is not asked for is not described.
+    # Without the channel "orm" roughness and metallic keep their defaults.
     description, _ = describe_material(material, ("normals",))
     assert (description["roughness"], description["metallic"]) == (1.0, 0.0)
 
@@ -40,7 +40,7 @@ def test_rough_leaves_are_not_glossy() -> None:
     assert not read_shading(None, None).glossy
 
 
-def test_an_image_of_roughness_and_metallic() -> None:
+def test_an_image_of_roughness_and_metallic_is_read() -> None:
     material, principled, tree = new_material()
     parts = tree.nodes.new("ShaderNodeSeparateColor")
     tree.links.new(data_node(tree, (0.5, 0.2, 0.6)).outputs["Color"], parts.inputs[0])
@@ -50,11 +50,11 @@ def test_an_image_of_roughness_and_metallic() -> None:
     assert messages == []
     assert (description["roughness"], description["metallic"]) == (1.0, 1.0)
     assert description["orm"] is not None
-    # Codes as they are, and the alpha of a data image means nothing.
+    # The codes are unchanged. The alpha of a data image is ignored.
     assert np.abs(description["orm"].astype(int) - [[[128, 51, 153, 255]]]).max() <= 1
 
 
-def test_a_normal_map() -> None:
+def test_a_normal_map_is_read() -> None:
     material, principled, tree = new_material()
     node = tree.nodes.new("ShaderNodeNormalMap")
     tree.links.new(data_node(tree, (0.8, 0.5, 0.9)).outputs["Color"], node.inputs["Color"])
@@ -65,7 +65,7 @@ def test_a_normal_map() -> None:
     assert np.abs(description["normal"].astype(int) - [[[204, 128, 230, 255]]]).max() <= 1
 
 
-def test_data_that_are_marked_as_colours_are_decoded() -> None:
+def test_data_in_an_srgb_image_are_decoded() -> None:
     material, principled, tree = new_material()
     parts = tree.nodes.new("ShaderNodeSeparateColor")
     image = new_image("data", [[(0.5, 0.5, 0.5, 1.0)]], space="sRGB")
@@ -73,13 +73,13 @@ def test_data_that_are_marked_as_colours_are_decoded() -> None:
     tree.links.new(parts.outputs["Green"], principled.inputs["Roughness"])
     description, _ = describe_material(material, CHANNELS)
     assert description["orm"] is not None
-    # 0.214 by the standard's formula: what Blender shades with.
+    # The sRGB formula gives 0.214. Blender shades with this value.
     assert abs(int(description["orm"][0, 0, 1]) - 55) <= 1
     assert (description["roughness"], description["metallic"]) == (1.0, 0.0)
 
 
-@pytest.mark.parametrize("kind", ["bump", "strength", "laid otherwise", "roughness", "half linked"])
-def test_what_is_no_plain_image_is_to_be_rendered(kind: str) -> None:
+@pytest.mark.parametrize("kind", ["bump", "strength", "other extension", "roughness", "half linked"])
+def test_channels_other_than_plain_images_are_marked_for_rendering(kind: str) -> None:
     material, principled, tree = new_material()
     image = data_node(tree, (0.5, 0.5, 1.0))
     if kind == "half linked":
@@ -97,7 +97,7 @@ def test_what_is_no_plain_image_is_to_be_rendered(kind: str) -> None:
         tree.links.new(image.outputs["Color"], node.inputs["Color"])
         tree.links.new(node.outputs["Normal"], principled.inputs["Normal"])
     expected = Texture(None)
-    if kind == "laid otherwise":
+    if kind == "other extension":
         colors = texture_node(tree, new_image("colors", [[(1.0, 1.0, 1.0, 1.0)]]))
         colors.extension = "EXTEND"
         tree.links.new(colors.outputs["Color"], principled.inputs["Base Color"])
@@ -107,7 +107,7 @@ def test_what_is_no_plain_image_is_to_be_rendered(kind: str) -> None:
     assert shading.warnings == ()
 
 
-def test_roughness_is_cut_as_blender_cuts_it() -> None:
+def test_roughness_is_clamped_as_in_blender() -> None:
     material, principled, tree = new_material()
     value = tree.nodes.new("ShaderNodeValue")
     value.outputs[0].default_value = 1.7
@@ -115,7 +115,7 @@ def test_roughness_is_cut_as_blender_cuts_it() -> None:
     assert describe_material(material, CHANNELS)[0]["roughness"] == 1.0
 
 
-def test_the_specular_level_is_the_materials_mean() -> None:
+def test_the_specular_level_is_the_mean_of_the_materials() -> None:
     materials = []
     for level in (0.0, 0.0, 0.75):
         material, principled, _ = new_material()
@@ -131,23 +131,23 @@ def test_the_specular_level_is_the_materials_mean() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "words"),
     [
         ("normals", "normals come from the node 'Diffuse BSDF'; mesh normals are used; connect a Principled BSDF"),
         ("orm", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
     ],
 )
-def test_what_other_shaders_say_is_told(kind: str, said: str) -> None:
+def test_shaders_other_than_principled_give_a_warning(kind: str, words: str) -> None:
     material, principled, tree = new_material()
     tree.nodes.remove(principled)
     shader = tree.nodes.new("ShaderNodeBsdfDiffuse" if kind == "normals" else "ShaderNodeBsdfGlossy")
     tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     if kind == "normals":
         tree.links.new(tree.nodes.new("ShaderNodeBump").outputs["Normal"], shader.inputs["Normal"])
-    assert read_shading(material, None).warnings == (f"material 'm': its {said}",)
+    assert read_shading(material, None).warnings == (f"material 'm': its {words}",)
 
 
-def test_leaves_that_are_all_alike_need_no_texture() -> None:
+def test_equal_materials_need_no_texture() -> None:
     materials = []
     for roughness in (0.25, 0.25, 0.5):
         material, principled, _ = new_material()

@@ -1,4 +1,4 @@
-"""Tangents in the files: where a map calls for them, and nowhere else."""
+"""Tangents in GLB files: only for a normal map, and by the UV map of its texture."""
 
 from __future__ import annotations
 
@@ -33,17 +33,15 @@ def exported(obj: bpy.types.Object, path: Path) -> dict[str, np.ndarray]:
     return read_glb(path)[obj.name].primitives[0].attributes
 
 
-def test_a_mesh_without_texture_coordinates_has_none(tmp_path: Path) -> None:
+def test_a_mesh_without_texture_coordinates_has_no_tangents(tmp_path: Path) -> None:
     obj = add_mesh("plain", SQUARE, [(0, 1, 2, 3)])
     obj.data.materials.append(mapped_material(""))
     assert "TANGENT" not in exported(obj, tmp_path / "plain.glb")
 
 
 @pytest.mark.parametrize(("used", "expected"), [("first", (1.0, 0.0)), ("second", (0.0, 1.0))])
-def test_tangents_follow_the_map_that_the_texture_uses(
-    tmp_path: Path, used: str, expected: tuple[float, float]
-) -> None:
-    """The second UV map is turned: its u runs along y."""
+def test_tangents_follow_the_uv_map_of_the_texture(tmp_path: Path, used: str, expected: tuple[float, float]) -> None:
+    """The u axis of the second UV map runs along y."""
     obj = add_mesh("leaf", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)])
     points = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     for name, uvs in (("first", points), ("second", points[:, ::-1])):

@@ -1,4 +1,4 @@
-"""What differs between Blenders: inputs of geometry-node modifiers, EEVEE's name, custom normals."""
+"""Differences between Blender versions: inputs of geometry-node modifiers, EEVEE's name, custom normals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
 @pytest.fixture
 def modifier() -> bpy.types.NodesModifier:
-    """A modifier with one input of each kind."""
+    """Return a modifier with one input of each type."""
     tree = bpy.data.node_groups.new("Inputs", "GeometryNodeTree")
     for kind in ("Float", "Int", "Bool", "Vector"):
         tree.interface.new_socket(f"A {kind}", in_out="INPUT", socket_type=f"NodeSocket{kind}")
@@ -41,14 +41,16 @@ def modifier() -> bpy.types.NodesModifier:
         ("A Vector", np.array([4, 5, 6]), (4.0, 5.0, 6.0)),
     ],
 )
-def test_modifier_input_round_trip(modifier: bpy.types.NodesModifier, name: str, value: Any, expected: Any) -> None:
+def test_a_modifier_input_keeps_its_value_and_type(
+    modifier: bpy.types.NodesModifier, name: str, value: Any, expected: Any
+) -> None:
     versions.set_modifier_input(modifier, name, value)
     stored = versions.get_modifier_input(modifier, name)
     assert stored == expected
     assert type(stored) is type(expected)
 
 
-def test_unknown_modifier_input_names_what_there_is(modifier: bpy.types.NodesModifier) -> None:
+def test_an_unknown_modifier_input_raises_with_the_known_names(modifier: bpy.types.NodesModifier) -> None:
     expected = "'Inputs' has no input 'An Output', it has .*A Float.*A Vector"
     with pytest.raises(KeyError, match=expected):
         versions.set_modifier_input(modifier, "An Output", 1.0)
@@ -56,14 +58,14 @@ def test_unknown_modifier_input_names_what_there_is(modifier: bpy.types.NodesMod
         versions.get_modifier_input(modifier, "An Output")
 
 
-def test_eevee_engine_is_one_of_blenders() -> None:
+def test_blender_accepts_the_name_of_eevee() -> None:
     bpy.context.scene.render.engine = versions.eevee_engine()
     assert bpy.context.scene.render.engine == versions.eevee_engine()
 
 
 @pytest.fixture
 def mesh() -> bpy.types.Mesh:
-    """Two triangles that share an edge: six corners."""
+    """Return a mesh of two triangles that share an edge. The mesh has six corners."""
     mesh = bpy.data.meshes.new("Two Triangles")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0.25), (1, 1, 0)], [], [(0, 1, 2), (2, 1, 3)])
     return mesh
@@ -88,7 +90,7 @@ def assert_stored(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> None:
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_corner_normals_come_back(mesh: bpy.types.Mesh, smooth: bool) -> None:
+def test_corner_normals_are_stored(mesh: bpy.types.Mesh, smooth: bool) -> None:
     mesh.polygons.foreach_set("use_smooth", np.full(2, smooth))
     normals = unit_vectors(6, seed=1)
     versions.set_corner_normals(mesh, normals)
@@ -96,8 +98,8 @@ def test_corner_normals_come_back(mesh: bpy.types.Mesh, smooth: bool) -> None:
     assert mesh.has_custom_normals
 
 
-def test_corner_normals_replace_those_before(mesh: bpy.types.Mesh) -> None:
-    # Blender's own function leaves the encoded kind, which has another type than free normals.
+def test_corner_normals_replace_earlier_ones(mesh: bpy.types.Mesh) -> None:
+    # Blender's own function stores encoded normals, an attribute of another type than free normals.
     mesh.normals_split_custom_set(unit_vectors(6, seed=1))
     for seed in (2, 3):
         normals = unit_vectors(6, seed)
@@ -105,13 +107,13 @@ def test_corner_normals_replace_those_before(mesh: bpy.types.Mesh) -> None:
         assert_stored(mesh, normals)
 
 
-def test_corner_normals_take_doubles_and_views(mesh: bpy.types.Mesh) -> None:
+def test_corner_normals_may_be_f64_or_strided(mesh: bpy.types.Mesh) -> None:
     normals = unit_vectors(12, seed=4)
     versions.set_corner_normals(mesh, normals[::2].astype(np.float64))
     assert_stored(mesh, normals[::2])
 
 
-def test_corner_normals_of_another_count_are_refused(mesh: bpy.types.Mesh) -> None:
+def test_a_wrong_number_of_corner_normals_raises(mesh: bpy.types.Mesh) -> None:
     with pytest.raises(ValueError, match=r"'Two Triangles' have shape \(4, 3\), expected \(6, 3\)"):
         versions.set_corner_normals(mesh, unit_vectors(4, seed=5))
     assert not mesh.has_custom_normals

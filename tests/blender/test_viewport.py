@@ -1,4 +1,4 @@
-"""The preview in the 3D view: what it draws of a level, and where its shader puts the leaves."""
+"""The preview in the 3D view: visible levels, their shares of the pixels, and the shader's places of the leaves."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def level(**inputs: Any) -> LevelInputs:
     return LevelInputs(**{**rest, "fade_in_end": 0.0, "fade_out_start": NEVER, **inputs})
 
 
-def test_a_level_is_drawn_from_where_it_appears_until_it_vanishes() -> None:
+def test_a_level_is_drawn_between_appear_and_vanish() -> None:
     drawn = [look_at(level(appear=2.0, vanish=5.0), distance) is not None for distance in (0.0, 1.99, 2.0, 4.99, 5.0)]
     assert drawn == [False, False, True, True, False]
 
 
 def test_levels_that_cross_fade_share_the_pixels() -> None:
-    """One fades out from 10 to 12.5, as the node group has it: whole up to 11.25; the next is whole from there."""
+    """In the node group the next level fades in from 10 to 11.25, then the previous level fades out until 12.5."""
     last = level(vanish=12.5, fade_out_start=11.25)
     cross = level(appear=10.0, fade_in_end=11.25)
     for distance, share in ((10.5, 0.2), (11.25, 0.5), (12.0, 0.8)):
@@ -54,7 +54,7 @@ def test_levels_that_cross_fade_share_the_pixels() -> None:
         assert (alone.next_share, alone.coming) == (1.0, True)
 
 
-def test_the_scale_is_that_of_the_table_and_of_what_was_measured() -> None:
+def test_the_scale_combines_the_area_table_and_the_measured_growth() -> None:
     shares = np.linspace(0.0, 1.0, 65) ** 1.5
     inputs = level(prune_start=2.0, prune_half=0.3, growth=(0.1, 0.02), area_shares=tuple(shares.tolist()))
     for distance in (1.0, 2.5, 9.0, 70.0):
@@ -66,7 +66,7 @@ def test_the_scale_is_that_of_the_table_and_of_what_was_measured() -> None:
     assert KNOTS.shape == shares.shape
 
 
-def test_a_mesh_that_neither_moves_nor_thins_out_stays() -> None:
+def test_a_mesh_without_morph_and_pruning_keeps_its_corners() -> None:
     obj = add_mesh("square", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)])
     [part] = parts_of(obj)
     corners = part.attributes
@@ -81,10 +81,10 @@ def test_a_mesh_that_neither_moves_nor_thins_out_stays() -> None:
 @pytest.mark.parametrize("cutoff", [0.0, 0.4])
 @pytest.mark.parametrize("double_sided", [False, True])
 @pytest.mark.parametrize("translucent", [False, True])
-def test_the_page_of_a_level_is_found_by_what_the_bake_wrote(
+def test_the_preview_finds_the_atlas_page_of_a_baked_material(
     cutoff: float, double_sided: bool, translucent: bool
 ) -> None:
-    """Cut out or blended, one-sided or not, with light that shines through or not; with a fade."""
+    """The material is cut out or blended, single- or double-sided, translucent or opaque. It always has a fade."""
     page, light = (atlas_image(name, np.full((2, 2, 4), 255, np.uint8)) for name in ("page", "light"))
     images = Page(page, translucency=light if translucent else None, share=0.3)
     material = atlas_material("level", images, alpha_cutoff=cutoff, double_sided=double_sided)
@@ -95,7 +95,7 @@ def test_the_page_of_a_level_is_found_by_what_the_bake_wrote(
     assert paint.tint == (1.0, 1.0, 1.0, 1.0)
 
 
-def test_each_material_is_a_part() -> None:
+def test_each_material_becomes_a_part() -> None:
     mesh = build(FOUR)
     colors = [(0.1, 0.2, 0.3, 1.0), (0.6, 0.5, 0.4, 1.0)]
     for color in colors:
@@ -113,7 +113,10 @@ def test_each_material_is_a_part() -> None:
 
 
 def shown_points(obj: bpy.types.Object, distances: list[float]) -> list[NDArray[np.float32] | None]:
-    """Where the shader puts the corners (c, 3) of an object of one material, from each distance."""
+    """Return the shader's places of an object's corners (c, 3) for each distance, or None if the object is not drawn.
+
+    The object must have one material.
+    """
     [part] = parts_of(obj)
     looks = [look_at(inputs_of(obj), distance) for distance in distances]
     views = [numbers(uniforms_of(look)) for look in looks if look is not None]
@@ -124,7 +127,10 @@ def shown_points(obj: bpy.types.Object, distances: list[float]) -> list[NDArray[
 
 @pytest.mark.browser
 def test_the_shader_draws_the_leaves_of_the_node_group() -> None:
-    """Half way to the billboards, on them, pruned to different shares; but for s, which the shader has from a table."""
+    """Leaves half way to the billboards, on the billboards, and pruned to several shares.
+
+    The shader reads s from a table, so places differ by up to 0.01.
+    """
     leaves = many_leaves(400)
     mesh = build(leaves)
     shares = area_shares(leaves.areas.astype(np.float32), leaves.ranks)

@@ -1,4 +1,4 @@
-"""The wind's node group, read from evaluated meshes and compared with the law, which tests/laws.py writes out."""
+"""The node group of the wind: evaluated meshes are compared with the law in tests/support/laws.py."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FPS = 24.0
 
 @dataclass(frozen=True)
 class Blown:
-    """Leaves of which each has a phase, a freedom and a billboard's pivot, (n,) and (n, 3)."""
+    """Leaves with a phase (n,), a freedom (n,) and the pivot of a billboard (n, 3) each."""
 
     leaves: Leaves
     phases: Floats
@@ -47,7 +47,7 @@ class Blown:
         return place(mesh, name, matrix)
 
     def expected(self, air: Air, a: float) -> Floats:
-        """Of all leaves, none pruned."""
+        """Return the corners of all leaves in the wind, without pruning."""
         leaves = self.leaves
         points = (1.0 - a) * leaves.points.astype(float) + a * leaves.targets
         pivot = leaves.pivots.astype(float)
@@ -66,13 +66,13 @@ def some_leaves(count: int = 60) -> Blown:
 
 
 def at_frame(frame: int) -> float:
-    """Goes there; the seconds."""
+    """Go to a frame and return its time in seconds."""
     bpy.context.scene.frame_set(frame)
     return frame / FPS
 
 
 def air_of(settings: WindSettings, seconds: float, matrix: Matrix | None = None) -> Air:
-    """By the world matrix of the tree: where the wind blows to in its coordinates, and when its turn is."""
+    """Return the wind in the coordinates of a tree with this world matrix."""
     world = np.array(matrix or Matrix())
     along = np.linalg.inv(world[:3, :3]) @ settings.wind.direction
     stature, swing = settings.stature, settings.swing
@@ -107,12 +107,12 @@ def test_the_group_follows_the_law(a: float, direction: tuple[float, float, floa
     for frame in FRAMES:
         expected = tree.expected(air_of(settings, at_frame(frame)), a)
         assert np.abs(expected - tree.leaves.points).max() > 0.05
-        # τ rounds at 4 ulp of 8 turns, times 2π·6.9, times the leaf's arm; places themselves are a few units.
+        # τ rounds at 4 ulp of 8 turns. Flutter multiplies this by 2π·6.9 and the leaf's arm. Coordinates are small.
         np.testing.assert_allclose(points_of(evaluate(obj)), expected, rtol=0.0, atol=2e-5)
 
 
 @pytest.mark.parametrize("mirrored", [1.0, -1.0])
-def test_the_wind_blows_in_the_world_wherever_the_tree_stands(mirrored: float) -> None:
+def test_the_direction_of_the_wind_is_in_world_space(mirrored: float) -> None:
     matrix = Matrix.LocRotScale(Vector((30.0, -7.0, 4.0)), Euler((0.3, 0.2, 2.0)), Vector((2.5, 2.5, 2.5 * mirrored)))
     tree = some_leaves()
     obj = tree.build(matrix=matrix)
@@ -134,8 +134,8 @@ def test_at_strength_0_the_output_is_the_input_bit_for_bit(strength: float) -> N
         assert points_of(evaluate(obj)).tobytes() == points_of(evaluate(still)).tobytes()
 
 
-def test_a_pivot_moves_as_the_trunk_beneath_it() -> None:
-    """Leaves that have a corner in their pivot, and branches that end there: also while the leaves are pruned."""
+def test_a_pivot_moves_with_the_trunk_at_its_place() -> None:
+    """A corner of each leaf is its pivot, and a branch ends there. Half of the leaves are pruned."""
     leaves = many_leaves(40)
     corners = leaves.points.reshape(-1, 3, 3).copy()
     corners[:, 0] = leaves.pivots
@@ -155,7 +155,7 @@ def test_a_pivot_moves_as_the_trunk_beneath_it() -> None:
         assert np.abs(held - ends[leaves.ranks < 0.5]).max() < 4e-6
 
 
-def test_levels_of_a_tree_are_in_step_and_trees_are_not() -> None:
+def test_levels_of_a_tree_sway_in_step_and_trees_do_not() -> None:
     leaves = many_leaves(20)
     places = {"Leaves": (0.0, 0.0), "Cloud": (0.0, 0.0), "Other": (6.0, 0.0), "Third": (0.0, 6.0), "Fourth": (6.0, 6.0)}
     objects = {}
@@ -193,8 +193,8 @@ def test_nothing_moves_farther_than_the_bound(strength: float) -> None:
     assert (moved[2:] > 0.2 * force * bound[2:]).all()
 
 
-def test_a_steady_wind_bends_and_gusts_come_and_go() -> None:
-    """The top, on the axis, where no branch swings: still at G = 0, and to and fro at G = 1."""
+def test_steady_wind_bends_the_tree_and_gusts_swing_it() -> None:
+    """The top lies on the axis, where no branch swings. It stands still at G = 0 and swings at G = 1."""
     mesh = bpy.data.meshes.new("Top")
     mesh.from_pydata([(0.1, -0.2, 4.0)], [], [])
     obj = place(mesh)
@@ -230,7 +230,7 @@ def test_direction_and_strength_follow_the_field() -> None:
     assert points_of(evaluate(obj)).tobytes() == tree.leaves.points.tobytes()
 
 
-def test_the_transition_follows_the_camera_as_that_of_the_level_does() -> None:
+def test_the_transition_follows_the_camera_as_in_the_level() -> None:
     tree = some_leaves()
     obj = tree.build()
     centre = (0.5, 0.0, 0.0)
@@ -243,8 +243,8 @@ def test_the_transition_follows_the_camera_as_that_of_the_level_does() -> None:
         np.testing.assert_allclose(points_of(evaluate(obj)), expected, rtol=0.0, atol=2e-5)
 
 
-def test_pruned_leaves_grow_about_pivots_that_the_wind_moved() -> None:
-    """Wind before the scene's pruning does as wind behind a level's, but that s is of areas which wind stretches."""
+def test_pruned_leaves_grow_about_pivots_moved_by_the_wind() -> None:
+    """Wind before the scene's pruning is equal to wind after a level's, except that wind changes the areas for s."""
     leaves = many_leaves(50)
     steady = replace(SETTINGS, swing=Swing(flutter=0.0))
     tree, after = place(build(leaves), "Tree"), place(build(leaves), "After")
@@ -287,7 +287,7 @@ def test_the_group_works_from_a_file_without_the_addon(tmp_path: Path) -> None:
     saved, read = tmp_path / "tree.blend", tmp_path / "read.json"
     bpy.ops.wm.save_as_mainfile(filepath=str(saved))
 
-    # -I: neither this folder nor PYTHONPATH is searched for modules.
+    # -I keeps this folder and PYTHONPATH out of the search for modules.
     command = [sys.executable, "-I", "-c", READ_WITHOUT_ADDON, str(saved), str(read)]
     subprocess.run(command, check=True, cwd=tmp_path, timeout=120)
     found = json.loads(read.read_text())
@@ -297,7 +297,7 @@ def test_the_group_works_from_a_file_without_the_addon(tmp_path: Path) -> None:
         np.testing.assert_allclose(points, tree.expected(air_of(blowing, frame / FPS), 0.0), rtol=0.0, atol=4e-5)
 
 
-def test_the_groups_are_made_once_and_are_their_own() -> None:
+def test_the_node_groups_are_created_once() -> None:
     foreign = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
     group = wind_group()
     assert group != foreign
@@ -306,7 +306,7 @@ def test_the_groups_are_made_once_and_are_their_own() -> None:
     assert [tree.is_modifier for tree in (group, bpy.data.node_groups["Leafcloud Sway"])] == [True, False]
 
 
-def test_the_inputs_have_the_promised_names() -> None:
+def test_the_inputs_have_their_documented_names() -> None:
     sockets = [item for item in wind_group().interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
@@ -316,7 +316,7 @@ def test_the_inputs_have_the_promised_names() -> None:
     assert all(socket.description for socket in sockets if socket.name != "Geometry")
 
 
-def test_the_groups_can_be_read_by_an_artist() -> None:
+def test_each_node_has_a_labeled_frame_and_its_own_place() -> None:
     wind_group()
     for group in bpy.data.node_groups:
         nodes = [node for node in group.nodes if node.bl_idname != "NodeFrame"]

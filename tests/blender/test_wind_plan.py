@@ -1,4 +1,4 @@
-"""When wind is on, what blows then, and how a tree stands in it."""
+"""Wind: the rule of the effect, the force fields of the scene, and the dimensions of the tree."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def blowing(*sources: bpy.types.Object) -> Wind | None:
 # The plan
 
 
-def test_only_a_field_calls_for_wind() -> None:
+def test_only_a_force_field_turns_on_wind() -> None:
     assert is_on(plan_effects(BakeSettings(), FACTS), "wind") is False
     assert reason(FACTS) == "no force field blows on the tree"
     windy = replace(FACTS, wind=Wind(field="Breeze"))
@@ -44,7 +44,7 @@ def test_only_a_field_calls_for_wind() -> None:
     assert reason(replace(FACTS, wind=Wind(gusts=1.0))) == "turbulence shakes the tree"
 
 
-def test_wind_can_be_asked_for_and_left_out() -> None:
+def test_the_settings_turn_wind_on_and_off() -> None:
     windy = replace(FACTS, wind=Wind(field="Breeze"))
     assert is_on(plan_effects(BakeSettings(effects="pruning,wind"), FACTS), "wind") is True
     assert is_on(plan_effects(BakeSettings(effects="pruning"), windy), "wind") is False
@@ -67,7 +67,7 @@ def test_a_wind_out_of_range_is_refused(values: dict[str, float], message: str) 
 # The scene
 
 
-def test_without_a_field_nothing_blows() -> None:
+def test_there_is_no_wind_without_a_force_field() -> None:
     tree = add_tree()
     assert blowing(tree) is None
     add_field("VORTEX", strength=5.0)
@@ -76,7 +76,7 @@ def test_without_a_field_nothing_blows() -> None:
     assert blowing() is None
 
 
-def test_a_wind_blows_along_its_own_axis() -> None:
+def test_wind_blows_along_the_axis_of_its_field() -> None:
     field = add_field("WIND", strength=3.0)
     field.rotation_euler = (math.pi / 2.0, 0.0, 0.0)
     field.scale = (2.0, 3.0, 4.0)
@@ -85,11 +85,11 @@ def test_a_wind_blows_along_its_own_axis() -> None:
     assert found.direction == pytest.approx((0.0, -1.0, 0.0), abs=1e-6)
 
 
-def test_turbulence_and_noise_come_and_go() -> None:
+def test_turbulence_and_noise_are_gusts() -> None:
     tree = add_tree()
     add_field("WIND", strength=4.0, noise=1.0)
     add_field("TURBULENCE", "Eddy", strength=3.0)
-    # Half of 4 blows all the time; as much, 1 and 3 come and go.
+    # Half of the field's 4 is constant. The other half, the noise of 1 and the turbulence of 3 are gusts.
     assert blowing(tree).gusts == pytest.approx((2.0 + 1.0 + 3.0) / (4.0 + 1.0 + 3.0))
 
 
@@ -98,7 +98,7 @@ def test_turbulence_alone_shakes_the_tree() -> None:
     assert blowing(add_tree()) == Wind((1.0, 0.0, 0.0), 3.0, 1.0, None)
 
 
-def test_the_strongest_wind_is_followed() -> None:
+def test_the_strongest_field_is_used() -> None:
     add_field("WIND", "Weak", strength=1.0)
     add_field("WIND", "Strong", strength=-5.0)
     found = blowing(add_tree())
@@ -106,13 +106,13 @@ def test_the_strongest_wind_is_followed() -> None:
 
 
 @pytest.mark.parametrize(("distance", "acts"), [(9.0, True), (11.0, False)])
-def test_a_field_has_its_reach(distance: float, acts: bool) -> None:
+def test_a_field_acts_up_to_its_maximum_distance(distance: float, acts: bool) -> None:
     field = add_field("WIND", strength=2.0, use_max_distance=True, distance_max=10.0)
     field.location = (distance, 0.0, 0.0)
     assert (blowing(add_tree()) is not None) == acts
 
 
-def test_a_field_that_is_hidden_or_elsewhere_does_not_blow() -> None:
+def test_a_field_that_is_hidden_or_in_another_scene_is_ignored() -> None:
     tree, field = add_tree(), add_field("WIND", strength=2.0)
     assert blowing(tree) is not None
     field.hide_render = True
@@ -123,7 +123,7 @@ def test_a_field_that_is_hidden_or_elsewhere_does_not_blow() -> None:
     assert blowing(tree) is None
 
 
-def test_effector_weights_say_which_fields_act() -> None:
+def test_effector_weights_select_the_fields() -> None:
     tree, field = add_tree(), add_field("WIND", strength=2.0)
     weights = tree.modifiers.new("Cloth", "CLOTH").settings.effector_weights
     assert blowing(tree) is not None
@@ -138,7 +138,7 @@ def test_effector_weights_say_which_fields_act() -> None:
 # The tree
 
 
-def test_a_tree_stands_on_the_foot_of_its_trunk() -> None:
+def test_the_foot_is_the_lowest_part_of_the_trunk() -> None:
     trunk = np.float32([[2.0, 1.0, -1.0], [2.2, 1.2, -1.0], [2.1, 1.1, 8.0]])
     crown = np.float32([[2.1, 5.1, 4.0], [2.1, 1.1, 15.0], [-0.9, 1.1, 9.0]])
     found = stature(crown, trunk, np.eye(4))
@@ -148,15 +148,15 @@ def test_a_tree_stands_on_the_foot_of_its_trunk() -> None:
     assert found.period == pytest.approx(0.8 * 4.0)
 
 
-def test_a_tree_without_trunk_stands_on_its_lowest_leaves() -> None:
+def test_the_foot_of_a_tree_without_trunk_is_below_its_leaves() -> None:
     crown = np.float32([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 3.0, 10.0]])
     found = stature(crown, None, np.eye(4))
     assert found.foot == pytest.approx((1.0, 0.0, 0.0))
     assert found.spread == pytest.approx(3.0)
 
 
-def test_up_is_the_world_s() -> None:
-    """A tree that is modelled along Y, twice as small: lengths are its own, the period is that of its size."""
+def test_up_is_the_up_axis_of_the_world() -> None:
+    """The tree grows along its Y axis, scaled by 2. Lengths are in its own units. The period is for its world size."""
     matrix = np.array([[2.0, 0.0, 0.0, 9.0], [0.0, 0.0, -2.0, 9.0], [0.0, 2.0, 0.0, 9.0], [0.0, 0.0, 0.0, 1.0]])
     found = stature(np.float32([[0.0, 0.0, 0.0], [1.0, 8.0, 0.0]]), np.float32([[0.0, 0.0, 0.0]]), matrix)
     assert found.up == pytest.approx((0.0, 1.0, 0.0))

@@ -1,21 +1,21 @@
-// Answers what leafcloud.glsl computes on this machine's WebGL 2, through transform feedback.
+// Runs shaders in this machine's WebGL 2 and answers with their results. The type of the question follows from its keys.
 //
-// {tables: [{expression, rows}], shares}: the vec4 `expression` for each row of 16 numbers x0 … x3 (vec4). `shares` is the
-// table of areas. The answer has a list of four numbers for each row.
+// {tables: [{expression, rows}], shares}: evaluates the vec4 `expression` of leafcloud.glsl for each row of 16 numbers,
+// x0 … x3 (vec4), through transform feedback. `shares` is the table of areas. The answer has four numbers for each row.
 //
-// {tree, settings, eyes, seconds}: the file as the viewer shows it from each of the `eyes`, after so many `seconds` of wind:
-// {level, share, triangles, pixels, meshes: [{material, count, places}], trunk: [{…}]}; `count` indices are drawn, `places`
-// are the points where the viewer's own vertex shader puts them. `pixels` are 64 × 64 times four floats, lit so that they
-// are all but the materials' linear colours; with `suns`, by one light from the direction that stands
-// there for each of the eyes.
+// {tree, settings, eyes, seconds}: views the file in the viewer from each of the `eyes`, after `seconds` of wind. The
+// answer has {level, share, triangles, pixels, meshes: [{material, count, places}], trunk: [{…}]} for each eye. `count` is
+// the number of drawn indices. `places` are the points from the viewer's own vertex shader. `pixels` are 64 × 64 × 4
+// floats. The light makes them nearly equal to the materials' linear colors. With `suns`, one direction for each eye, a
+// single light shines from that direction instead.
 //
-// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: a whole shader with an output `seen_point`;
-// the answer has the points for each of the views.
+// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: runs a complete shader with an output
+// `seen_point`. The answer has the points for each of the views.
 //
 // {vertex, fragment, side, images: {name: {path, width, height, encoded}}, pictures: [[{attributes, uniforms, samplers}]]}:
-// a whole shader with an output `shown_color`, drawn triangle by triangle into one picture for each list: `side` × `side`
-// times four floats, the lowest row first, 0 where nothing is drawn. An image is bytes of RGBA at a path, the lowest row
-// first, `encoded` in sRGB or not; `samplers` have names of images, "" for white.
+// draws with a complete shader with an output `shown_color`, triangle by triangle, one picture for each list. A picture is
+// `side` × `side` × 4 floats, lowest row first, 0 in empty pixels. An image is a file of RGBA bytes, lowest row first,
+// sRGB if `encoded`. `samplers` map names to images, "" to white.
 import * as THREE from "three";
 import { LAWS, Tree, placing } from "/shaders/viewer/leafcloud.js";
 
@@ -42,12 +42,12 @@ function linked(vertexSource, fragmentSource = NO_FRAGMENTS, captured = ["result
   return program;
 }
 
-/** `result` for each of `count` points. */
+/** Returns the output `result` for each of `count` points. */
 function computed(vertexSource, attributes, uniforms, count) {
   return run(linked(vertexSource), attributes, uniforms, count, 4);
 }
 
-/** What `program` gives for each of `count` points, `width` numbers each. */
+/** Runs `program` and returns `width` numbers for each of `count` points. */
 function run(program, attributes, uniforms, count, width) {
   prepare(program, attributes, uniforms);
   return captured(count, width);
@@ -241,7 +241,7 @@ async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
     const camera = new THREE.PerspectiveCamera(50, 1, tree.radius / 100, 1000 * tree.radius);
     camera.position.fromArray(eye);
     camera.lookAt(tree.centre);
-    // As wide as the crown, wherever it is.
+    // The view is as wide as the crown at any distance.
     camera.fov = (360 / Math.PI) * Math.atan(tree.radius / camera.position.distanceTo(tree.centre));
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();

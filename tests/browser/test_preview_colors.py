@@ -1,4 +1,4 @@
-"""The colors of the preview, pixel by pixel, beside Cycles' pictures of the same levels from the same place."""
+"""The colors of the preview, compared with Cycles' pictures of the same levels from the same camera."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from addon.settings.bake import BakeSettings
 from addon.viewport.draw import inputs_of
 
 SIDE = 64
-"""Pixels of the compared pictures, along each side."""
+"""Width and height of the compared pictures, in pixels."""
 FINER = 6
-"""Pixels that the preview draws along each side of one that is compared: it has no antialiasing of its own."""
+"""Preview pixels along each side of a compared pixel. The preview itself has no antialiasing."""
 SAMPLES = 32
 
 Picture = NDArray[np.float32]
@@ -42,19 +42,19 @@ def baked_shrub(shrub: Path, **settings: object) -> Baked:
 
 
 def reopened(folder: Path) -> None:
-    """Writes the file and opens it again."""
+    """Save the scene in this folder and open the file."""
     file = str(folder / "tree.blend")
     bpy.ops.wm.save_as_mainfile(filepath=file)
     bpy.ops.wm.open_mainfile(filepath=file)
 
 
 def sphere_of(baked: Baked) -> tuple[list[float], float]:
-    """The center and the radius of the leaves."""
+    """Return the center and the radius of the leaves."""
     return baked.prepared.foliage.world_centre.tolist(), baked.prepared.foliage.radius
 
 
 def camera_at(distance: float, centre: Sequence[float], radius: float, azimuth: float = -0.9) -> bpy.types.Object:
-    """A camera that looks from a bit above, with a lens for a sphere of this radius."""
+    """Return a camera that looks slightly down at a sphere and shows all of it."""
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     direction = Vector((math.cos(azimuth), math.sin(azimuth), 0.3)).normalized()
     camera.location = Vector(centre) + distance * direction
@@ -66,7 +66,7 @@ def camera_at(distance: float, centre: Sequence[float], radius: float, azimuth: 
 
 
 def mixers_of(shader: bpy.types.Node) -> set[str]:
-    """The names of the nodes that mix a shader's light with that of others, but for where it is cut out."""
+    """Return the names of the nodes that mix a shader with others, except with the transparency of cutouts."""
     ahead = [link.to_node for link in shader.outputs[0].links]
     return {
         name
@@ -76,14 +76,14 @@ def mixers_of(shader: bpy.types.Node) -> set[str]:
 
 
 def shine(material: bpy.types.Material) -> None:
-    """Makes a Principled BSDF emit what it would reflect in the preview's light: half from the eye, half from around.
+    """Make each Principled BSDF emit its color in the preview's light: half from the eye, half from all around.
 
-    Light that shines through leaves is left out, as in the preview.
+    Translucency is muted, as in the preview.
     """
     tree = material.node_tree
     for through in [node for node in tree.nodes if node.type == "BSDF_TRANSLUCENT"]:
         for mix in [node for node in tree.nodes if node.name in mixers_of(through)]:
-            mix.mute = True  # It hands on its first shader.
+            mix.mute = True  # A muted node passes its first shader on.
     for surface in [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]:
         base, emitted = surface.inputs["Base Color"], surface.inputs["Emission Color"]
         emitted.default_value = base.default_value
@@ -105,7 +105,7 @@ def shine(material: bpy.types.Material) -> None:
 
 
 def cycles_pictures(folder: Path, cameras: Sequence[bpy.types.Object]) -> list[Picture]:
-    """(SIDE, SIDE, 4) the scene in the preview's light, from each of the cameras."""
+    """Return pictures (SIDE, SIDE, 4) of the scene in the preview's light, one for each camera."""
     for material in {slot.material for obj in bpy.context.scene.objects for slot in obj.material_slots}:
         if "Shining" not in material:
             shine(material)
@@ -115,14 +115,14 @@ def cycles_pictures(folder: Path, cameras: Sequence[bpy.types.Object]) -> list[P
 
 
 def coarse(picture: Picture) -> Picture:
-    """Means of blocks of FINER × FINER pixels."""
+    """Return the means of blocks of FINER × FINER pixels."""
     return picture.reshape(SIDE, FINER, SIDE, FINER, 4).mean((1, 3))
 
 
 def assert_alike(drawn: Picture, rendered: Picture, *, within: float) -> None:
-    """Coverage, mean color, and both in each of 8 × 8 blocks; `within` of the coverage."""
+    """Compare coverage and mean color, of the picture and of 8 × 8 blocks, within a fraction of the coverage."""
     covered = rendered[..., 3].mean()
-    assert covered > 0.05, "the camera sees the tree"
+    assert covered > 0.05, "the camera does not see the tree"
     blocks = (drawn - rendered).reshape(8, SIDE // 8, 8, SIDE // 8, 4).mean((1, 3))
     np.testing.assert_allclose(drawn.mean((0, 1)), rendered.mean((0, 1)), atol=within * covered)
     assert np.abs(blocks).mean() < within * covered
@@ -136,8 +136,8 @@ def compare(folder: Path, cameras: Sequence[bpy.types.Object], *, within: float 
         assert_alike(coarse(mine), theirs, within=within)
 
 
-def test_the_preview_shows_every_level_as_cycles_does(shrub: Path, tmp_path: Path) -> None:
-    """The leaves at rest and on their way, both clouds and the cross impostor, with the materials of a file."""
+def test_the_preview_shows_every_level_like_cycles(shrub: Path, tmp_path: Path) -> None:
+    """Leaves at rest and in transition, both clouds and the cross impostor, with materials from a saved file."""
     baked = baked_shrub(shrub)
     sphere = sphere_of(baked)
     first, second, cross = baked.switch_distances[1:]
@@ -147,7 +147,7 @@ def test_the_preview_shows_every_level_as_cycles_does(shrub: Path, tmp_path: Pat
 
 
 def test_levels_that_cross_fade_share_the_pixels(shrub: Path, tmp_path: Path) -> None:
-    """Where Cycles shows the last cloud and the cross impostor whole, each has half of the pixels."""
+    """Here Cycles shows the last cloud and the cross impostor fully. In the preview each has half the pixels."""
     baked = baked_shrub(shrub)
     last, cross = baked.levels[-2], baked.levels[-1]
     camera = camera_at(inputs_of(cross.object).fade_in_end, *sphere_of(baked))
@@ -170,7 +170,7 @@ EFFECTS = {
 
 @pytest.mark.parametrize("effects", EFFECTS.values(), ids=EFFECTS)
 def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, tmp_path: Path) -> None:
-    """From in front and from behind."""
+    """Cameras look from in front and from behind."""
     baked = baked_shrub(shrub, effects=effects, levels=1)
     first, cross = baked.switch_distances[1:]
     cameras = [
@@ -182,7 +182,7 @@ def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, 
 
 
 def test_baked_light_is_previewed(shrub: Path, tmp_path: Path) -> None:
-    """Levels shine by themselves, the leaves by colors of both sides; the trunk has the light of the view."""
+    """Levels emit their baked light, the leaves a color for each side. The trunk has the light of the view."""
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 4.0, (0.5, 0.4, 0.0)
     bpy.context.scene.collection.objects.link(sun)
@@ -203,7 +203,7 @@ def test_pruned_leaves_are_previewed_with_their_contrast(shrub: Path, tmp_path: 
 
 
 def card(name: str, material: bpy.types.Material, matrix: Matrix) -> bpy.types.Object:
-    """A square that follows the camera as a level does, but always stays."""
+    """Return a square with the modifier of a level. The square is visible at all distances."""
     corners = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
     obj = add_mesh(name, corners, [(0, 1, 2, 3)], materials=[material], matrix=matrix)
     obj.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.float32([0, 0, 1, 0, 1, 1, 0, 1]))
@@ -216,7 +216,7 @@ def card(name: str, material: bpy.types.Material, matrix: Matrix) -> bpy.types.O
 
 
 def patches(colors: NDArray[np.float64]) -> list[list[tuple[float, ...]]]:
-    """An opaque image of even patches: renderers differ in whether they filter before or after they decode."""
+    """Return an opaque image of uniform patches, because some renderers filter before decoding, others after."""
     even = colors.repeat(64, 0).repeat(64, 1)
     return np.dstack([even, np.ones(even.shape[:2])]).tolist()
 
@@ -224,8 +224,11 @@ def patches(colors: NDArray[np.float64]) -> list[list[tuple[float, ...]]]:
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("double_sided", [False, True])
 def test_own_materials_of_leaves_are_previewed(mirrored: bool, double_sided: bool, tmp_path: Path) -> None:
-    """A color image that is laid by a Mapping node, painted colors, alpha of another image, a fade, a side that is not
-    drawn; two cards, of which the camera sees the front and the back."""
+    """The camera sees the front of one card and the back of the other.
+
+    Their material has a color image with a Mapping node, painted colors, alpha from another image, and a fade. A
+    single-sided material hides the back.
+    """
     material, principled, tree = new_material()
     rng = np.random.default_rng(5)
     color, mask = (new_image(name, patches(rng.random((3, 3, 3)))) for name in ("color", "mask"))

@@ -1,8 +1,8 @@
-"""The functions of leafcloud.glsl on WebGL 2 beside the laws in f64.
+"""The functions of leafcloud.glsl on WebGL 2, compared with the laws in f64.
 
-Bounds come from what GLSL promises of single precision (as Vulkan states it, "Precision of GLSL.std.450"): sums and
-products are rounded once, quotients within 2.5 ulp, square roots and their inverses within some 3 ulp, log2 within 3
-ulp and within 2⁻²¹ on [½, 2], exp2(x) within 3 + 2|x| ulp. ULP here is 2⁻²³, at most one ulp as a share of the number.
+The bounds follow from the guarantees for single precision in Vulkan ("Precision of GLSL.std.450"): sums and products
+are rounded once, quotients are within 2.5 ulp, square roots and their inverses within some 3 ulp, log2 within 3 ulp and
+within 2⁻²¹ on [½, 2], exp2(x) within 3 + 2|x| ulp. ULP is 2⁻²³: relative to a number, one ulp is at most that.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ KEEPS = np.float32([0.004, 0.005, 0.02, 0.1, 0.3, 0.5, 0.9, 0.94, 0.95, 0.97, 0.
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of arguments (n, up to 16), what GLSL is to compute of them, the law and how far off GLSL may be."""
+    """A GLSL expression, rows of arguments (n, up to 16), the results of the law, and the allowed error."""
 
     expression: str
     arguments: Floats
@@ -38,7 +38,7 @@ class Table:
 
 
 def grid(*axes: Any) -> Floats:
-    """All combinations, of values that f32 has, one a row."""
+    """Return all combinations of the values, rounded to f32, one in each row."""
     return (
         np.stack(np.meshgrid(*(np.float32(axis) for axis in axes), indexing="ij"), -1)
         .reshape(-1, len(axes))
@@ -48,14 +48,14 @@ def grid(*axes: Any) -> Floats:
 
 def transition_table() -> Table:
     arguments = grid([0.0, 1.0, 3.7, 99.0, 1e9], [0.0, 1.0, 3.0], [0.0, 1.0, 4.1, 250.0])
-    # Two differences, one quotient. Differences of a start and an end that are close are exact.
+    # Two differences and one quotient are rounded. The difference of a close start and end is exact.
     return Table("vec4(lc_transition(x0.x, x0.y, x0.z))", arguments, transition(*arguments.T), 4.0 * ULP)
 
 
 def keep_table() -> Table:
     arguments = grid([0.0, 1.0, 10.0, 10.001, 13.0, 40.0, 300.0, 2e4], [1.0, 10.0], [0.5, 0.25, 0.1, 1e-3])
     expected = kept(*arguments.T)
-    # log2 of the ratio, that of h, their quotient x, exp2(x): an error of x is a share ln 2 of λ.
+    # log2 of the ratio, log2 of h, their quotient x, and exp2(x). An error e of x changes λ by the fraction e ln 2.
     x = np.abs(np.log2(expected))
     absolute = 2.0**-21 / np.abs(np.log2(arguments[:, 2]))
     bound = expected * (math.log(2.0) * (absolute + x * 10.0 * ULP) + (3.0 + 2.0 * x) * ULP)
@@ -65,7 +65,7 @@ def keep_table() -> Table:
 def ramp_table() -> Table:
     ranks = np.concatenate([[-1.0, 0.0], np.linspace(0.0, 0.999, 23), KEEPS * 0.97, KEEPS * 0.99999, KEEPS])
     arguments = grid(ranks, KEEPS)
-    # A difference, that of λ from 1, the constant 0.05, a product, a quotient: 6 roundings.
+    # Two differences, the constant 0.05, a product, a quotient: 6 roundings.
     return Table("vec4(lc_ramp(x0.x, x0.y))", arguments, ramp(*arguments.T), 6.0 * ULP)
 
 
@@ -81,7 +81,7 @@ def share_table(shares: Floats) -> Table:
         [np.float32(KNOTS), np.nextafter(np.float32(KNOTS), np.float32(0.0)), np.linspace(0.0, 1.0, 200)]
     )
     arguments = grid(ranks)
-    # Knots are exact; the place between two, and the mean: 6 roundings of what is at most 1.
+    # Knots are exact. The place between two knots and the mean have 6 roundings of numbers up to 1.
     expected = np.interp(arguments[:, 0], KNOTS, shares)
     return Table("vec4(lc_share_below(x0.x, lcShares))", arguments, expected, 6.0 * ULP)
 
@@ -89,7 +89,7 @@ def share_table(shares: Floats) -> Table:
 def scale_table(shares: Floats) -> Table:
     arguments = grid(KEEPS)
     drawn = drawn_share(arguments[:, 0], shares)
-    # λ(1−ρ) is off by 3 ulp of λ, where C rises by its slope; then the share itself and the root.
+    # λ(1−ρ) is off by 3 ulp of λ, and the slope of C multiplies this. Then the share and the root are rounded.
     slope = np.array([np.max(np.diff(shares) / np.diff(KNOTS))])
     error = (3.0 * slope * arguments[:, 0] + 8.0 * drawn) * ULP
     bound = error / (2.0 * drawn**1.5) + 4.0 * ULP / np.sqrt(drawn)
@@ -105,20 +105,20 @@ def place_table() -> Table:
     a, growth = arguments[:, 12:13], arguments[:, 13:14]
     point, centre = (1.0 - a) * position + a * target, (1.0 - a) * pivot + a * pivot_target
     expected = np.pad(centre + (point - centre) * growth, ((0, 0), (0, 1)))
-    # Each mean rounds four times and the difference once, which growth multiplies; then a product and a sum.
+    # Each mean is rounded four times, the difference once, and growth multiplies these. Then a product and a sum.
     greatest = np.abs(arguments[:, :12]).max()
     expression = "vec4(lc_place(x0.xyz, vec3(x0.w, x1.xy), vec3(x1.zw, x2.x), x2.yzw, x3.x, x3.y), 0.0)"
     return Table(expression, arguments, expected, 10.0 * ULP * greatest * (1.0 + growth))
 
 
 def trend_table(expression: str, greatest: float) -> Table:
-    """Of numbers that were measured, as steep, and none at all."""
+    """Return a table for measured numbers, for steep trends and for no trend."""
     numbers = np.float32([[0.0485, 0.0004], [0.1147, -0.0688], [-0.2, 0.03], [0.3, 0.0], [0.0, 0.0]])
     keeps = np.tile(KEEPS, len(numbers))[:, None]
     arguments = np.hstack([keeps, np.repeat(numbers, len(KEEPS), axis=0)]).astype(float)
     keep, first, second = arguments.T
     expected = trend(keep, first, second)
-    # ln λ, which the exponent x follows by its slope; two products and a sum make x of it; then exp(x).
+    # The slope of the exponent x multiplies the error of ln λ. Two products and a sum give x. Then exp(x) is rounded.
     logarithm = np.abs(np.log(keep))
     slope = np.abs(first) + 2.0 * np.abs(second) * logarithm
     x = np.abs(first) * logarithm + np.abs(second) * logarithm**2
@@ -135,23 +135,23 @@ def mean_table() -> Table:
 
 
 def shown_table() -> Table:
-    """Of 64 × 64 pixels, at each share; what is expected of it stands in its test."""
+    """Return a table of 64 × 64 pixels at each share. Its test has the expected values."""
     arguments = grid(np.arange(64) + 0.5, np.arange(64) + 0.5, [0.0, 0.1, 0.25, 0.5, 0.9, 1.0])
     return Table("vec4(lc_shown(x0.z, x0.xy))", arguments, np.zeros(len(arguments)), 1.0)
 
 
 HEIGHTS = (np.arange(2000) + 0.5) / 1000 - 1.0
-"""Cosines that are even over the sphere."""
+"""Cosines of directions that are spread evenly over the sphere."""
 OUTLOOKS = [
     (open_, open_ * (1.0 - open_) * 3.0 * narrow)
     for open_ in (0.05, 0.2, 0.5, 0.7, 0.98)
     for narrow in (0.0, 0.1, 0.5, 0.9, 0.98)
 ]
-"""The mean and the first moment, from a sky that is as open everywhere to nearly a cone."""
+"""Mean visibility and length of the bent normal, from a uniformly open sky to nearly a cone."""
 
 
 def sun_table() -> Table:
-    """Of suns all around; what is expected of them stands in its test."""
+    """Return a table of suns in all directions. Its test has the expected values."""
     rows = [(*outlook, height) for outlook in OUTLOOKS for height in HEIGHTS]
     arguments = np.float32(rows).astype(float)
     light = "vec3(sqrt(1.0 - x0.z * x0.z), 0.0, x0.z)"
@@ -159,7 +159,7 @@ def sun_table() -> Table:
 
 
 def uneven_shares() -> Floats:
-    """Of 500 leaves of several sizes, as f32: what a file holds."""
+    """Return the area shares of 500 leaves of several sizes, as f32 like in a file."""
     rng = np.random.default_rng(1)
     areas = rng.uniform(0.2, 3.0, 500)
     ranks = np.arange(500) / 500.0
@@ -168,7 +168,7 @@ def uneven_shares() -> Floats:
 
 @pytest.fixture(scope="module")
 def tables() -> dict[str, tuple[Table, Floats]]:
-    """By name the table, and what GLSL made of it (n, 4). One browser for all."""
+    """Return each table and its results from GLSL (n, 4) by name. One browser evaluates all tables."""
     shares = uneven_shares()
     asked = {
         "transition": transition_table(),
@@ -203,8 +203,8 @@ def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], nam
     assert (off <= bound).all(), (table.arguments[worst[0]], found[worst], columns[worst], bound[worst])
 
 
-def test_nothing_changes_at_rest(tables: dict[str, tuple[Table, Floats]]) -> None:
-    """Bit for bit: the position where a = 0 and nothing is pruned, one point where a leaf is not drawn."""
+def test_a_leaf_at_rest_is_unchanged(tables: dict[str, tuple[Table, Floats]]) -> None:
+    """Bit for bit: at a = 0 the place is the position without pruning, and the pivot if the leaf is not drawn."""
     table, found = tables["place"]
     a, growth = table.arguments[:, 12], table.arguments[:, 13]
     assert np.array_equal(found[(a == 0.0) & (growth == 1.0), :3], table.arguments[(a == 0.0) & (growth == 1.0), :3])
@@ -221,16 +221,16 @@ def test_a_fade_shows_its_share_of_the_pixels(tables: dict[str, tuple[Table, Flo
     table, found = tables["shown"]
     for share in np.unique(table.arguments[:, 2]):
         shown = found[table.arguments[:, 2] == share, 0].mean()
-        # Of an even sequence of n numbers; the pattern is one to a few in n along each row.
+        # The thresholds are spread evenly along each row, so a row is off by a few pixels at most.
         assert shown == pytest.approx(share, abs=0.01 if 0.0 < share < 1.0 else 0.0)
 
 
-def test_a_sun_share_has_the_moments_that_textures_keep(tables: dict[str, tuple[Table, Floats]]) -> None:
-    """Over all directions its mean is the share of the sky that is open, three times its mean with them their sum."""
+def test_a_sun_share_has_the_moments_of_the_textures(tables: dict[str, tuple[Table, Floats]]) -> None:
+    """Over all directions its mean is the open share of the sky. Its first moment, times three, is the bent normal."""
     _, found = tables["sun"]
     for (open_, toward), shares in zip(OUTLOOKS, found[:, 0].reshape(len(OUTLOOKS), -1), strict=True):
         assert shares.min() >= -1e-6
         assert shares.max() <= 1.0 + 1e-6
-        assert (np.diff(shares) >= -1e-6).all(), "more light from where more of the sky is open"
+        assert (np.diff(shares) >= -1e-6).all(), "a more open direction has less light"
         assert shares.mean() == pytest.approx(open_, abs=2e-4)
         assert 3.0 * (shares * HEIGHTS).mean() == pytest.approx(toward, abs=1e-3)

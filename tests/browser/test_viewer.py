@@ -1,4 +1,4 @@
-"""The viewer of baked files beside the node group of the baked .blend: the same leaves in the same places."""
+"""The leaves in the viewer have the same places as those of the node group in the baked .blend."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ from bench.browser import ask
 
 @dataclass(frozen=True)
 class Rest:
-    """A level as it lies in its file: by leaf its greatest coordinate, how far its points lie from the pivot, how far
-    they move; of each triangle rank and area, 0 where it is protected; the table of areas."""
+    """A level at rest, as in its file.
+
+    reach: for each leaf, by rank, its largest distances from the origin and from its pivot, and its longest morph.
+    ranks, areas: of each triangle; the area of a protected triangle is 0. shares: the table of areas.
+    """
 
     reach: dict[float, tuple[float, float, float]]
     ranks: Floats
@@ -40,8 +43,10 @@ class Rest:
         return float((self.areas * ramp(self.ranks, np.array(keep)) ** 2).sum() / self.areas.sum())
 
     def unevenness(self, keep: float) -> float:
-        """The greatest difference over the ramp between the true share of area by rank, a step a leaf, and the table's:
-        by partial integration no ∫r²dC differs by more, for r² falls from 1 to 0."""
+        """Return the largest difference over the ramp between the true share of area by rank and the table's share.
+
+        The true share has a step at each leaf. ∫r²dC differs by no more (integrate by parts: r² falls from 1 to 0).
+        """
         start = keep * (1.0 - min(0.05, 1.0 - keep))
         at = np.concatenate([[start, keep], self.ranks[(self.ranks >= start) & (self.ranks < keep)]])
         model = np.interp(at, [start, keep], np.interp([start, keep], KNOTS, self.shares))
@@ -78,7 +83,7 @@ def rest_of(node: Node) -> Rest:
 
 
 def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
-    """The tree in a scene of its own, turned, scaled and far from the origin; leaves of `protected` points stay."""
+    """Save the tree in a new scene, rotated, scaled and far from the origin. Protect the leaves of these points."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(tree))
     if protected:
@@ -92,7 +97,7 @@ def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
 
 @pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The last is baked to be pruned, but for a leaf; the others keep all their leaves until level 1 takes over."""
+    """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
         bake(shrub, out, *QUICK, "--effects=+pruning")
@@ -104,7 +109,7 @@ def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.
 
 
 def vanishing(nodes: dict[str, Node]) -> list[float]:
-    """Where each level but the last begins to hand over: a = 0.998, or the next level's distance."""
+    """Return the distance of each hand-over: where a = 0.998, or the next level's switch distance."""
     extras = [nodes[f"shrub_LOD{number}"].extras["leafcloud"] for number in range(4)]
     return [
         each["transition_start"] + 0.998 * (each["transition_end"] - each["transition_start"])
@@ -116,7 +121,7 @@ def vanishing(nodes: dict[str, Node]) -> list[float]:
 
 @dataclass(frozen=True)
 class Tree:
-    """A baked tree: its file's nodes, and by level the distance at which it hands over."""
+    """A baked tree: the nodes of its file, and the distance where each level hands over."""
 
     folder: Path
     nodes: dict[str, Node]
@@ -125,11 +130,11 @@ class Tree:
 
     @property
     def as_baked(self) -> bool:
-        """Whether it is pruned as its file says; else by hand."""
+        """True if the file's own numbers prune the tree. Otherwise the tests prune the levels by hand."""
         return "prune_start" in self.nodes["shrub_LOD0"].extras["leafcloud"]
 
     def pruning(self, number: int) -> Pruning:
-        """Of a level. Baked to be pruned are the leaves alone; by hand each level is."""
+        """Return the pruning of a level. A bake prunes the leaves alone. The tests prune each level by hand."""
         if not self.as_baked:
             return Pruning(0.4 * self.vanish[0])
         if number > 0:
@@ -140,14 +145,16 @@ class Tree:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The viewer's."""
+        """Settings of the viewer."""
         by_hand = {} if self.as_baked else {"pruneStart": self.pruning(0).start, "pruneHalf": self.pruning(0).half}
         return {"hysteresis": 0.0, **by_hand}
 
     def eyes(self) -> list[tuple[int, Floats]]:
-        """In glTF's coordinates, from all around, with the level that is seen from each: none and all of the way along
-        transitions and pruning, close to each side of every hand-over, and amid it. Nowhere is λ just the rank of a
-        leaf."""
+        """Return eyes all around the tree, in glTF's coordinates, each with its visible level.
+
+        The distances cover transitions and pruning from start to end, and each hand-over: before, during and after. At
+        no distance is λ equal to the rank of a leaf.
+        """
         first, second, third = self.vanish
         near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.03)]
         middle = [
@@ -176,7 +183,7 @@ def tree(baked: Path) -> Tree:
 
 
 def viewed(tree: Tree, **settings: Any) -> list[dict[str, Any]]:
-    """What the viewer makes of each of the tree's eyes."""
+    """Return the viewer's answer for each of the tree's eyes."""
     question = {
         "tree": "/files/shrub.glb",
         "settings": {**tree.settings, **settings},
@@ -191,13 +198,13 @@ def views(tree: Tree) -> list[dict[str, Any]]:
 
 
 def colors(view: dict[str, Any]) -> Floats:
-    """(p, 4) of the pixels that something is drawn in."""
+    """Return the colors (p, 4) of the pixels that are not empty."""
     pixels = np.frombuffer(base64.b64decode(view["pixels"]), "<f4").reshape(-1, 4)
     return pixels[pixels[:, 3] > 0.0].astype(float)
 
 
 def open_blend(tree: Tree) -> list[bpy.types.Object]:
-    """The levels of the baked scene, pruned as the viewer prunes: what was baked to be pruned, is."""
+    """Open the baked scene and return its levels, pruned like in the viewer."""
     bpy.ops.wm.open_mainfile(filepath=str(tree.folder / "shrub.blend"))
     levels = [bpy.data.objects[f"shrub_LOD{number}"] for number in range(4)]
     for obj in levels[:2] if not tree.as_baked else []:
@@ -231,7 +238,7 @@ def test_the_viewer_draws_the_leaves_of_the_node_group(tree: Tree, views: list[d
 def assert_same_places(
     shader: dict[float, Floats], nodes: dict[float, Floats], rest: Rest, distance: float, node: Node, pruning: Pruning
 ) -> None:
-    """But for s, which the shader has from the table."""
+    """Compare places after a correction for s, because the shader reads s from the table."""
     extras = node.extras["leafcloud"]
     a = float(transition(distance, extras["transition_start"], extras["transition_end"]))
     keep = pruning.keep(distance)
@@ -245,8 +252,11 @@ def assert_same_places(
 
 
 def tolerance(rest: Rest, rank: float, keep: float, distance: float, extras: dict[str, Any], pruning: Pruning) -> float:
-    """Distances are off by some 4 ulp of f32 on either side, and by what the centre is, 2 ulp; so λ is by 10 ulp of
-    it, r by 1/0.05 of that, γ by less than 16 ulp; points by 8 ulp of the coordinates, on either side too."""
+    """Return the largest distance between the places of a leaf that rounding explains.
+
+    Shader and nodes each have an error of some 4 ulp in the distance and of 8 ulp in coordinates. The center has an
+    error of 2 ulp. So λ has an error of 10 ulp, r of 1/0.05 times as much, γ of less than 16 ulp.
+    """
     ulp = 2.0**-23
     greatest, arm, way = rest.reach[rank]
     growth = pruning.growth_at(keep) / math.sqrt(float(drawn_share(keep, rest.shares)))
@@ -257,29 +267,29 @@ def tolerance(rest: Rest, rank: float, keep: float, distance: float, extras: dic
     return by_points + by_transition + by_ramp
 
 
-def test_the_viewer_draws_no_more_than_is_left(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """A prefix of the triangles, and something is seen of it."""
+def test_the_viewer_draws_only_the_kept_triangles(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """The viewer draws the first triangles of the order, and the picture is not empty."""
     whole = sum(len(primitive.indices) for primitive in tree.nodes["shrub_LOD0"].primitives)
     for (number, eye), view in zip(tree.eyes(), views, strict=True):
         assert len(colors(view)) > 200
         if number == 0:
             keep = tree.pruning(0).keep(float(np.linalg.norm(eye - tree.centre)))
             drawn = sum(mesh["count"] // 3 for mesh in view["meshes"])
-            assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 4  # of a leaf more, and one protected
-        if view["share"] == 0.0:  # Else the next level is drawn, too.
+            assert keep * whole - 2 <= drawn <= (keep + 1 / 64) * whole + 4  # one more leaf, one protected
+        if view["share"] == 0.0:  # Otherwise the next level is drawn, too.
             trunk = [tree.nodes[name] for name in tree.nodes[f"shrub_LOD{number}"].children]
             others = sum(len(primitive.indices) for each in trunk for primitive in each.primitives)
             assert view["triangles"] == others + sum(mesh["count"] // 3 for mesh in view["meshes"])
 
 
-def test_levels_fade_in_behind_where_the_one_before_hands_over(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """Over a tenth of the distance where that has morphed, over a quarter of it where nothing does."""
+def test_a_level_fades_in_beyond_the_hand_over(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """After a morph the cross-fade takes a tenth of the distance, without a morph a quarter."""
     shares = [view["share"] for view in views]
     assert shares == pytest.approx([*[0.0] * 5, 0.3, *[0.0] * 4, 0.6, 0.0, 0.4, 0.0, 0.0], abs=1e-3)
 
 
-def test_the_file_says_how_leaves_are_pruned(tree: Tree) -> None:
-    """In four places before level 1 takes over, with a scale and a contrast that are seen, and one leaf that stays."""
+def test_the_file_has_the_numbers_of_pruning(tree: Tree) -> None:
+    """At least four eyes see pruned leaves. Growth and contrast are visible there, and one leaf is protected."""
     ranks = np.concatenate([p.attributes["_LEAF_RANK"][:, 0] for p in tree.nodes["shrub_LOD0"].primitives])
     assert len(np.unique(ranks[ranks < 0.0])) == int(tree.as_baked)
     if tree.as_baked:
@@ -294,9 +304,11 @@ def contrast_at(pruning: Pruning, keep: float) -> float:
     return min(float(trend(np.array(keep), *pruning.contrast)), 1.0)
 
 
-def test_colours_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """Each pixel is of trunk, and as it was, or of a leaf, and as near to the mean as κ says. Leaves are lit all alike
-    but for what three.js takes for their orm, which is up to a tenth of the light, the same in each channel."""
+def test_colors_of_pruned_leaves_are_pulled_toward_their_mean(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """A pixel shows the unchanged trunk, or a leaf. κ multiplies the leaf's difference from the mean color.
+
+    All leaves have the same light, except for the ORM of three.js: up to a tenth less, equal in each channel.
+    """
     for (number, eye), view, plain in zip(tree.eyes(), views, viewed(tree, contrast=False), strict=True):
         before, after = colors(plain), colors(view)
         pulled = (before != after).any(axis=1)

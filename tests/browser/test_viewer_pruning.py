@@ -1,4 +1,4 @@
-"""The viewer beside the node group, on leaves that are pruned until the cross takes over (`--chain pruning`)."""
+"""The viewer compared with the node group, with leaves pruned until the cross impostor (`--chain pruning`)."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from addon.plan.pruning import CUT_OFF
 from bench.browser import ask
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)
-"""Of d₀: there 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves are left, for half are at 2 d₀."""
+"""Distances in units of d₀. They keep 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves; half is kept at 2 d₀."""
 FADE, GONE = 1.1, 1.251
-"""Of the distance at which the cross begins to fade in: amid the fade, and behind it."""
+"""Distances during and after the fade, in units of the distance where the cross impostor starts to fade in."""
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A baked tree: its leaves, and where it is looked from, in glTF's coordinates."""
+    """A baked tree: its leaves and the eyes that look at it, in glTF's coordinates."""
 
     folder: Path
     leaves: Node
@@ -51,7 +51,7 @@ def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Tree:
     out = tmp_path_factory.mktemp("pruned")
     bake(shrub, out, *QUICK, "--chain", "pruning", "--prune-pixels", "60")
     nodes = read_glb(out / "shrub.glb")
-    assert not {"shrub_LOD2", "shrub_LOD3"} & nodes.keys(), "no clouds: the leaves, and the cross"
+    assert not {"shrub_LOD2", "shrub_LOD3"} & nodes.keys(), "the chain must have only leaves and cross impostor"
     leaves = nodes["shrub_LOD0"]
     extras = leaves.extras["leafcloud"]
     numbers = (tuple(extras[name]) for name in ("growth", "contrast", "mean_color"))
@@ -75,7 +75,7 @@ def views(tree: Tree) -> list[dict[str, Any]]:
     return ask(PAGE, question, patience=PATIENCE, files=tree.folder)["seen"]
 
 
-def test_leaves_become_fewer_until_the_cross_takes_over(tree: Tree, views: list[dict[str, Any]]) -> None:
+def test_leaves_are_pruned_until_the_cross_impostor_takes_over(tree: Tree, views: list[dict[str, Any]]) -> None:
     assert [view["level"] for view in views] == [0] * 7 + [1]
     assert [view["share"] > 0.0 for view in views] == [False] * 6 + [True, False]
     assert tree.pruning.keep(tree.vanish) == pytest.approx(CUT_OFF, rel=1e-5)
@@ -85,8 +85,8 @@ def test_leaves_become_fewer_until_the_cross_takes_over(tree: Tree, views: list[
     assert counts[1] == len(ranks) > 10 * counts[4] > 0
 
 
-def test_each_leaf_that_is_left_is_that_of_the_node_group(tree: Tree, views: list[dict[str, Any]]) -> None:
-    """As far from its pivot, but for s, which the shader has from the table: as the table says."""
+def test_the_viewer_keeps_the_leaves_of_the_node_group(tree: Tree, views: list[dict[str, Any]]) -> None:
+    """Each leaf has the same size, after a correction for s, because the shader reads s from the table."""
     table = np.array(tree.leaves.mesh_extras["leafcloud"]["area_shares"])
     ranks, areas = areas_of(tree.leaves)
     bpy.ops.wm.open_mainfile(filepath=str(tree.folder / "shrub.blend"))
@@ -106,7 +106,7 @@ def test_each_leaf_that_is_left_is_that_of_the_node_group(tree: Tree, views: lis
 
 
 def areas_of(node: Node) -> tuple[Floats, Floats]:
-    """(t,) the rank and the area of each triangle."""
+    """Return the rank and the area of each triangle, (t,) each."""
     ranks, areas = [], []
     for primitive in node.primitives:
         corners = primitive.attributes["POSITION"][primitive.indices].astype(float)

@@ -1,4 +1,4 @@
-"""Clouds that shade themselves in the viewer: the light of a sun, times the share that two textures say."""
+"""Self-shadowing in the viewer: two textures multiply the light of a sun by a share."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from viewing import PAGE, PATIENCE
 from bench.browser import FILES, ask
 
 TANGENT = (0.6, 0.8, 0.0, -1.0)
-"""In the plane of the quad, which faces +z; the bitangent lies on the left of it as seen from the front."""
+"""A tangent in the plane of the quad, which faces +z. From the front the bitangent is to its left."""
 AXES = np.array([TANGENT[:3], (0.8, -0.6, 0.0), (0.0, 0.0, 1.0)])
 EYE = (0.5, 0.5, 3.0)
 
 
 def code(value: float) -> int:
-    """Of a number in [−1, 1]."""
+    """Return the 8-bit code of a number in [−1, 1]."""
     return round((value + 1.0) / 2.0 * 255.0)
 
 
 def write_quad(path: Path, opened: int, toward: tuple[int, int, int], *, shading: bool) -> Path:
-    """A white quad with one texel of either texture, of these codes."""
+    """Write a white quad. Its two textures have one texel each, with these codes."""
     columns = {
         "POSITION": np.array(QUAD, "<f4"),
         "NORMAL": np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)),
@@ -74,7 +74,7 @@ def write_quad(path: Path, opened: int, toward: tuple[int, int, int], *, shading
 
 
 def lights_of(file: Path, suns: Floats, eye: tuple[float, float, float]) -> Floats:
-    """The light in the middle of the viewer's pictures, one for each of the suns."""
+    """Return the light in the middle of the viewer's picture for each of the suns."""
     url = f"{FILES}{file.name}"
     question = {"tree": url, "settings": {}, "eyes": [eye] * len(suns), "suns": suns.tolist()}
     seen = ask(PAGE, question, patience=PATIENCE, files=file.parent)["seen"]
@@ -86,7 +86,7 @@ def lights_of(file: Path, suns: Floats, eye: tuple[float, float, float]) -> Floa
     ("opened", "toward"),
     [(0.3, (0.2, -0.1, 0.15)), (0.2, (0.1, 0.3, 0.2)), (0.7, (-0.3, 0.2, -0.3)), (0.5, (0.4, -0.4, 0.3))],
 )
-def test_a_light_reaches_what_the_textures_let_through(
+def test_the_textures_multiply_the_light_of_a_sun(
     tmp_path: Path, opened: float, toward: tuple[float, float, float]
 ) -> None:
     codes = (code(toward[0]), code(toward[1]), code(toward[2]))
@@ -98,12 +98,12 @@ def test_a_light_reaches_what_the_textures_let_through(
     suns = np.array([[0.0, 0.0, 1.0], [0.8, 0.0, 0.6], [0.0, -0.8, 0.6]])
     cosines = suns @ AXES.T @ moment / strength
     expected = [sun_share(written / 255.0, strength, cosine) for cosine in cosines.tolist()]
-    assert np.ptp(expected) > 0.1, "suns differ"
+    assert np.ptp(expected) > 0.1, "the suns have equal shares"
     assert lights_of(shaded, suns, EYE) / lights_of(plain, suns, EYE) == pytest.approx(expected, abs=0.01)
 
 
-def test_the_back_is_as_open_as_the_front(tmp_path: Path) -> None:
-    """The texture is of places: from behind, the sun behind, what is open there counts."""
+def test_the_back_has_the_same_sky_as_the_front(tmp_path: Path) -> None:
+    """The texture stores the sky at a place. A view from behind with the sun behind uses the open sky there."""
     codes = (code(0.0), code(0.0), code(-0.4))
     shaded = write_quad(tmp_path / "shaded.glb", 77, codes, shading=True)
     plain = write_quad(tmp_path / "plain.glb", 77, codes, shading=False)

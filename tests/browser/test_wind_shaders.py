@@ -1,7 +1,6 @@
-"""The wind in leafcloud.glsl on WebGL 2 beside the law in f64, and what must hold bit for bit.
+"""The wind in leafcloud.glsl on WebGL 2, compared with the law in f64. Cases at rest have to be equal bit for bit.
 
-GLSL promises that sines and cosines of angles in [−π, π] are within 2⁻¹¹ (as Vulkan states it), which is far more than
-all that rounds here.
+Vulkan guarantees sines and cosines of angles in [−π, π] within 2⁻¹¹. This exceeds all other rounding errors by far.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ DIRECTIONS = np.float32([[1.0, 0.0, 0.0], [0.6, 0.0, -0.8], [0.48, 0.64, 0.6], [
 
 
 def rows() -> Floats:
-    """(n, 16): point, pivot, direction, strength, turns, a, the billboard's pivot. f32 has all of them."""
+    """Return f32 rows (n, 16): point, pivot, direction, strength, turns, a, 0, the billboard's pivot."""
     rng = np.random.default_rng(8)
     found = []
     for direction in DIRECTIONS:
@@ -57,7 +56,7 @@ def airs(arguments: Floats) -> list[Air]:
 
 
 def reach(arguments: Floats) -> Floats:
-    """(n,) what a sine is multiplied by at most: the lean, the swing and its waves, at the farthest pivot."""
+    """Return the largest factor of a sine (n,): the lean, the swing and its waves, at the farthest pivot."""
     y = np.maximum(
         np.linalg.norm(arguments[:, 3:6] - AIR.foot, axis=1), np.linalg.norm(arguments[:, 13:] - AIR.foot, axis=1)
     )
@@ -74,7 +73,7 @@ def reach(arguments: Floats) -> Floats:
 
 @pytest.fixture(scope="module")
 def computed() -> dict[str, Floats]:
-    """By the name of the function what GLSL makes of the rows, (n, 4)."""
+    """Return GLSL's results for the rows, (n, 4), by the name of the function."""
     arguments = rows()
     expressions = {
         "force": "vec4(lc_wind_force(x2.y))",
@@ -92,7 +91,7 @@ def test_the_force_and_the_turns_follow_their_laws(computed: dict[str, Floats]) 
     arguments = rows()
     force = [air.force for air in airs(arguments)]
     np.testing.assert_allclose(computed["force"][:, 0], force, rtol=0.0, atol=4.0 * ULP)
-    # (x, z, −y): the same tree at the same place in Blender's coordinates.
+    # The same place in Blender's coordinates: (x, −z, y).
     place = arguments[:, [3, 5, 4]] * [1.0, -1.0, 1.0]
     turns = arguments[:, 0] / 2.5 + place @ [0.1732, 0.1414, 0.2236]
     np.testing.assert_allclose(computed["turns"][:, 0], turns, rtol=0.0, atol=16.0 * ULP)
@@ -115,13 +114,13 @@ def test_flutter_follows_its_law(computed: dict[str, Floats]) -> None:
             for row, air in zip(arguments, airs(arguments), strict=True)
         ]
     )
-    # The axis is off by two sines, the angle by as much of the greatest; then two sines of it.
+    # The axis has the error of two sines, and so has the angle. Then the rotation has two more sines.
     arm = np.linalg.norm(arguments[:, :3] - arguments[:, 3:6], axis=1)
     off = np.linalg.norm(computed["flutter"][:, :3] - expected, axis=1)
     assert (off <= 6.0 * SINE * arm + 1e-6).all()
 
 
-def test_what_is_blown_follows_its_law(computed: dict[str, Floats]) -> None:
+def test_the_whole_wind_follows_its_law(computed: dict[str, Floats]) -> None:
     arguments = rows()
     expected = np.concatenate(
         [
@@ -148,8 +147,8 @@ def test_leaves_do_not_flutter_on_billboards(computed: dict[str, Floats]) -> Non
     assert np.array_equal(computed["flutter"][flat, :3], arguments[flat, :3])
 
 
-def test_a_leaf_on_its_billboard_moves_as_that(computed: dict[str, Floats]) -> None:
-    """At a = 1 it is all the same where its own pivot is: as if it were of the billboard, at a = 0."""
+def test_a_leaf_on_its_billboard_moves_with_the_billboard(computed: dict[str, Floats]) -> None:
+    """At a = 1 the leaf's own pivot has no influence. The result equals that of the billboard's pivot at a = 0."""
     arguments = rows()
     flat = arguments[:, 11] == 1.0
     lying = arguments[flat].copy()

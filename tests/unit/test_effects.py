@@ -1,4 +1,4 @@
-"""The plan of the effects, and from how far each level is drawn: decided without Blender."""
+"""The plan of the effects and the LOD ranges of the levels, without Blender."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ FACTS = Facts(engine="generic", leaves=672)
 
 
 BY_ALL = set(EFFECTS) - {"baked_light", "blend_order"}
-"""The effects that the list `all` turns on: light may move, and the leaves decide on blending."""
+"""Effects that the list `all` turns on. Light may move, so baked light stays off. The plan decides about blending."""
 
 
 def chain_with_sides(*two_sided: bool) -> Any:
-    """A stand-in for a chain: only whether each level has two sides."""
+    """Return a stand-in for a chain. Its levels have only the attribute `two_sided`."""
     return SimpleNamespace(levels=[SimpleNamespace(two_sided=each) for each in two_sided])
 
 
@@ -36,7 +36,7 @@ def states(effects: tuple[Decision, ...]) -> dict[str, bool | None]:
     return {effect.name: effect.on for effect in effects}
 
 
-def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
+def test_auto_turns_on_the_effects_for_a_free_camera() -> None:
     effects = plan_effects(BakeSettings(), FACTS)
     assert states(effects) == {
         "transitions": True,
@@ -59,7 +59,7 @@ def test_auto_turns_on_what_a_free_camera_calls_for() -> None:
     assert all(effect.reason for effect in effects)
 
 
-def test_glossy_leaves_call_for_roughness_metallic() -> None:
+def test_glossy_leaves_turn_on_roughness_metallic() -> None:
     facts = replace(FACTS, glossy="laurel")
     effects = plan_effects(BakeSettings(), facts)
     assert is_on(effects, "roughness_metallic") is True
@@ -69,7 +69,7 @@ def test_glossy_leaves_call_for_roughness_metallic() -> None:
     assert plan_channels(BakeSettings(effects="none"), facts) == ()
 
 
-def test_leaves_that_let_light_through_call_for_translucency() -> None:
+def test_translucent_leaves_turn_on_translucency() -> None:
     facts = replace(FACTS, engine="babylon", translucent="lime")
     effects = plan_effects(BakeSettings(engine="babylon"), facts)
     assert is_on(effects, "translucency") is True
@@ -90,7 +90,7 @@ def test_occlusion_shares_its_texture_with_roughness_metallic(effect: str) -> No
     )
 
 
-def test_one_leaf_is_not_pruned() -> None:
+def test_a_single_leaf_is_not_pruned() -> None:
     effects = plan_effects(BakeSettings(chain="both"), replace(FACTS, leaves=1))
     assert states(effects)["pruning"] is False
 
@@ -98,7 +98,7 @@ def test_one_leaf_is_not_pruned() -> None:
 @pytest.mark.parametrize("camera", [None, Camera(((2.0, 100.0),), View(), moves=True)])
 @pytest.mark.parametrize(("leaf", "pruned"), [(0.079, True), (0.081, False)])
 def test_chain_both_prunes_only_leaves_that_are_small_enough(leaf: float, pruned: bool, camera: Camera | None) -> None:
-    """By default a leaf is pruned below 16 pixels, and level 1 takes over where 0.04 R is 8 pixels long: at 0.08 R."""
+    """Leaves below 16 pixels are pruned. Level 1 takes over where 0.04 R is 8 pixels, so a leaf of 0.08 R is 16."""
     facts = replace(FACTS, area=FACTS.leaves * leaf**2, camera=camera)
     plan = {effect.name: effect for effect in plan_effects(BakeSettings(chain="both"), facts)}
     assert (plan["pruning"].on, plan["contrast"].on) == (pruned, pruned)
@@ -115,11 +115,11 @@ def test_chain_both_prunes_only_leaves_that_are_small_enough(leaf: float, pruned
         ("back_sides, transitions", {"back_sides", "transitions", "far_levels"}),
     ],
 )
-def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None:
+def test_a_list_forces_effects_on_and_off(asked: str, on: set[str]) -> None:
     effects = plan_effects(BakeSettings(effects=asked), FACTS)
     assert {name for name, state in states(effects).items() if state} == on
     assert None not in states(effects).values()
-    # Whether leaves are seen through stays the plan's to say.
+    # Even with `all` the plan decides about alpha blending.
     assert all(asked in effect.reason for effect in effects if (asked, effect.name) != ("all", "blend_order"))
 
 
@@ -132,7 +132,7 @@ def test_the_settings_force_effects_on_and_off(asked: str, on: set[str]) -> None
         ("auto,+back_sides", {"back_sides": True}),
     ],
 )
-def test_single_effects_are_forced_over_the_plan(asked: str, changed: dict[str, bool]) -> None:
+def test_signed_names_override_the_plan(asked: str, changed: dict[str, bool]) -> None:
     planned = states(plan_effects(BakeSettings(), FACTS))
     forced = plan_effects(BakeSettings(effects=asked), FACTS)
     assert states(forced) == planned | changed
@@ -140,20 +140,20 @@ def test_single_effects_are_forced_over_the_plan(asked: str, changed: dict[str, 
     assert all(f"`effects={'+' if on else '-'}{name}`" in reasons[name] for name, on in changed.items())
 
 
-def test_names_and_all_may_be_followed_by_exceptions() -> None:
+def test_signed_names_override_a_list_and_all() -> None:
     some = states(plan_effects(BakeSettings(effects="pruning,+roughness_metallic,-far_levels"), FACTS))
     assert {name for name, on in some.items() if on} == {"pruning", "roughness_metallic"}
     most = states(plan_effects(BakeSettings(effects="all,-leaf_map"), FACTS))
     assert {name for name, on in most.items() if on} == BY_ALL - {"leaf_map"}
 
 
-def test_a_chain_that_prunes_wants_pruning() -> None:
+def test_a_chain_that_prunes_needs_the_effect_pruning() -> None:
     with pytest.raises(SettingsError, match="needs the effect pruning, which is off"):
         BakeSettings(chain="both", effects="auto,-pruning")
     assert BakeSettings(chain="both", effects="none,+pruning").chain == "both"
 
 
-def test_back_sides_are_settled_by_what_the_levels_kept() -> None:
+def test_the_baked_levels_decide_about_back_sides() -> None:
     planned = plan_effects(BakeSettings(), FACTS)
     [decision] = [each for each in planned if each.name == "back_sides"]
     assert BACK_SIDES.settled(decision, chain_with_sides(False, False)).on is False
@@ -162,19 +162,19 @@ def test_back_sides_are_settled_by_what_the_levels_kept() -> None:
     assert "1, 3" in kept.reason
 
 
-def test_a_forced_effect_is_not_settled_again() -> None:
+def test_the_baked_levels_do_not_change_a_forced_effect() -> None:
     planned = plan_effects(BakeSettings(effects="all"), FACTS)
     [decision] = [each for each in planned if each.name == "back_sides"]
     assert BACK_SIDES.settled(decision, chain_with_sides(False)) == decision
 
 
-def test_an_effect_that_is_not_planned_has_no_state() -> None:
+def test_an_unknown_effect_raises() -> None:
     with pytest.raises(KeyError):
         is_on(plan_effects(BakeSettings(), FACTS), "glitter")
 
 
-def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
-    """Level 1 appears at a = 0.998, is whole after 5 % of the distance more, and the leaves are gone after 10 %."""
+def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
+    """Level 1 appears at a = 0.998. Its fade-in ends 5 % farther away. The leaves vanish 10 % farther away."""
     leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), 20.0, 40.0)
@@ -182,7 +182,7 @@ def test_levels_hand_over_shortly_before_their_transitions_end() -> None:
     assert leaves.vanish == pytest.approx(1.1 * 9.99)
 
 
-def test_a_level_that_nothing_morphs_to_fades_in_before_the_one_it_follows_fades_out() -> None:
+def test_the_cross_impostor_fades_in_before_the_last_cloud_fades_out() -> None:
     *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
     assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
@@ -190,12 +190,12 @@ def test_a_level_that_nothing_morphs_to_fades_in_before_the_one_it_follows_fades
     assert [second.fades, cross.fades] == [True, True]
 
 
-def test_trunk_switches_where_levels_begin_to_fade_and_fades_into_the_cross() -> None:
-    reached = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
-    leaves, first, second = (trunk_range(reached, number) for number in range(3))
+def test_a_trunk_switches_at_the_start_of_a_fade_and_fades_into_the_cross_impostor() -> None:
+    ranges = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    leaves, first, second = (trunk_range(ranges, number) for number in range(3))
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
-    assert (leaves.vanish, first.appear) == (reached[1].appear, reached[1].appear)
-    assert (first.vanish, second.appear, second.fade_in_end) == (reached[2].appear,) * 3
+    assert (leaves.vanish, first.appear) == (ranges[1].appear, ranges[1].appear)
+    assert (first.vanish, second.appear, second.fade_in_end) == (ranges[2].appear,) * 3
     assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
 
 
@@ -205,7 +205,7 @@ def test_without_transitions_levels_switch_at_once() -> None:
     assert not any(lod_range.fades for lod_range in (leaves, first, cross))
 
 
-def test_a_transition_does_not_begin_before_the_level_is_alone() -> None:
+def test_a_transition_starts_after_the_previous_level_has_vanished() -> None:
     leaves, first, second = lod_ranges((0.0, 10.0, 12.5), (False, True, True), transitions=True)
     assert first.start == leaves.vanish > 6.25
     assert first.start < second.appear < first.end == 12.5
@@ -225,7 +225,7 @@ def test_every_effect_is_a_file_with_a_tooltip() -> None:
     assert len({effect.about for effect in all_effects()}) == len(EFFECTS)
 
 
-def test_a_viewer_at_a_camera_that_is_missing_is_told() -> None:
+def test_viewer_camera_without_a_camera_gives_a_note() -> None:
     settings = BakeSettings(viewer="camera")
     note = camera_note(settings, FACTS, plan_effects(settings, FACTS))
     assert note is not None
@@ -233,7 +233,7 @@ def test_a_viewer_at_a_camera_that_is_missing_is_told() -> None:
     assert camera_note(BakeSettings(), FACTS, plan_effects(BakeSettings(), FACTS)) is None
 
 
-def test_an_engine_for_which_no_camera_counts_is_told() -> None:
+def test_viewer_camera_with_an_engine_gives_a_note() -> None:
     settings = BakeSettings(viewer="camera", engine="three")
     note = camera_note(settings, FACTS, plan_effects(settings, FACTS))
     assert note is not None

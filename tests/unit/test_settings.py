@@ -1,4 +1,4 @@
-"""Settings refuse what cannot be followed, in one line that names setting, value, limit and default."""
+"""An invalid setting raises one line with the setting, its value, the limit and the default."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from addon.settings.flags import parse, settings_of
 from addon.settings.setting import Limits
 
 
-def test_the_defaults_are_those_of_the_promised_command_line() -> None:
+def test_the_defaults_match_the_command_line() -> None:
     settings = BakeSettings()
     assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (0.04, 600, 2, 0)
     assert (settings.texture_size, settings.cross, settings.method, settings.chain) == (
@@ -89,7 +89,7 @@ def test_effects_may_be_a_choice_or_a_list(effects: str) -> None:
     assert BakeSettings(effects=effects).effects == effects
 
 
-def test_settings_that_need_each_other() -> None:
+def test_settings_that_depend_on_each_other_are_checked_together() -> None:
     with pytest.raises(SettingsError, match="`method=kmeans` needs `max_billboards`"):
         BakeSettings(method="kmeans")
     with pytest.raises(SettingsError, match="`image_epsilon` and `viewing_distance` need each other"):
@@ -100,15 +100,15 @@ def test_settings_that_need_each_other() -> None:
 
 
 def refusal_of_fit(**options: object) -> str:
-    """Return the core's message for options of a fit. At least one of them must be invalid."""
+    """Return the core's error message for fit options. At least one option must be invalid."""
     foliage = leafcloud.Foliage(np.eye(3), np.array([[0, 1, 2]]))
     with pytest.raises(leafcloud.LeafcloudError) as refusal:
         leafcloud.fit(foliage, **options)  # type: ignore[arg-type]
     return str(refusal.value)
 
 
-def test_every_setting_of_the_fit_arrives_in_the_core() -> None:
-    """The core refuses a value of a wrong type by the name of its option, so an option that is lost is not named."""
+def test_every_fit_setting_reaches_the_core() -> None:
+    """The core names an option of a wrong type. So an option that is lost on the way is not named."""
     wrong = object()
     of_fit = [each.name for each in described() if "unknown option" not in refusal_of_fit(**{each.name: wrong})]
     assert {"epsilon", "views", "seed", "whole_leaves"} <= set(of_fit)
@@ -119,7 +119,7 @@ def test_every_setting_of_the_fit_arrives_in_the_core() -> None:
         assert refusal_of_fit(**fit_options(settings)).startswith(f"{name} is <object"), name
 
 
-def test_settings_that_the_bake_may_not_follow_are_noted() -> None:
+def test_settings_that_may_have_no_effect_are_reported() -> None:
     assert notes(BakeSettings(epsilon=0.1, facing_views=0.5, views=((0.0, 0.0, 1.0),))) == []
     assert notes(BakeSettings(facing_views=0.5)) == ["`facing_views` has no effect without `views`"]
     [note] = notes(BakeSettings(preset="draft", epsilon=0.1, effort="best", texture_size=512))
@@ -136,7 +136,7 @@ def test_settings_that_the_bake_may_not_follow_are_noted() -> None:
         (Limits(0, 1, above=True, below=True), (0.5,), (0.0, 1.0), "greater than 0 and less than 1"),
     ],
 )
-def test_limits_hold_and_say_so(
+def test_limits_accept_values_in_range_and_describe_the_range(
     limits: Limits, inside: tuple[float, ...], outside: tuple[float, ...], words: str
 ) -> None:
     assert all(limits.hold(value) for value in inside)
@@ -144,7 +144,7 @@ def test_limits_hold_and_say_so(
     assert str(limits) == words
 
 
-def test_every_setting_has_a_flag_and_words() -> None:
+def test_every_setting_has_a_flag_and_a_description() -> None:
     assert settings_of(parse([])) == BakeSettings()
     assert [each.name for each in described()] == list(inspect.signature(BakeSettings).parameters)
     for each in described():
@@ -153,7 +153,7 @@ def test_every_setting_has_a_flag_and_words() -> None:
         assert each.default is not None or each.setting.unset, each.name
 
 
-def test_flags_reach_the_settings() -> None:
+def test_flags_set_the_settings() -> None:
     flags = [
         "--epsilon",
         "0.1",

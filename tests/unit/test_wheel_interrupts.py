@@ -1,4 +1,4 @@
-"""The wheel in a process that is interrupted or forked: every call answers or works."""
+"""Calls into the wheel from an interrupted or forked process. Each call stops within a second or works."""
 
 from __future__ import annotations
 
@@ -162,32 +162,32 @@ os._exit(0)
 """
 
 
-def said(script: str) -> str:
-    """The output of a script that must end."""
+def output_of(script: str) -> str:
+    """Run a script, which has to end without an error, and return its output."""
     done = subprocess.run([sys.executable, "-c", PREPARE + script], capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
 
 @pytest.mark.parametrize("name", LONG_CALLS)
-def test_an_interrupt_is_answered_within_a_second(name: str) -> None:
-    """The calls take many seconds; the allowance is for a busy machine."""
-    outcome, _, seconds = said(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")
+def test_an_interrupt_stops_a_call_within_a_second(name: str) -> None:
+    """Uninterrupted calls take many seconds. The extra 0.7 s are for a busy machine."""
+    outcome, _, seconds = output_of(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")
     assert outcome == "interrupted"
     assert float(seconds) < 1.3 + 0.7
 
 
-def test_a_forked_child_has_threads_of_its_own() -> None:
-    assert said(FORKED) == "0"
+def test_a_forked_child_has_its_own_threads() -> None:
+    assert output_of(FORKED) == "0"
 
 
-def test_a_job_of_the_parent_is_refused_in_a_forked_child() -> None:
-    assert said(JOB_OF_THE_PARENT) == "0"
+def test_a_job_of_the_parent_raises_in_a_forked_child() -> None:
+    assert output_of(JOB_OF_THE_PARENT) == "0"
 
 
-def test_a_page_that_is_being_baked_can_be_cancelled() -> None:
-    """The whole page would take about a minute."""
-    fraction, _, seconds = said(CANCELLED).partition(" after ")
+def test_cancel_stops_the_bake_of_an_atlas_page() -> None:
+    """A complete bake of the atlas page would take about a minute."""
+    fraction, _, seconds = output_of(CANCELLED).partition(" after ")
     assert 0.0 < float(fraction) < 1.0
     assert float(seconds) < 1.0 + 0.7
 
