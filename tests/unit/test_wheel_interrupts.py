@@ -193,7 +193,7 @@ def test_cancel_stops_the_bake_of_an_atlas_page() -> None:
 
 
 def test_a_child_forked_in_a_progress_function_is_refused() -> None:
-    assert said(FORKED_IN_PROGRESS) == "0"
+    assert output_of(FORKED_IN_PROGRESS) == "0"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.001, 0.01, 0.1])
@@ -206,4 +206,4 @@ def test_an_interrupt_of_the_first_calls_is_a_keyboard_interrupt(delay: float, s
 
 def test_an_interrupted_render_frees_the_threads() -> None:
     """The whole picture would take minutes; the next call needs its threads."""
-    assert float(said(RENDER_STOPS)) < 3.0
+    assert float(output_of(RENDER_STOPS)) < 3.0
