@@ -107,7 +107,7 @@ def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPru
         start = leafcloud.switch_distance(size, pixels, view.resolution, view.field_of_view) if size else NEVER
         return LeafPruning(min(start, NEVER))
     growth, contrast = (
-        (lod_input(leaves, name), lod_input(leaves, f"{name} of Few")) for name in ("Growth", "Contrast")
+        (lod_input(leaves, name), lod_input(leaves, f"{name} Quadratic")) for name in ("Growth", "Contrast")
     )
     start, half = lod_input(leaves, "Prune Start"), lod_input(leaves, "Prune Half")
     return LeafPruning(start, half, growth, contrast, measured=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from uuid import uuid4
 
 import bpy
 
@@ -14,12 +15,16 @@ EXTRAS = "leafcloud"
 _BAKE = "leafcloud_bake"
 """The custom property of a collection of levels: a `Record` as JSON."""
 
+_ID = "leafcloud_source"
+"""The custom property of a baked object: its identifier in the records of bakes."""
+
 
 @dataclass(frozen=True)
 class Record:
     """Record of how a bake made a collection of levels. Names are full names (`full_names`), sorted.
 
-    name: the name of the collection; the names of its levels begin with it. sources: the baked objects.
+    name: the name of the collection; the names of its levels begin with it. sources: the baked objects, also if they
+    were renamed since.
     made: the objects and collections that the bake put into the collection.
     """
 
@@ -32,10 +37,15 @@ def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Objec
     """Store on a collection of levels how a bake made it. Call this while the collection holds only the bake's objects.
 
     The record holds names, not pointers. A pointer would keep deleted objects in the file, and appending the
-    collection would append them, too.
+    collection would append them, too. Each source gets an identifier, by which it is found under another name.
     """
-    made = [*collection.all_objects, *collection.children_recursive]
-    collection[_BAKE] = json.dumps(asdict(Record(collection.name, full_names(sources), full_names(made))))
+    made, sources = [*collection.all_objects, *collection.children_recursive], list(sources)
+    ids = {obj.name_full: obj.get(_ID) or uuid4().hex for obj in sources if obj.library is None}
+    for obj in sources:
+        if obj.library is None:
+            obj[_ID] = ids[obj.name_full]
+    kept = Record(collection.name, full_names(sources), full_names(made))
+    collection[_BAKE] = json.dumps({**asdict(kept), "ids": ids})
 
 
 def record(collection: bpy.types.Collection) -> Record | None:
@@ -43,7 +53,17 @@ def record(collection: bpy.types.Collection) -> Record | None:
     if _BAKE not in collection:
         return None
     found = json.loads(collection[_BAKE])
-    return Record(found["name"], tuple(found["sources"]), tuple(found["made"]))
+    ids = found.get("ids", {})
+    sources = sorted(_name_now(name, ids.get(name)) for name in found["sources"])
+    return Record(found["name"], tuple(sources), tuple(found["made"]))
+
+
+def _name_now(name: str, identifier: str | None) -> str:
+    """Return the present name of an object that had a name when it was baked; the same name if it is not found."""
+    if identifier is None or name in bpy.data.objects:
+        return name
+    found = [obj.name_full for obj in bpy.data.objects if obj.get(_ID) == identifier]
+    return found[0] if len(found) == 1 else name  # A copy of an object has the same identifier.
 
 
 def full_names(blocks: Iterable[bpy.types.ID]) -> tuple[str, ...]:

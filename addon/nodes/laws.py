@@ -144,18 +144,18 @@ def declare_pruning(tree: bpy.types.NodeTree, panel: Any) -> None:
 
 
 def trend(section: Section, share: bpy.types.NodeSocket, name: str) -> bpy.types.NodeSocket:
-    """Return λ^(c₁ + c₂ ln λ) for λ = `share`. c₁ and c₂ are the inputs `name` and `name` of Few.
+    """Return λ^(c₁ + c₂ ln λ) for λ = `share`. c₁ and c₂ are the inputs `name` and `name` Quadratic.
 
     See `leafcloud.Chain.growth` and `contrast`.
     """
     logarithm = section.math("LOGARITHM", section.math("MAXIMUM", share, TINY), math.e, label="ln λ")
-    first, second = section.group_input(name), section.group_input(f"{name} of Few")
+    first, second = section.group_input(name), section.group_input(f"{name} Quadratic")
     exponent = section.math("MULTIPLY_ADD", second, logarithm, first, label=f"{name}: exponent")
     return section.math("POWER", share, exponent, label=name)
 
 
 def mean_share(section: Section, share: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Return 1 − κ with κ = min(1, λ^(k₁ + k₂ ln λ)). k₁ and k₂ are the inputs Contrast and Contrast of Few."""
+    """Return 1 − κ with κ = min(1, λ^(k₁ + k₂ ln λ)). k₁ and k₂ are the inputs Contrast and Contrast Quadratic."""
     kept = section.math("MINIMUM", trend(section, share, "Contrast"), 1.0, label="κ")
     return section.math("SUBTRACT", 1.0, kept, label="1 − κ")
 
@@ -164,7 +164,7 @@ def declare_trend(tree: bpy.types.NodeTree, name: str, above: str, panel: Any) -
     """Declare the inputs of `trend`. `above`: the effect of an exponent above 0, for the tooltip."""
     declare(tree, name, "Float", f"Exponent of the fraction of leaves kept. Above 0 {above}", panel)
     few = f"Change of the {name} exponent with the logarithm of the fraction kept. It matters most when few are kept"
-    declare(tree, f"{name} of Few", "Float", few, panel)
+    declare(tree, f"{name} Quadratic", "Float", few, panel)
 
 
 def sum_over_faces(

@@ -155,9 +155,9 @@ def add_scene_modifier(
         "Prune Start": settings.prune_start,
         "Prune Half": settings.prune_half,
         "Growth": settings.growth[0],
-        "Growth of Few": settings.growth[1],
+        "Growth Quadratic": settings.growth[1],
         "Contrast": settings.contrast[0],
-        "Contrast of Few": settings.contrast[1],
+        "Contrast Quadratic": settings.contrast[1],
         "Full Models": settings.full_models,
         "Far": settings.far,
         "Strength": settings.strength,
@@ -231,7 +231,7 @@ def _told(
     section: Section, geometry: bpy.types.NodeSocket, growing: bpy.types.NodeSocket, pulled: bpy.types.NodeSocket
 ) -> bpy.types.NodeSocket:
     """Return the geometry, with `leaf_mean_share` stored for materials if an input Contrast is not 0."""
-    numbers = ("Contrast", "Contrast of Few")
+    numbers = ("Contrast", "Contrast Quadratic")
     first, second = (section.compare(section.group_input(name), "NOT_EQUAL", 0.0) for name in numbers)
     asked = section.logic(first, "OR", second, label="Contrast?")
     stored = {"data_type": "FLOAT", "domain": "POINT"}

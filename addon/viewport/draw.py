@@ -130,8 +130,8 @@ def inputs_of(obj: bpy.types.Object) -> LevelInputs:
         vanish=number("Vanish"),
         fade_in_end=number("Fade In End"),
         fade_out_start=number("Fade Out Start"),
-        growth=(number("Growth"), number("Growth of Few")),
-        contrast=(number("Contrast"), number("Contrast of Few")),
+        growth=(number("Growth"), number("Growth Quadratic")),
+        contrast=(number("Contrast"), number("Contrast Quadratic")),
         mean_color=tuple(extras["mean_color"]) if extras is not None and "mean_color" in extras else (0.0, 0.0, 0.0),
         area_shares=tuple(table["area_shares"]) if table is not None and "area_shares" in table else (),
     )

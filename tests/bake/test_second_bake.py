@@ -60,6 +60,17 @@ def test_a_second_bake_replaces_the_first(sources: list[bpy.types.Object]) -> No
     assert [each.name for each in bpy.context.scene.collection.children if "LOD" in each.name] == []
 
 
+@pytest.mark.parametrize("selected", ["sources", "level"])
+def test_sources_are_found_under_other_names(selected: str, sources: list[bpy.types.Object]) -> None:
+    bpy.ops.leafcloud.bake()
+    before = [each.name for each in bpy.context.scene.collection.children]
+    sources[0].name, sources[1].name = "Birch", "Bark"
+    select(*(sources if selected == "sources" else [bpy.data.objects["leaves_LOD0"]]))
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    assert [each.name for each in bpy.context.scene.collection.children] == before
+    assert [obj.name for obj in bpy.data.objects if "_LOD0" in obj.name] == ["leaves_LOD0", "leaves_LOD0_trunk"]
+
+
 def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.types.Object]) -> None:
     """The function that draws does nothing: drawing needs a window."""
     drawn: list[list[bpy.types.Object]] = []

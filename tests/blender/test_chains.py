@@ -96,7 +96,7 @@ def test_growth_multiplies_the_scale_of_kept_leaves(keep: float) -> None:
     set_manual(modifier, transition=0.0, keep=keep)
     plain = points_of(evaluate(obj)).astype(np.float64)
     set_modifier_input(modifier, "Growth", 0.06)
-    set_modifier_input(modifier, "Growth of Few", -0.01)
+    set_modifier_input(modifier, "Growth Quadratic", -0.01)
     grown = points_of(evaluate(obj)).astype(np.float64)
     pivots = np.repeat(leaves.pivots[leaves.ranks < np.float32(keep)], 3, axis=0)
     factor = math.exp(math.log(keep) * (0.06 - 0.01 * math.log(keep)))

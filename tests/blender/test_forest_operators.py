@@ -86,7 +86,7 @@ def test_all_visible_trees_make_a_scene_and_their_own_objects_are_hidden() -> No
     assert triangles(evaluate(obj)) == triangles(leaves.data) + triangles(trunk.data)
     [modifier] = obj.modifiers
     assert get_modifier_input(modifier, "Centre") == get_modifier_input(leaves.modifiers[0], "Centre")
-    for name in ("Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast", "Contrast of Few"):
+    for name in ("Prune Start", "Prune Half", "Growth", "Growth Quadratic", "Contrast", "Contrast Quadratic"):
         assert get_modifier_input(modifier, name) == get_modifier_input(leaves.modifiers[0], name)
 
 

@@ -371,9 +371,9 @@ def test_the_inputs_have_the_promised_names() -> None:
     sockets = [item for item in lod_group().interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
-        *("Geometry", "Start", "End", "Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast"),
+        *("Geometry", "Start", "End", "Prune Start", "Prune Half", "Growth", "Growth Quadratic", "Contrast"),
         *(
-            "Contrast of Few",
+            "Contrast Quadratic",
             "Appear",
             "Vanish",
             "Fade In End",

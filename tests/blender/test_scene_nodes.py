@@ -399,7 +399,16 @@ def test_the_inputs_have_their_documented_names() -> None:
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     inputs = [socket for socket in sockets if socket.in_out == "INPUT"]
     assert [socket.name for socket in inputs] == [
-        *("Trees", "Centre", "Prune Start", "Prune Half", "Growth", "Growth of Few", "Contrast", "Contrast of Few"),
+        *(
+            "Trees",
+            "Centre",
+            "Prune Start",
+            "Prune Half",
+            "Growth",
+            "Growth Quadratic",
+            "Contrast",
+            "Contrast Quadratic",
+        ),
         *("Full Models", "Far", "Strength", "Budget"),
     ]
     assert all(socket.description for socket in inputs)
