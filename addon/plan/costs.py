@@ -53,6 +53,9 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
 
 
 def _cross_texels(settings: BakeSettings) -> int:
-    """Return the texels of the cross impostor's atlas page: two per pixel at its switch, for a deviation of R / 2."""
+    """Return the number of texels of the cross impostor's atlas page.
+
+    A side has two texels for each pixel at the distance where the impostor takes over, if it deviates by R / 2 there.
+    """
     side: int = 2 ** math.ceil(math.log2(16.0 * settings.pixels))
     return side * side

@@ -273,7 +273,8 @@ class BakeSettings:
     preset: Annotated[
         Preset | None,
         Setting(
-            "Point on this tree's cost curve. Chooses the same settings as `seconds`",
+            "Compromise between baking time and image error, measured on this tree. Chooses error bound, samples, effort and "
+            "texture size, as `seconds` does",
             "NAME",
             unset="off",
             choices={

@@ -52,7 +52,7 @@ class LeafcloudSceneSettings(bpy.types.PropertyGroup):
     )
     strength: FloatProperty(
         name="Strength",
-        description="Maximum fraction of its leaves that the farthest tree loses, beyond pruning by its own distance",
+        description="Greatest fraction that the farthest tree loses of the leaves that pruning by distance has left",
         default=_DEFAULTS.strength,
         min=0.0,
         max=1.0,

@@ -157,7 +157,7 @@ impl Chart {
 
     fn check(&self, size: ChartSize) -> Result<()> {
         if let Some(side) = [size.width, size.height].into_iter().find(|side| !SIDES.contains(side)) {
-            return Err(Error::invalid(format!("the side of the chart is {side} pixels; it must be from 240 to 8192")));
+            return Err(Error::invalid(format!("a side of the chart has {side} pixels; it must have 240 to 8192")));
         }
         if !TEXTS.contains(&size.text) {
             return Err(Error::invalid(format!(

@@ -90,7 +90,7 @@ pub struct Point {
     pub texel: f64,
     /// The greatest distance of a leaf from its billboard on level 1.
     pub max_deviation: f64,
-    /// The area-weighted mean distance.
+    /// The area-weighted mean distance of a leaf from its billboard on level 1.
     pub mean_deviation: f64,
     /// Image error of the finest level, mean FLIP in [0, 1].
     pub image_error: f64,

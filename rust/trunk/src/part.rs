@@ -118,7 +118,8 @@ impl<'a> Part<'a> {
         if back > self.error { Err(missed) } else { Ok(there.max(back)) }
     }
 
-    /// Locks the vertices missed most: the farthest, then the farthest outside its distance, and so on. Returns whether there was any.
+    /// Locks vertices that the simplified surface misses, so that the next try keeps them: first the farthest from the surface, then the
+    /// farthest outside a ball of that distance around it, and so on. Returns whether any vertex is missed.
     fn keep(&self, mut missed: Vec<Far>, locks: &mut [SimplifyVertex]) -> bool {
         missed.retain(|far| far.distance > self.error);
         missed.sort_by(|a, b| b.distance.total_cmp(&a.distance));

@@ -40,7 +40,8 @@ const FEW_PIECES: f64 = 6000.0;
 /// Area that a descent with default effort may lose, relative to the loss of the greedy answer.
 const QUICK_LOSS: f64 = 1.1;
 
-/// Share of the way from the greedy answer's kept area to the published algorithm's that longer searches may go.
+/// Longer searches may keep less leaf area whole than the greedy search: at most this share of the difference between the greedy
+/// search and the published algorithm.
 const TOWARDS_LITERAL: f64 = 0.4;
 
 impl Fitter for Stochastic {

@@ -115,7 +115,7 @@ struct Layout {
     projection: Projection,
     atlas: Atlas,
     two_sided: bool,
-    /// Seconds for fitting the planes and for choosing the stretch limit.
+    /// Measured seconds: for fitting the planes, and for choosing the stretch limit.
     seconds: [f64; 2],
 }
 
