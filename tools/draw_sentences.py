@@ -61,7 +61,11 @@ def guides() -> Iterator[Found]:
     """Yield the sentences of README and guides, without tables, code and pictures."""
     for file in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
         text = re.sub(r"```.*?```", "", file.read_text("utf-8"), flags=re.DOTALL)
-        lines = [line for line in text.splitlines() if not line.lstrip().startswith(("|", "#", "!", "<"))]
+        lines = [
+            re.sub(r"^\s*- ", "\n", line)
+            for line in text.splitlines()
+            if not line.lstrip().startswith(("|", "#", "!", "<"))
+        ]
         for paragraph in re.split(r"\n\s*\n", "\n".join(lines)):
             for sentence in re.split(r"(?<=[.!?])\s+(?=[A-Z`*])", " ".join(paragraph.split())):
                 yield sentence, str(file.relative_to(ROOT))
@@ -103,7 +107,7 @@ def _text(node: ast.expr) -> str:
 
 
 def _first(text: str) -> str:
-    paragraph = " ".join(text.split("\n\n")[0].split())
+    paragraph = " ".join(text.split("\n\n")[0].split("# ")[0].split())
     return re.split(r"(?<=\.)\s", paragraph)[0]
 
 

@@ -239,7 +239,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
 
 
 def wind_settings(prepared: Prepared) -> WindSettings | None:
-    """Return the wind on the tree and the tree's stature, without switch distances; None without the effect wind."""
+    """Return the wind and the tree's proportions for its sway; None without the effect wind."""
     if prepared.wind is None:
         return None
     tree = prepared.tree

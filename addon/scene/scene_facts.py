@@ -205,7 +205,7 @@ def _look_of_lamp(layer: bpy.types.ViewLayer, lamp: bpy.types.Object) -> _Look:
 
 
 def _look_of_world(world: bpy.types.World) -> _Look:
-    """Return the look of a world. A world with other nodes than one Background node always counts as shining."""
+    """Return whether a world shines, and its values that may change. Nodes other than one Background always shine."""
     nodes = [] if world.node_tree is None else list(world.node_tree.nodes)
     plain = all(node.type in ("BACKGROUND", "OUTPUT_WORLD") for node in nodes)
     backgrounds = [node.inputs for node in nodes if node.type == "BACKGROUND"]

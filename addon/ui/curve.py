@@ -58,7 +58,7 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
     bl_label = "Use These Settings"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Point", description="Number of the point, fastest first", min=0)
+    index: IntProperty(name="Point", description="Number of the point on the cost curve; the fastest is 0", min=0)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
