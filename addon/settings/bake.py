@@ -273,8 +273,8 @@ class BakeSettings:
     preset: Annotated[
         Preset | None,
         Setting(
-            "Compromise between baking time and image error, measured on this tree. Chooses error bound, samples, effort "
-            "and texture size, as `seconds` does",
+            "Compromise between baking time and image error, measured on this tree. Chooses error bound, samples, "
+            "effort and texture size, as `seconds` does",
             "NAME",
             unset="off",
             choices={
