@@ -419,7 +419,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Shades an empty row of pixels.
+    /// Fills a row of pixels, empty before, with the shaded visible pieces.
     fn resolve(&self, triangles: &[ScreenTriangle], shader: &impl Shader, row: usize, pixels: &mut [Vec4]) {
         let first = self.pieces.partition_point(|piece| piece.pixel < row * TILE);
         let last = self.pieces.partition_point(|piece| piece.pixel < (row + 1) * TILE);
