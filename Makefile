@@ -39,14 +39,15 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 
 .PHONY: test
 test: setup .venv/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
-	cargo test --workspace --release
+	cargo test --workspace --release --lib --tests
 	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
 
 # CI runs this target. Blender 4.2 and 5.0 run the tests inside Blender and one whole bake.
 .PHONY: test-all
 test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## run all tests, also those of the browser, of measured trees and of Blender 4.2 and 5.0
-	cargo test --workspace --release
-	cargo test --package leafcloud --lib --test corpus
+	cargo test --workspace --release --lib --tests
+	cargo test --package leafcloud --lib
+	cargo test --package leafcloud --test all corpus
 	tools/same_bytes.sh
 	tools/run_tests.sh .venv
 	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)

@@ -1,10 +1,8 @@
 //! Promises of every fit method, and effects of the settings. Oracles: definitions, closed forms, invariances.
 
-mod common;
-
 use std::sync::Mutex;
 
-use common::soups::{all_settings, fitted, quick, shrub, soup};
+use crate::common::soups::{all_settings, fitted, quick, shrub, soup};
 use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, ImageBound, Method, Preference, fit, fit_watched};
 use leafcloud::foliage::Attributes;

@@ -1,16 +1,14 @@
 //! Replays rust/fuzz/corpus: inputs that the fuzzer kept, and inputs that once broke something.
 
-mod common;
-
 use std::panic::catch_unwind;
 use std::path::PathBuf;
 
-use common::stability::case;
+use crate::common::stability::case;
 
 #[test]
 fn the_corpus_of_every_target_passes() {
-    for (name, run) in common::targets::TARGETS {
-        let folder = common::in_repository("rust/fuzz/corpus").join(name);
+    for (name, run) in crate::common::targets::TARGETS {
+        let folder = crate::common::in_repository("rust/fuzz/corpus").join(name);
         let mut files: Vec<PathBuf> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
         files.sort();
         assert!(!files.is_empty(), "{} is empty", folder.display());

@@ -4,11 +4,7 @@ use glam::DVec3;
 use leafcloud::Progress;
 use leafcloud::blend_order::BlendOrder;
 
-#[path = "common/random.rs"]
-#[allow(dead_code)] // not all of it is used
-mod random;
-
-use random::Random;
+use crate::common::random::Random;
 
 const EYES: usize = 12;
 const RAYS: usize = 120;
