@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..material.emission import SHINE
 from ..material.flatten import shining_copy
 from ..material.node_links import output_of
-from ..material.shader_sums import SHINE
 from ..scene.light import Light
 from .material import PAGE_NODE, hide_back_in_cycles, shown_share
 

@@ -16,16 +16,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .emission import Builder, Socket, outside_groups
 from .flatten import of_single_leaves, render
 from .images import Pixels, as_bytes, check_images
 from .node_links import Input, Output, folded, follow, nodes_behind, number_at, shown_nodes
-from .shader_sums import Builder
 from .surface import principled_of, read_surface
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, texture_of, transform_matrix
 
@@ -250,7 +249,7 @@ def _render(
     assert principled is not None  # without one there is no layout
     nodes = nodes_behind([principled.input(name) for name in names])
     check_images(nodes, material.name)
-    values = render(material, nodes, partial(_codes, names=names), transform=layout.transform, size=size)
+    values = render(material, nodes, partial(_emission, names=names), transform=layout.transform, size=size)
     said = f"to an image of {len(values)} × {len(values)} texels"
     if layout.extension != "REPEAT":
         said += ", which repeats outside [0, 1]"
@@ -259,8 +258,8 @@ def _render(
     return values, f"{said}; glTF level 0 uses Blender's own material export"
 
 
-def _codes(copy: bpy.types.Material, names: Sequence[str]) -> tuple[Any, float]:
-    """Add nodes that encode inputs of the Principled BSDF, which may be inside groups, as an opaque color."""
+def _emission(copy: bpy.types.Material, names: Sequence[str]) -> Socket:
+    """Add a shader that emits inputs of the Principled BSDF, which may be inside groups, encoded as a color."""
     principled = principled_of(copy)
     assert principled is not None  # the original has one
     builder = Builder(principled.socket.id_data)
@@ -271,8 +270,5 @@ def _codes(copy: bpy.types.Material, names: Sequence[str]) -> tuple[Any, float]:
     else:
         # Clamp before averaging: Cycles clamps roughness and metallic to [0, 1] at each sample.
         clamped = [builder.math("MINIMUM", builder.math("MAXIMUM", value, 0.0), 1.0) for value in values]
-        color = builder.combined(1.0, *clamped)
-    for group in reversed(principled.groups):
-        color = builder.handed_out(group, color, "Color")
-        builder = Builder(group.id_data)
-    return color, 1.0
+        color = builder.node("CombineXYZ", 1.0, *clamped).outputs[0]
+    return outside_groups(principled, builder.emission(color))
