@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..material.emission import SHINE
 from ..material.flatten import shining_copy
 from ..material.node_links import output_of
 from ..scene.light import Light
@@ -73,7 +72,7 @@ def unlit_material(
         )
     )
     texture.image, texture.name = image, PAGE_NODE
-    emission.name, emission.inputs["Strength"].default_value = SHINE, strength
+    emission.inputs["Strength"].default_value = strength
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     _mix(tree, either, path.outputs["Is Camera Ray"], emission, emission)
     _mix(tree, cut, shown_share(tree, texture, alpha_cutoff), clear, either)

@@ -8,83 +8,47 @@ shaders. The original shaders stay.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import bpy
 
+from ..nodes.builder import Section
 from .node_links import Links, Output, folded, group_end, like
-
-SHINE = "Leafcloud Shine"
-"""Name of the Emission nodes."""
 
 Light = Literal["all", "reflected", "transmitted", "coverage"]
 """The part of the light to emit; "coverage" is white light. All have the same alpha: it is the leaf's coverage."""
 
 Socket: TypeAlias = bpy.types.NodeSocket
 
-_BLACK, _WHITE = (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 
-
-class Builder:
-    """Builder of nodes in a tree. It reads the links that the tree has at the start."""
+class Builder(Section):
+    """Builder of nodes that read the links of a tree at the start."""
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
-        self.tree = tree
+        super().__init__(tree, "Emitted color", (0.0, 1000.0))
         self.links = Links()
 
-    def read(self, target: Socket) -> Any:
-        """Return the socket that feeds an input, or the input's own value."""
+    def source(self, target: Socket) -> Socket | None:
         link = self.links.to(target)
-        if link is not None:
-            return link.from_socket
-        value = target.default_value
-        return value if isinstance(value, (float, int, str)) else tuple(value)
+        return None if link is None else link.from_socket
 
-    def connect(self, value: Any, target: Socket) -> None:
-        if isinstance(value, bpy.types.NodeSocket):
-            self.tree.links.new(value, target)
-        elif isinstance(target.default_value, (float, int, str)):
-            target.default_value = value
-        else:
-            size = len(target.default_value)
-            values = (value,) * 3 if isinstance(value, float) else value[:3]
-            target.default_value = (*values, 1.0)[:size]
+    def read(self, target: Socket) -> Socket:
+        """Return the socket that feeds an input, or a new node with the input's own value."""
+        source = self.source(target)
+        if source is None:
+            source = self.result("ShaderNodeValue" if target.type == "VALUE" else "ShaderNodeRGB")
+            source.default_value = target.default_value
+        return source
 
-    def node(self, kind: str, *values: Any, **settings: Any) -> bpy.types.Node:
-        """Add a node with these inputs."""
-        node = self.tree.nodes.new(f"ShaderNode{kind}")
-        for name, setting in settings.items():
-            setattr(node, name, setting)
-        for value, target in zip(values, node.inputs, strict=False):
-            self.connect(value, target)
-        return node
+    def clear(self, share: Socket | None = None) -> Socket:
+        """Add a Transparent BSDF that transmits this share, or all light."""
+        return self.result("ShaderNodeBsdfTransparent", share)
 
-    def math(self, operation: str, first: Any, second: Any) -> Socket:
-        return self.node("Math", first, second, operation=operation).outputs[0]
-
-    def vector(self, operation: str, first: Any, second: Any) -> Socket:
-        return self.node("VectorMath", first, second, operation=operation).outputs[0]
-
-    def scaled(self, color: Any, factor: Any) -> Socket:
-        node = self.node("VectorMath", color, operation="SCALE")
-        self.connect(factor, node.inputs["Scale"])
-        return node.outputs["Vector"]
-
-    def mixed(self, kind: str, *values: Any) -> Socket:
-        """Add a Mix or Add Shader."""
-        node = self.tree.nodes.new(f"ShaderNode{kind}Shader")
-        for value, target in zip(values, node.inputs, strict=True):
-            self.connect(value, target)
-        return node.outputs[0]
-
-    def clear(self, share: Any = 1.0) -> Socket:
-        """Add a Transparent BSDF that transmits this share."""
-        return self.node("BsdfTransparent", share).outputs[0]
-
-    def emission(self, color: Any, alpha: Any = 1.0, strength: float = 1.0) -> Socket:
-        """Add a shader that emits a premultiplied color and transmits 1 − alpha."""
-        shown = self.node("Emission", color, strength, name=SHINE).outputs[0]
-        return shown if alpha == 1.0 else self.mixed("Add", shown, self.clear(self.math("SUBTRACT", 1.0, alpha)))
+    def emission(self, color: Socket, alpha: Socket | None = None, strength: float = 1.0) -> Socket:
+        """Add a shader that emits a premultiplied color and transmits 1 − alpha. `None`: it is opaque."""
+        shown = self.result("ShaderNodeEmission", color, strength)
+        clear = None if alpha is None else self.clear(self.math("SUBTRACT", 1.0, alpha))
+        return shown if clear is None else self.result("ShaderNodeAddShader", shown, clear)
 
 
 class Emitter(Builder):
@@ -101,16 +65,12 @@ class Emitter(Builder):
         strength: float = 1.0,
     ) -> None:
         super().__init__(tree)
-        self.light, self.factor, self.strength = light, factor, strength
+        self._tree, self._light, self._factor, self._strength = tree, light, factor, strength
         self._made: dict[Socket | None, Socket] = {}
 
     def emitting(self, target: Socket) -> Socket:
         """Return a shader that emits the color of the shader that feeds an input."""
-        return folded(self._source(target), self._mixed_by, self._emitting, self._made)
-
-    def _source(self, target: Socket) -> Socket | None:
-        link = self.links.to(target)
-        return None if link is None else link.from_socket
+        return folded(self.source(target), self._mixed_by, self._emitting, self._made)
 
     def _mixed_by(self, source: Socket | None) -> list[Socket | None]:
         """Return the outputs of the shaders, in this tree, that a shader's node passes on or mixes."""
@@ -121,7 +81,7 @@ class Emitter(Builder):
             targets = [link.from_socket for link in node.internal_links if link.to_socket == source]
         else:
             targets = [each for each in node.inputs if each.type == "SHADER" or node.type == "REROUTE"]
-        return [self._source(target) for target in targets]
+        return [self.source(target) for target in targets]
 
     def _emitting(self, source: Socket | None, mixed: list[Socket]) -> Socket:
         """Return the emitting shader for a node's output, from those of the shaders that it mixes."""
@@ -136,9 +96,9 @@ class Emitter(Builder):
             case "GROUP_INPUT":
                 return source
             case "MIX_SHADER":
-                return self.mixed("Mix", self.read(node.inputs[0]), *mixed)
+                return self.result("ShaderNodeMixShader", self.read(node.inputs[0]), *mixed)
             case "ADD_SHADER":
-                return self.mixed("Add", *mixed)
+                return self.result("ShaderNodeAddShader", *mixed)
             case "BSDF_TRANSPARENT" | "HOLDOUT":
                 return self.clear()
         return self._of_shader(node)
@@ -147,41 +107,52 @@ class Emitter(Builder):
         """Return the emitting shader from a copy of a group."""
         if node.node_tree is None or group_end(node.node_tree) is None:
             return self.clear()
-        copy = self.node("Group", node_tree=node.node_tree.copy())
+        copy = self.node("ShaderNodeGroup", node_tree=node.node_tree.copy())
         end = group_end(copy.node_tree)
         assert end is not None  # the original has one
         target = like(end.inputs, source)
-        inside = Emitter(copy.node_tree, self.light, self.factor, self.strength)
-        inside.connect(inside.emitting(target), target)
+        inside = Emitter(copy.node_tree, self._light, self._factor, self._strength)
+        copy.node_tree.links.new(inside.emitting(target), target)
         shaders = iter(mixed)
         for old, new in zip(node.inputs, copy.inputs, strict=True):
-            self.connect(next(shaders) if old.type == "SHADER" else self.read(old), new)
+            fed = next(shaders) if old.type == "SHADER" else self.source(old)
+            if fed is None:
+                new.default_value = old.default_value
+            else:
+                self._tree.links.new(fed, new)
         return like(copy.outputs, source)
 
     def _of_shader(self, node: bpy.types.Node) -> Socket:
-        color = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
-        shown = self._part(node, _BLACK if color is None else self.read(color))
-        if self.factor is not None:
-            shown = self.vector("MULTIPLY", shown, self.factor(self.tree))
+        shown = self._shown(node)
+        if self._factor is not None:
+            shown = self.vector("MULTIPLY", shown, self._factor(self._tree))
         if node.type != "BSDF_PRINCIPLED":
-            return self.emission(shown, 1.0, self.strength)
+            return self.emission(shown, None, self._strength)
         alpha = self.read(node.inputs["Alpha"])
-        return self.emission(self.scaled(shown, alpha), alpha, self.strength)
+        return self.emission(self.vector("SCALE", shown, alpha), alpha, self._strength)
 
-    def _part(self, node: bpy.types.Node, color: Any) -> Any:
-        """Return the part of a shader's color that belongs to `light`."""
-        if self.light in {"all", "coverage"}:
-            return color if self.light == "all" else _WHITE
+    def _shown(self, node: bpy.types.Node) -> Socket:
+        """Return the part of a shader's color that belongs to the light."""
+        target = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
+        if target is None or self._light == "coverage":
+            color = self.result("ShaderNodeRGB")
+            color.default_value = (0.0, 0.0, 0.0, 1.0) if self._light != "coverage" else (1.0,) * 4
+            return color
+        color = self.read(target)
+        if self._light == "all":
+            return color
         through = self._through(node)
-        return self.scaled(color, through if self.light == "transmitted" else self.math("SUBTRACT", 1.0, through))
+        return self.vector("SCALE", color, through if self._light == "transmitted" else self._rest(through))
 
-    def _through(self, node: bpy.types.Node) -> Any:
+    def _through(self, node: bpy.types.Node) -> Socket | float:
         """Return the share of a shader's light that is transmitted, as in `translucency`."""
         if node.type == "BSDF_PRINCIPLED":
             clear, inside = (self.read(node.inputs[f"{name} Weight"]) for name in ("Transmission", "Subsurface"))
-            back = self.math("SUBTRACT", 1.0, self.math("MULTIPLY", 0.5, inside))
-            return self.math("SUBTRACT", 1.0, self.math("MULTIPLY", self.math("SUBTRACT", 1.0, clear), back))
+            return self._rest(self.math("MULTIPLY", self._rest(clear), self._rest(self.math("MULTIPLY", 0.5, inside))))
         return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(node.type, 0.0)
+
+    def _rest(self, share: Socket | float) -> Socket:
+        return self.math("SUBTRACT", 1.0, share)
 
 
 def outside_groups(shader: Output, instead: Socket) -> Socket:

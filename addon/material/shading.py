@@ -265,10 +265,9 @@ def _emission(copy: bpy.types.Material, names: Sequence[str]) -> Socket:
     builder = Builder(principled.socket.id_data)
     values = [builder.read(principled.node.inputs[name]) for name in names]
     if names == _NORMAL:
-        halved = builder.scaled(builder.vector("NORMALIZE", values[0], 0.0), 0.5)
+        halved = builder.vector("SCALE", builder.vector("NORMALIZE", *values), 0.5)
         color = builder.vector("ADD", halved, (0.5, 0.5, 0.5))
     else:
         # Clamp before averaging: Cycles clamps roughness and metallic to [0, 1] at each sample.
-        clamped = [builder.math("MINIMUM", builder.math("MAXIMUM", value, 0.0), 1.0) for value in values]
-        color = builder.node("CombineXYZ", 1.0, *clamped).outputs[0]
+        color = builder.result("ShaderNodeCombineXYZ", 1.0, *(builder.math("ADD", v, 0.0, clamp=True) for v in values))
     return outside_groups(principled, builder.emission(color))
