@@ -1,8 +1,8 @@
-"""Reader of base color and alpha from a material's nodes.
+"""Reader of base color and alpha from a material's nodes, in the forms that importers and artists build.
 
-Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute.
-Blender's glTF and OBJ importers and most artists build materials so. Alpha may also have a cutoff (Math Round, Greater
-Than, 1 − Less Than), and a Mix Shader with a Transparent BSDF. Everything else is a gap: the material is rendered (see
+Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute. A
+Translucent BSDF may be mixed with it. Alpha may have a cutoff (Math Round, Greater Than, 1 − Less Than), and may be the
+factor of a Mix Shader with a Transparent BSDF instead. Everything else is a gap: the material is rendered (see
 `flatten`), or, if there is nothing to render, the viewport color replaces it.
 """
 
@@ -23,8 +23,8 @@ Rgb = tuple[float, float, float]
 MOST_NODES = 5_000
 """Greatest number of nodes of a material, including its groups. Blender needs minutes for more."""
 
-_MOST_FACTORS = 8
-"""Greatest number of factors of a color or alpha that is read. Importers multiply three."""
+_MOST_PRODUCTS = 3
+"""Greatest number of Multiply nodes in a row that are read. Importers use two."""
 
 
 @dataclass(frozen=True)
@@ -80,35 +80,35 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
             f"material {material.name!r} has {count:,} nodes, with each use of a group counted; the limit is "
             f"{MOST_NODES:,}: use fewer nested groups, or bake the material to an image"
         )
+    tree = material.node_tree
     try:
-        output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
-        principled, opacity, shader = _find_principled(output)
+        shader, mask = _behind_cutout(output_of(tree, "ALL" if as_exported else "CYCLES"))
+        principled = _first_principled(shader)
         mixed = principled.node != shader.node
-        if mixed and not as_exported and not _is_translucent(shader) and can_render(material.node_tree):
+        if mixed and not as_exported and not _is_translucent(shader):
             raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
-        return _with_gap(viewport, "surface", reason, material.node_tree)
-    surface = _with_color(viewport, principled, material.node_tree)
-    surface = _with_alpha(surface, [principled.input("Alpha"), *opacity], material.node_tree)
-    if mixed:
-        only = f"only its Principled BSDF {principled.node.name!r} is read"
-        warning = f"material {material.name!r} mixes several shaders: {only}"
-        surface = replace(surface, warnings=(*surface.warnings, warning))
-    return surface
+        return _with_gap(viewport, "surface", reason, tree)
+    surface = _with_alpha(_with_color(viewport, principled, tree), principled.input("Alpha"), mask, tree)
+    only = f"only its Principled BSDF {principled.node.name!r} is read"
+    return (
+        replace(surface, warnings=(f"material {material.name!r} mixes several shaders: {only}",)) if mixed else surface
+    )
 
 
 def principled_of(material: bpy.types.Material) -> Output | None:
     """Return the first Principled BSDF of the material's surface; None without one."""
     try:
-        return _find_principled(output_of(material.node_tree))[0] if _has_nodes(material) else None
+        shader = shader_of(material)
+        return None if shader is None else _first_principled(shader)
     except NotUnderstoodError:
         return None
 
 
 def shader_of(material: bpy.types.Material) -> Output | None:
-    """Return the shader of the material's surface behind cutouts; None without one."""
+    """Return the shader of the material's surface behind a cutout; None without one."""
     try:
-        return _behind_cut_outs(output_of(material.node_tree))[0] if _has_nodes(material) else None
+        return _behind_cutout(output_of(material.node_tree))[0] if _has_nodes(material) else None
     except NotUnderstoodError:
         return None
 
@@ -119,37 +119,28 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
-def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input], Output]:
-    """Return the Principled BSDF upstream of a material output, inputs that multiply its alpha, and the cut-out shader.
-
-    The cut-out shader is the Principled BSDF itself, or a mix of it with others. Raises `NotUnderstoodError`.
-    """
-    shader, opacity = _behind_cut_outs(output)
-    if shader.node.type == "BSDF_PRINCIPLED":
-        return shader, opacity, shader
-    for found in sources_behind(shaders_mixed(shader)):
+def _first_principled(shader: Output) -> Output:
+    """Return a Principled BSDF, or the first that a shader mixes. Raises `NotUnderstoodError`."""
+    for found in [shader, *sources_behind(shaders_mixed(shader))]:
         if found.node.type == "BSDF_PRINCIPLED":
-            return found, opacity, shader
+            return found
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
-def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]]:
-    """Return the shader upstream of a material output, and the inputs that cut it out. Raises `NotUnderstoodError`.
+def _behind_cutout(output: bpy.types.Node | None) -> tuple[Output, Input | None]:
+    """Return the shader upstream of a material output, and the input that cuts it out. Raises `NotUnderstoodError`.
 
     A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1).
     """
-    opacity: list[Input] = []
-    shader = None if output is None else follow(Input(output.inputs["Surface"]))
-    while isinstance(shader, Output) and shader.node.type == "MIX_SHADER":
+    shader, mask = None if output is None else follow(Input(output.inputs["Surface"])), None
+    if isinstance(shader, Output) and shader.node.type == "MIX_SHADER":
         factor, first, second = shader.inputs()
         clear = follow(first)
-        if not isinstance(clear, Output) or clear.node.type != "BSDF_TRANSPARENT":
-            break
-        opacity.append(factor)
-        shader = follow(second)
+        if isinstance(clear, Output) and clear.node.type == "BSDF_TRANSPARENT":
+            shader, mask = follow(second), factor
     if not isinstance(shader, Output):
         raise NotUnderstoodError("has no shader")
-    return shader, opacity
+    return shader, mask
 
 
 def shaders_mixed(shader: Output) -> list[Input]:
@@ -174,19 +165,22 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
-def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
+def _with_alpha(surface: Surface, alpha: Input, mask: Input | None, tree: bpy.types.NodeTree) -> Surface:
+    """Add the alpha of a Principled BSDF, or the mask that cuts it out."""
     try:
-        product, cutoff = _alpha_product(targets)
+        if mask is not None and number_at(alpha) != 1.0:
+            raise NotUnderstoodError("is cut out by a Mix Shader, too")
+        target, cutoff = _cut(mask or alpha)
+        product = product_of(target)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base color use different texture coordinates")
     except NotUnderstoodError as reason:
         return _with_gap(surface, "alpha", reason, tree)
-    alpha = product.factor[0]
-    opaque = product.texture is None and product.attribute is None and alpha == 1.0
+    opaque = product == Product()
     return replace(
         surface,
-        alpha=alpha,
+        alpha=product.factor[0],
         alpha_texture=product.texture,
         alpha_channel="alpha" if product.channel == "Alpha" else "luminance",
         alpha_attribute=product.attribute,
@@ -220,17 +214,14 @@ class Product:
         return Product((red, green, blue), textured.texture, textured.channel, attribute)
 
 
-def product_of(target: Input) -> Product:
+def product_of(target: Input, most: int = _MOST_PRODUCTS) -> Product:
     """Return the product behind a color or value input. Raises `NotUnderstoodError`."""
-    product, waiting = Product(), [target]
-    for _ in range(2 * _MOST_FACTORS):
-        if not waiting:
-            return product
-        source = follow(waiting.pop())
-        factors = _factors(source, target.socket.type)
-        waiting += factors
-        product = product if factors else product.times(_single(source, target.socket.type))
-    raise NotUnderstoodError(f"is a product of more than {_MOST_FACTORS} factors")
+    source, kind = follow(target), target.socket.type
+    factors = _factors(source, kind) if most else []
+    if not factors:
+        return _single(source, kind)
+    first, second = (product_of(factor, most - 1) for factor in factors)
+    return first.times(second)
 
 
 def _factors(source: Output | Input, kind: str) -> list[Input]:
@@ -267,23 +258,6 @@ def _single(source: Output | Input, kind: str) -> Product:
     if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
         return Product(attribute=node.attribute_name)
     raise NotUnderstoodError(f"comes from the node {node.name!r}")
-
-
-def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
-    """Return the product behind the alpha inputs, and its cutoff (`None` without one). Raises `NotUnderstoodError`."""
-    product, cutoffs, rest = Product(), list[float](), list[float | None]()
-    for target in targets:
-        behind, cutoff = _cut(target)
-        product = product.times(product_of(behind))
-        if cutoff is None:
-            rest.append(number_at(target))
-        else:
-            cutoffs.append(cutoff)
-    if not cutoffs:
-        return product, None
-    if len(cutoffs) > 1 or any(factor != 1.0 for factor in rest):
-        raise NotUnderstoodError("is multiplied after the cutoff")
-    return product, cutoffs[0]
 
 
 def _cut(target: Input) -> tuple[Input, float | None]:
