@@ -176,7 +176,8 @@ def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -
         if image is not None and laid_alike(colors, image) and _is_upright(image):
             return replace(shading, normal=image)
     instead = "mesh normals are used"
-    if not folded(principled.input("Normal"), _normals_mixed, _is_of_tangent_space):
+    start: Output | Input = source
+    if not folded(start, _normals_mixed, _is_of_tangent_space):
         reason = f"normals come from the node {node.name!r}, not from tangent-space maps and bumps"
         raise NotUnderstoodError(f"{reason}; {instead} instead")
     return replace(shading, normal=_rendering(principled, _NORMAL, colors, "normal", instead))
@@ -188,21 +189,20 @@ def _is_upright(image: Texture) -> bool:
     return bool(along_u > 0.0 and along_v > 0.0 and across_u == across_v == 0.0)
 
 
-def _normals_mixed(target: Input) -> list[Input]:
-    """Return the inputs from which a node computes a normal."""
-    source = follow(target)
+def _normals_mixed(source: Output | Input) -> list[Output | Input]:
+    """Return the sources from which a node computes a normal."""
     if isinstance(source, Output) and source.node.type == "BUMP":
-        return [source.input("Normal")]
+        return [follow(source.input("Normal"))]
     if isinstance(source, Output) and source.node.type in {"MIX", "VECT_MATH"}:
-        return [each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"}]
+        used = (each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"})
+        return [follow(each) for each in used]
     return []
 
 
-def _is_of_tangent_space(target: Input, mixed: list[bool]) -> bool:
+def _is_of_tangent_space(source: Output | Input, mixed: list[bool]) -> bool:
     """Return whether a normal mixes only surface normals, tangent-space Normal Maps and Bumps."""
-    source = follow(target)
     if isinstance(source, Input):
-        return source.socket.hide_value  # an unlinked input without a value uses the surface normal
+        return bool(source.socket.hide_value)  # an unlinked input without a value uses the surface normal
     match source.node.type:
         case "NORMAL_MAP":
             return str(source.node.space) == "TANGENT"

@@ -80,7 +80,11 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
             f"material {material.name!r} has {count:,} nodes, with each use of a group counted; the limit is "
             f"{MOST_NODES:,}: use fewer nested groups, or bake the material to an image"
         )
-    tree = material.node_tree
+    return _of_shaders(viewport, material.node_tree, as_exported=as_exported)
+
+
+def _of_shaders(viewport: Surface, tree: bpy.types.NodeTree, *, as_exported: bool) -> Surface:
+    """Read a tree's shaders. `viewport` has the material's name, and the colors that replace unread ones."""
     try:
         shader, mask = _behind_cutout(output_of(tree, "ALL" if as_exported else "CYCLES"))
         principled = _first_principled(shader)
@@ -90,10 +94,10 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "surface", reason, tree)
     surface = _with_alpha(_with_color(viewport, principled, tree), principled.input("Alpha"), mask, tree)
+    if not mixed:
+        return surface
     only = f"only its Principled BSDF {principled.node.name!r} is read"
-    return (
-        replace(surface, warnings=(f"material {material.name!r} mixes several shaders: {only}",)) if mixed else surface
-    )
+    return replace(surface, warnings=(f"material {surface.name!r} mixes several shaders: {only}",))
 
 
 def principled_of(material: bpy.types.Material) -> Output | None:
@@ -242,11 +246,10 @@ def _single(source: Output | Input, kind: str) -> Product:
     """Return the product of a constant, an image or a color attribute alone."""
     node, name = source.socket.node, source.socket.name
     if isinstance(source, Input) or node.type in {"VALUE", "RGB"}:
-        if source.socket.type == "VALUE":
-            return Product((float(source.socket.default_value),) * 3)
-        if kind == "VALUE":
+        if source.socket.type != "VALUE" and kind == "VALUE":
             raise NotUnderstoodError(f"is a color at the input {name!r} of {node.name!r}")
-        red, green, blue, *_ = source.socket.default_value
+        value = source.socket.default_value
+        red, green, blue = (value,) * 3 if source.socket.type == "VALUE" else value[:3]
         return Product((red, green, blue))
     values = {"Alpha", "Color"} if node.type == "TEX_IMAGE" else {"Alpha"}
     if name not in (values if kind == "VALUE" else {"Color"}):

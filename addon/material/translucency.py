@@ -131,13 +131,11 @@ def _share(shader: Output) -> float:
     return folded(start, _mixed, _share_of)
 
 
-def _mixed(part: Output | Input) -> list[Input]:
-    shader = follow(part) if isinstance(part, Input) else part
-    return shaders_mixed(shader) if isinstance(shader, Output) else []
+def _mixed(shader: Output | Input) -> list[Output | Input]:
+    return [follow(target) for target in shaders_mixed(shader)] if isinstance(shader, Output) else []
 
 
-def _share_of(part: Output | Input, mixed: list[float]) -> float:
-    shader = follow(part) if isinstance(part, Input) else part
+def _share_of(shader: Output | Input, mixed: list[float]) -> float:
     if isinstance(shader, Input):
         return 0.0
     match shader.node.type:
