@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 import bpy
 
 from ..nodes.builder import Section
-from .node_links import Links, Output, folded, group_end, like
+from .node_links import Links, Port, folded, group_end, like
 
 Light = Literal["all", "reflected", "transmitted", "coverage"]
 """The part of the light to emit; "coverage" is white light. All have the same alpha: it is the leaf's coverage."""
@@ -155,7 +155,7 @@ class Emitter(Builder):
         return self.math("SUBTRACT", 1.0, share)
 
 
-def outside_groups(shader: Output, instead: Socket) -> Socket:
+def outside_groups(shader: Port, instead: Socket) -> Socket:
     """Connect `instead`, in the tree of a shader inside groups, to the groups' outputs. Return the outermost output."""
     for group in reversed(shader.groups):
         end = group_end(group.node_tree)

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Literal, TypeGuard
+from typing import Literal
 
 import bpy
 
 from ..errors import SceneError
-from .node_links import Input, Output, can_render, follow, node_count, number_at, output_of, sources_behind
+from .node_links import Port, can_render, follow, node_count, number_at, output_of, sources_behind
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_of, texture_of
 
 Rgb = tuple[float, float, float]
@@ -100,7 +100,7 @@ def _of_shaders(viewport: Surface, tree: bpy.types.NodeTree, *, as_exported: boo
     return replace(surface, warnings=(f"material {surface.name!r} mixes several shaders: {only}",))
 
 
-def principled_of(material: bpy.types.Material) -> Output | None:
+def principled_of(material: bpy.types.Material) -> Port | None:
     """Return the first Principled BSDF of the material's surface; None without one."""
     try:
         shader = shader_of(material)
@@ -109,7 +109,7 @@ def principled_of(material: bpy.types.Material) -> Output | None:
         return None
 
 
-def shader_of(material: bpy.types.Material) -> Output | None:
+def shader_of(material: bpy.types.Material) -> Port | None:
     """Return the shader of the material's surface behind a cutout; None without one."""
     try:
         return _behind_cutout(output_of(material.node_tree))[0] if _has_nodes(material) else None
@@ -123,44 +123,42 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
-def _first_principled(shader: Output) -> Output:
+def _first_principled(shader: Port) -> Port:
     """Return a Principled BSDF, or the first that a shader mixes. Raises `NotUnderstoodError`."""
     for found in [shader, *sources_behind(shaders_mixed(shader))]:
-        if found.node.type == "BSDF_PRINCIPLED":
+        if found.kind == "BSDF_PRINCIPLED":
             return found
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
-def _behind_cutout(output: bpy.types.Node | None) -> tuple[Output, Input | None]:
+def _behind_cutout(output: bpy.types.Node | None) -> tuple[Port, Port | None]:
     """Return the shader upstream of a material output, and the input that cuts it out. Raises `NotUnderstoodError`.
 
     A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1).
     """
-    shader, mask = None if output is None else follow(Input(output.inputs["Surface"])), None
-    if isinstance(shader, Output) and shader.node.type == "MIX_SHADER":
+    shader, mask = None if output is None else follow(Port(output.inputs["Surface"])), None
+    if shader is not None and shader.kind == "MIX_SHADER":
         factor, first, second = shader.inputs()
-        clear = follow(first)
-        if isinstance(clear, Output) and clear.node.type == "BSDF_TRANSPARENT":
+        if follow(first).kind == "BSDF_TRANSPARENT":
             shader, mask = follow(second), factor
-    if not isinstance(shader, Output):
+    if shader is None or not shader.kind:
         raise NotUnderstoodError("has no shader")
     return shader, mask
 
 
-def shaders_mixed(shader: Output) -> list[Input]:
+def shaders_mixed(shader: Port) -> list[Port]:
     """Return the inputs with the shaders that a Mix Shader or an Add Shader mixes; none of other shaders."""
-    mixes = shader.node.type in {"MIX_SHADER", "ADD_SHADER"}
+    mixes = shader.kind in {"MIX_SHADER", "ADD_SHADER"}
     return [target for target in shader.inputs() if target.socket.type == "SHADER"] if mixes else []
 
 
-def _is_translucent(shader: Output) -> bool:
+def _is_translucent(shader: Port) -> bool:
     """Return whether a shader mixes a Principled and a Translucent BSDF. The former gives the base color."""
-    behind = [follow(target) for target in shaders_mixed(shader)]
-    types = sorted(source.node.type for source in behind if isinstance(source, Output))
-    return types == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
+    kinds = sorted(follow(target).kind for target in shaders_mixed(shader))
+    return kinds == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
-def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
+def _with_color(viewport: Surface, principled: Port, tree: bpy.types.NodeTree) -> Surface:
     try:
         product = product_of(principled.input("Base Color"))
         _check_factor(product)
@@ -169,7 +167,7 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
-def _with_alpha(surface: Surface, alpha: Input, mask: Input | None, tree: bpy.types.NodeTree) -> Surface:
+def _with_alpha(surface: Surface, alpha: Port, mask: Port | None, tree: bpy.types.NodeTree) -> Surface:
     """Add the alpha of a Principled BSDF, or the mask that cuts it out."""
     try:
         if mask is not None and number_at(alpha) != 1.0:
@@ -196,7 +194,7 @@ def _with_alpha(surface: Surface, alpha: Input, mask: Input | None, tree: bpy.ty
 def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
     layout = None
     if can_render(tree) and (output := output_of(tree)) is not None:
-        layout = layout_of([Input(output.inputs["Surface"])])
+        layout = layout_of([Port(output.inputs["Surface"])])
     return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
 
 
@@ -218,7 +216,7 @@ class Product:
         return Product((red, green, blue), textured.texture, textured.channel, attribute)
 
 
-def product_of(target: Input, most: int = _MOST_PRODUCTS) -> Product:
+def product_of(target: Port, most: int = _MOST_PRODUCTS) -> Product:
     """Return the product behind a color or value input. Raises `NotUnderstoodError`."""
     source, kind = follow(target), target.socket.type
     factors = _factors(source, kind) if most else []
@@ -228,24 +226,22 @@ def product_of(target: Input, most: int = _MOST_PRODUCTS) -> Product:
     return first.times(second)
 
 
-def _factors(source: Output | Input, kind: str) -> list[Input]:
+def _factors(source: Port, kind: str) -> list[Port]:
     """Return the inputs that a node multiplies, as colors or as values; none for other nodes."""
-    if isinstance(source, Input):
-        return []
     node = source.node
     if kind == "VALUE":
         return source.inputs()[:2] if _is_math(source, "MULTIPLY") else []
-    if node.type != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
+    if source.kind != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
         return []
     if number_at(source.input("Factor_Float")) != 1.0:
         raise NotUnderstoodError(f"is multiplied by the node {node.name!r}, whose Factor is not 1")
     return [source.input("A_Color"), source.input("B_Color")]
 
 
-def _single(source: Output | Input, kind: str) -> Product:
+def _single(source: Port, kind: str) -> Product:
     """Return the product of a constant, an image or a color attribute alone."""
     node, name = source.socket.node, source.socket.name
-    if isinstance(source, Input) or node.type in {"VALUE", "RGB"}:
+    if source.kind in {"", "VALUE", "RGB"}:
         if source.socket.type != "VALUE" and kind == "VALUE":
             raise NotUnderstoodError(f"is a color at the input {name!r} of {node.name!r}")
         value = source.socket.default_value
@@ -263,13 +259,13 @@ def _single(source: Output | Input, kind: str) -> Product:
     raise NotUnderstoodError(f"comes from the node {node.name!r}")
 
 
-def _cut(target: Input) -> tuple[Input, float | None]:
+def _cut(target: Port) -> tuple[Port, float | None]:
     """Return the input before a cutoff node, and the cutoff. Alpha is 1 from the cutoff up, 0 below it.
 
     The glTF importer builds Round and 1 − Less Than, artists and Leafcloud Greater Than.
     """
     source = follow(target)
-    if isinstance(source, Input) or source.node.type != "MATH":
+    if source.kind != "MATH":
         return target, None
     first, second, *_ = source.inputs()
     limit = number_at(second)
@@ -285,8 +281,8 @@ def _cut(target: Input) -> tuple[Input, float | None]:
     return target, None
 
 
-def _is_math(source: Output | Input, operation: str) -> TypeGuard[Output]:
-    return isinstance(source, Output) and source.node.type == "MATH" and source.node.operation == operation
+def _is_math(source: Port, operation: str) -> bool:
+    return source.kind == "MATH" and source.node.operation == operation
 
 
 def _check_factor(product: Product) -> None:
