@@ -116,10 +116,10 @@ class Emitter(Builder):
         shaders = iter(mixed)
         for old, new in zip(node.inputs, copy.inputs, strict=True):
             fed = next(shaders) if old.type == "SHADER" else self.source(old)
-            if fed is None:
-                new.default_value = old.default_value
-            else:
+            if fed is not None:
                 self._tree.links.new(fed, new)
+            elif hasattr(old, "default_value"):
+                new.default_value = old.default_value
         return like(copy.outputs, source)
 
     def _of_shader(self, node: bpy.types.Node) -> Socket:
