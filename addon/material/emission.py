@@ -7,7 +7,7 @@ shaders. The original shaders stay.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
 import bpy
@@ -19,6 +19,8 @@ Light = Literal["all", "reflected", "transmitted", "coverage"]
 """The part of the light to emit; "coverage" is white light. All have the same alpha: it is the leaf's coverage."""
 
 Socket: TypeAlias = bpy.types.NodeSocket
+
+_BLACK, _WHITE = (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 
 
 class Builder(Section):
@@ -36,9 +38,13 @@ class Builder(Section):
         """Return the socket that feeds an input, or a new node with the input's own value."""
         source = self.source(target)
         if source is None:
-            source = self.result("ShaderNodeValue" if target.type == "VALUE" else "ShaderNodeRGB")
-            source.default_value = target.default_value
+            return self.constant(target.default_value, "Value" if target.type == "VALUE" else "RGB")
         return source
+
+    def constant(self, value: float | Sequence[float], kind: str = "RGB") -> Socket:
+        socket = self.result(f"ShaderNode{kind}")
+        socket.default_value = value
+        return socket
 
     def clear(self, share: Socket | None = None) -> Socket:
         """Add a Transparent BSDF that transmits this share, or all light."""
@@ -65,7 +71,7 @@ class Emitter(Builder):
         strength: float = 1.0,
     ) -> None:
         super().__init__(tree)
-        self._tree, self._light, self._factor, self._strength = tree, light, factor, strength
+        self._light, self._factor, self._strength = light, factor, strength
         self._made: dict[Socket | None, Socket] = {}
 
     def emitting(self, target: Socket) -> Socket:
@@ -133,12 +139,10 @@ class Emitter(Builder):
 
     def _shown(self, node: bpy.types.Node) -> Socket:
         """Return the part of a shader's color that belongs to the light."""
+        if self._light == "coverage":
+            return self.constant(_WHITE)
         target = next((node.inputs[name] for name in ("Base Color", "Color") if name in node.inputs), None)
-        if target is None or self._light == "coverage":
-            color = self.result("ShaderNodeRGB")
-            color.default_value = (0.0, 0.0, 0.0, 1.0) if self._light != "coverage" else (1.0,) * 4
-            return color
-        color = self.read(target)
+        color = self.constant(_BLACK) if target is None else self.read(target)
         if self._light == "all":
             return color
         through = self._through(node)
