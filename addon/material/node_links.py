@@ -110,6 +110,12 @@ def number_at(target: Port) -> float | None:
     return float(source.socket.default_value) if (source.kind or source.socket.type) == "VALUE" else None
 
 
+def share_at(target: Port) -> float | None:
+    """Return the number at a value input, clamped to [0, 1] as in Blender; `None` if it varies."""
+    number = number_at(target)
+    return None if number is None else min(max(number, 0.0), 1.0)
+
+
 def _enter(source: Port) -> Port:
     """Return the input behind an output of a node that only passes values on; else the output itself."""
     node = source.node

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from .emission import Builder, Socket, outside_groups
 from .flatten import of_single_leaves, render
 from .images import Pixels, as_bytes, check_images
-from .node_links import Port, folded, follow, nodes_behind, number_at, shown_nodes
+from .node_links import Port, folded, follow, nodes_behind, number_at, share_at, shown_nodes
 from .surface import principled_of, read_surface
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, texture_of, transform_matrix
 
@@ -117,7 +117,7 @@ def _unread(material: bpy.types.Material) -> list[str]:
 
 
 def _with_specular(shading: Shading, principled: Port, _: Texture | None) -> Shading:
-    specular = _within(number_at(principled.input("Specular IOR Level")))
+    specular = share_at(principled.input("Specular IOR Level"))
     if specular is None:
         raise NotUnderstoodError(f"Specular IOR Level varies; {USUAL_SPECULAR} is used instead")
     return replace(shading, specular=specular)
@@ -125,7 +125,7 @@ def _with_specular(shading: Shading, principled: Port, _: Texture | None) -> Sha
 
 def _with_orm(shading: Shading, principled: Port, colors: Texture | None) -> Shading:
     rough, metal = (principled.input(name) for name in _ROUGHNESS_METALLIC)
-    roughness, metallic = (_within(number_at(target)) for target in (rough, metal))
+    roughness, metallic = (share_at(target) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
     channels = [(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None]
@@ -140,11 +140,6 @@ def _with_orm(shading: Shading, principled: Port, colors: Texture | None) -> Sha
         return replace(shading, roughness=1.0, metallic=1.0, orm=image)
     roughness, metallic = (1.0 if factor is None else factor for factor in (roughness, metallic))
     return replace(shading, roughness=roughness, metallic=metallic, orm=image)
-
-
-def _within(number: float | None) -> float | None:
-    """Clamp to [0, 1], as Blender does."""
-    return None if number is None else min(max(number, 0.0), 1.0)
 
 
 def _image_of_channel(target: Port, channel: str) -> Texture | None:

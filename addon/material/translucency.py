@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Port, folded, follow, number_at, shown_nodes
+from .node_links import Port, folded, follow, share_at, shown_nodes
 from .surface import Rgb, Surface, product_of, read_surface, shader_of, shaders_mixed
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with
 
@@ -112,7 +112,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     color = parts["BSDF_TRANSLUCENT"].input("Color")
     if node.type == "ADD_SHADER":
         return _with_color(color, 0.5, 1.0, 1.0)
-    if number_at(shader.inputs()[0]) is None:
+    if share_at(shader.inputs()[0]) is None:
         raise NotUnderstoodError(f"varies at the node {node.name!r}, whose factor has to be a constant")
     return _with_color(color, share, 1.0 - share, share)
 
@@ -136,8 +136,8 @@ def _share_of(shader: Port, mixed: list[float]) -> float:
             weight = _weight(shader)
             return 0.5 if weight is None else weight
         case "MIX_SHADER":
-            number = number_at(shader.inputs()[0])
-            factor = 0.5 if number is None else _cut(number)
+            factor = share_at(shader.inputs()[0])
+            factor = 0.5 if factor is None else factor
             return (1.0 - factor) * mixed[0] + factor * mixed[1]
         case "ADD_SHADER":
             return 0.5 if any(mixed) else 0.0
@@ -150,9 +150,5 @@ def _weight(principled: Port) -> float | None:
 
     `None` if it varies.
     """
-    clear, inside = (number_at(principled.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
-    return None if clear is None or inside is None else 1.0 - (1.0 - _cut(clear)) * (1.0 - 0.5 * _cut(inside))
-
-
-def _cut(share: float) -> float:
-    return min(max(share, 0.0), 1.0)
+    clear, inside = (share_at(principled.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
+    return None if clear is None or inside is None else 1.0 - (1.0 - clear) * (1.0 - 0.5 * inside)
