@@ -1,7 +1,7 @@
 """Renderer of a material over its UV map, for what cannot be read from its nodes.
 
-On a copy of the material, an emission replaces the shaders: of base color and alpha (see `shader_sums`), of roughness
-and metallic, or of normals (see `shading`). Cycles renders a flat square that covers the whole UV map, from above. So
+On a copy of the material, emissions replace the shaders: of base color and alpha (see `emission`), of roughness and
+metallic, or of normals (see `shading`). Cycles renders a flat square that covers the whole UV map, from above. So
 image textures, ramps, mixes, curves and node groups look as they do in Cycles.
 
 Inputs that vary per leaf have one value on the square; `tints` measures how the leaves differ from it.
@@ -111,12 +111,12 @@ def flatten(material: bpy.types.Material, light: Light = "all", settings: Render
     Raises `SceneError` if Cycles fails.
     """
     nodes = shown_nodes(material.node_tree)
-    pixels = render(material, nodes, lambda copy: colors(copy, light), settings=settings)
+    pixels = render(material, nodes, lambda copy: color_shader(copy, light), settings=settings)
     random, place, side, lost = (_labels(nodes, kind) for kind in ("random", "place", "side", "lost"))
     return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, settings)
 
 
-def colors(copy: bpy.types.Material, light: Light = "all") -> Socket:
+def color_shader(copy: bpy.types.Material, light: Light = "all") -> Socket:
     """Add a shader that emits a material's color, or a part of its light."""
     output = output_of(copy.node_tree)
     assert output is not None  # `can_render` holds
@@ -167,7 +167,7 @@ def _is_generated(node: bpy.types.Node) -> bool:
 
 
 @contextmanager
-def emitting(material: bpy.types.Material, shader: Shader = colors) -> Iterator[bpy.types.Material]:
+def emitting(material: bpy.types.Material, shader: Shader = color_shader) -> Iterator[bpy.types.Material]:
     """Yield a copy of a material with the surface that `shader` adds to it, without volume and displacement.
 
     Attributes `RANDOM` and `SIDE` replace node outputs.

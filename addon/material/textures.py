@@ -85,13 +85,10 @@ def _wrapped(combine: Port) -> Port | None:
         source = follow(target)
         if source.kind == "MATH" and source.node.operation in {"WRAP", "PINGPONG"}:
             source = follow(source.inputs()[0])
-        if source.kind != "SEPXYZ":
-            return None
         separated.append(source)
     u, v = separated
-    if u.node != v.node or (u.socket.name, v.socket.name) != ("X", "Y"):
-        return None
-    return u.input("Vector")
+    apart = u.kind == "SEPXYZ" and u.node == v.node and (u.socket.name, v.socket.name) == ("X", "Y")
+    return u.input("Vector") if apart else None
 
 
 def _mapping(source: Port) -> tuple[float, ...]:

@@ -31,7 +31,7 @@ from .flatten import (
     Flattened,
     RenderSettings,
     add_layers,
-    colors,
+    color_shader,
     cycles_scene,
     emitting,
     flatten,
@@ -228,14 +228,13 @@ def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
 
 def _seen(flat: Flattened, leaves: Islands, place: Place, side: float = 0.0) -> NDArray[np.float32]:
     """Return (t, 3, 3) the colors that the leaves' corners have with this UV, on this side (0: front, 1: back)."""
-
     color, alpha = (_emitted(flat, light, leaves, place, side) for light in (flat.light, "coverage"))
     return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
 
 
 def _emitted(flat: Flattened, light: Light, leaves: Islands, place: Place, side: float) -> NDArray[np.float32]:
     """Return (t, 3, 3) a part of the light, times alpha, at the leaves' corners."""
-    with emitting(flat.material, lambda copy: colors(copy, light)) as shown, cycles_scene(flat.material) as scene:
+    with emitting(flat.material, lambda copy: color_shader(copy, light)) as shown, cycles_scene(flat.material) as scene:
         mesh = _mesh(leaves, shown_nodes(flat.material.node_tree), place, side)
         mesh.materials.append(shown)
         return _baked(scene, mesh).reshape(-1, 3, 3)
