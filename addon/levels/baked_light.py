@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from ..material.flatten import shining_copy
 from ..material.node_links import output_of
-from ..material.shader_sums import SHINE
 from ..scene.light import Light
 from .material import PAGE_NODE, hide_back_in_cycles, shown_share
 
@@ -73,7 +72,7 @@ def unlit_material(
         )
     )
     texture.image, texture.name = image, PAGE_NODE
-    emission.name, emission.inputs["Strength"].default_value = SHINE, strength
+    emission.inputs["Strength"].default_value = strength
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     _mix(tree, either, path.outputs["Is Camera Ray"], emission, emission)
     _mix(tree, cut, shown_share(tree, texture, alpha_cutoff), clear, either)

@@ -1,7 +1,7 @@
 """Renderer of a material over its UV map, for what cannot be read from its nodes.
 
-On a copy of the material, an emission replaces the shaders: of base color and alpha (see `shader_sums`), of roughness
-and metallic, or of normals (see `shading`). Cycles renders a flat square that covers the whole UV map, from above. So
+On a copy of the material, emissions replace the shaders: of base color and alpha (see `emission`), of roughness and
+metallic, or of normals (see `shading`). Cycles renders a flat square that covers the whole UV map, from above. So
 image textures, ramps, mixes, curves and node groups look as they do in Cycles.
 
 Inputs that vary per leaf have one value on the square; `tints` measures how the leaves differ from it.
@@ -14,19 +14,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from .emission import Emitter, Light, Socket
 from .node_links import output_of, shown_nodes, trees_of
-from .shader_sums import Builder, Light, shining
 from .textures import ACTIVE, Texture, uv_maps
 
-Codes = Callable[[bpy.types.Material], tuple[Any, Any]]
-"""Adds nodes to a material, and returns a color and an alpha in its own tree, as sockets or constants."""
+Shader = Callable[[bpy.types.Material], Socket]
+"""Adds an emitting shader to a material, and returns its output in the material's own tree."""
 
 LEAST, USUAL, LARGEST = 64, 512, 4096
 """Side of the rendering in texels: that of the material's largest image, within these limits; else `USUAL`."""
@@ -112,33 +111,33 @@ def flatten(material: bpy.types.Material, light: Light = "all", settings: Render
     Raises `SceneError` if Cycles fails.
     """
     nodes = shown_nodes(material.node_tree)
-    pixels = render(material, nodes, lambda copy: color_and_alpha(copy, light), settings=settings)
+    pixels = render(material, nodes, lambda copy: color_shader(copy, light), settings=settings)
     random, place, side, lost = (_labels(nodes, kind) for kind in ("random", "place", "side", "lost"))
     return Flattened(material, pixels, bool(random), bool(place), bool(side), tuple(lost), light, settings)
 
 
-def color_and_alpha(copy: bpy.types.Material, light: Light = "all") -> tuple[Any, Any]:
-    """Add nodes that compute a material's premultiplied color, or a part of its light, and its alpha."""
+def color_shader(copy: bpy.types.Material, light: Light = "all") -> Socket:
+    """Add a shader that emits a material's color, or a part of its light."""
     output = output_of(copy.node_tree)
     assert output is not None  # `can_render` holds
-    return Builder(copy.node_tree, light).color_and_alpha(output.inputs["Surface"])
+    return Emitter(copy.node_tree, light).emitting(output.inputs["Surface"])
 
 
 def render(
     material: bpy.types.Material,
     nodes: Sequence[bpy.types.Node],
-    codes: Codes,
+    shader: Shader,
     *,
     transform: Sequence[float] = Texture.transform,
     size: float = 1.0,
     settings: RenderSettings = USUAL_SETTINGS,
 ) -> NDArray[np.float32]:
-    """Render what `codes` builds on a copy of a material. Return (h, w, 4), premultiplied, row 0 on top.
+    """Render the shader that `shader` adds to a copy of a material. Return (h, w, 4), premultiplied, row 0 on top.
 
     `nodes`: those that the result depends on. `transform`: see `Texture`; the rendering covers [0, 1]² of the image.
     `size`: the side of the square in the world. Raises `SceneError` if Cycles fails.
     """
-    with emitting(material, codes) as shown, cycles_scene(material) as scene:
+    with emitting(material, shader) as shown, cycles_scene(material) as scene:
         mesh = _square(nodes, transform, settings)
         mesh.materials.append(shown)
         return rendered(scene, mesh, min(_side_of(nodes), settings.largest), size)
@@ -168,21 +167,26 @@ def _is_generated(node: bpy.types.Node) -> bool:
 
 
 @contextmanager
-def emitting(material: bpy.types.Material, codes: Codes) -> Iterator[bpy.types.Material]:
-    """Yield a copy that emits the color that `codes` builds on it, and transmits 1 − alpha.
+def emitting(material: bpy.types.Material, shader: Shader = color_shader) -> Iterator[bpy.types.Material]:
+    """Yield a copy of a material with the surface that `shader` adds to it, without volume and displacement.
 
     Attributes `RANDOM` and `SIDE` replace node outputs.
     """
-    copy, groups = _copied(material)
+    copy = _copied(material)
+    tree = copy.node_tree
     try:
-        for tree in (copy.node_tree, *groups):
-            _read(tree, "OBJECT_INFO", "Random", RANDOM)
-            _read(tree, "NEW_GEOMETRY", "Backfacing", SIDE)
-        color, alpha = codes(copy)
-        _show(copy.node_tree, shining(Builder(copy.node_tree), color, alpha))
+        for each in trees_of(tree):
+            _read(each, "OBJECT_INFO", "Random", RANDOM)
+            _read(each, "NEW_GEOMETRY", "Backfacing", SIDE)
+        output = output_of(tree)
+        assert output is not None  # `can_render` holds
+        tree.links.new(shader(copy), output.inputs["Surface"])
+        for name in ("Volume", "Displacement"):
+            for link in list(output.inputs[name].links):
+                tree.links.remove(link)
         yield copy
     finally:
-        bpy.data.batch_remove([copy, *groups])
+        bpy.data.batch_remove([copy, *trees_of(tree)[1:]])
 
 
 def asks_for_random(tree: bpy.types.NodeTree) -> bool:
@@ -192,34 +196,32 @@ def asks_for_random(tree: bpy.types.NodeTree) -> bool:
 
 def copy_for_joined(material: bpy.types.Material) -> bpy.types.Material:
     """Return a copy for leaves joined to one object. It reads each leaf's random number from the attribute `RANDOM`."""
-    copy, groups = _copied(material)
+    copy = _copied(material)
     copy.name = f"{material.name}_joined"
-    for tree in (copy.node_tree, *groups):
+    for tree in trees_of(copy.node_tree):
         _read(tree, "OBJECT_INFO", "Random", RANDOM)
     return copy
 
 
 def shining_copy(
-    material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], strength: float
+    material: bpy.types.Material, factor: Callable[[bpy.types.NodeTree], Socket], strength: float
 ) -> bpy.types.Material:
     """Return a copy that emits its color times a factor times `strength`. `factor` adds the factor's nodes to a tree.
 
     Cycles and EEVEE each get an output of their own. The output for all renderers stays unchanged, for exporters and
     other readers.
     """
-    copy, _ = _copied(material)
+    copy = _copied(material)
     tree = copy.node_tree
     output = output_of(tree)
     assert output is not None  # materials that show anything have one
     for other in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node != output]:
         tree.nodes.remove(other)
-    builder = Builder(tree, "all")
-    color, alpha = builder.color_and_alpha(output.inputs["Surface"])
-    shader = shining(builder, builder.vector("MULTIPLY", color, factor(tree)), alpha, strength)
+    shader = Emitter(tree, "all", factor, strength).emitting(output.inputs["Surface"])
     for target in ("CYCLES", "EEVEE"):
         shown = tree.nodes.new("ShaderNodeOutputMaterial")
         shown.target = target
-        tree.links.new(shader.outputs[0], shown.inputs["Surface"])
+        tree.links.new(shader, shown.inputs["Surface"])
     output.target, output.is_active_output = "ALL", True
     return copy
 
@@ -248,17 +250,16 @@ def cycles_scene(material: bpy.types.Material) -> Iterator[bpy.types.Scene]:
         bpy.data.batch_remove([*results, *(obj.data for obj in objects), *objects, scene])
 
 
-def _copied(material: bpy.types.Material) -> tuple[bpy.types.Material, list[bpy.types.NodeTree]]:
-    """Return a copy of a material in which each group node has a copy of its group of its own, and these groups."""
-    copy, groups = material.copy(), list[bpy.types.NodeTree]()
+def _copied(material: bpy.types.Material) -> bpy.types.Material:
+    """Return a copy of a material in which each group node has a copy of its group of its own."""
+    copy = material.copy()
     waiting = [copy.node_tree]
     while waiting:
         for node in waiting.pop().nodes:
             if node.type == "GROUP" and node.node_tree is not None:
                 node.node_tree = node.node_tree.copy()
-                groups.append(node.node_tree)
                 waiting.append(node.node_tree)
-    return copy, groups
+    return copy
 
 
 def _read(tree: bpy.types.NodeTree, kind: str, output: str, name: str) -> None:
@@ -330,13 +331,3 @@ def rendered(scene: bpy.types.Scene, mesh: bpy.types.Mesh, side: int, size: floa
         image.pixels.foreach_get(values)
         bpy.data.images.remove(image)
     return values.reshape(side, side, 4)[::-1]
-
-
-def _show(tree: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
-    """Connect the shader to the material's output, and remove its volume and displacement."""
-    output = output_of(tree)
-    assert output is not None  # `can_render` holds
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    for other in ("Volume", "Displacement"):
-        for link in list(output.inputs[other].links):
-            tree.links.remove(link)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import bpy
 
-from .node_links import Input, Output, follow, number_at, output_of, shown_nodes, tangled_inputs, trees_of
+from .node_links import Port, follow, number_at, output_of, shown_nodes, tangled_inputs, trees_of
 from .surface import principled_of
 
 
@@ -52,13 +52,11 @@ def _emits(material: bpy.types.Material) -> bool:
     )
 
 
-def _has(shader: Output, name: str) -> bool:
+def _has(shader: Port, name: str) -> bool:
     """Return whether a value input is not the constant 0. An input that varies counts as not 0."""
     return number_at(shader.input(name)) != 0.0
 
 
-def _is_black(target: Input) -> bool:
+def _is_black(target: Port) -> bool:
     source = follow(target)
-    if isinstance(source, Output) and source.node.type != "RGB":
-        return False
-    return not any(source.socket.default_value[:3])
+    return source.kind in {"", "RGB"} and not any(source.socket.default_value[:3])

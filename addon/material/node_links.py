@@ -39,36 +39,33 @@ class Links:
 
 
 @dataclass(frozen=True)
-class Input:
-    """An input socket, and the group nodes entered to reach it, innermost last."""
+class Port:
+    """An input or output socket, and the group nodes entered to reach it, innermost last."""
 
     socket: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...] = ()
     links: Links = field(default_factory=Links, repr=False, compare=False)
     """The links at the start of the traversal."""
 
-
-@dataclass(frozen=True)
-class Output:
-    """An output socket, and the group nodes entered to reach it. `follow` skips groups, reroutes and muted nodes."""
-
-    socket: bpy.types.NodeSocket
-    groups: tuple[bpy.types.Node, ...] = ()
-    links: Links = field(default_factory=Links, repr=False, compare=False)
-
     @property
     def node(self) -> bpy.types.Node:
         return self.socket.node
 
-    def input(self, identifier: str) -> Input:
+    @property
+    def kind(self) -> str:
+        """The type of an output's node; empty for an input."""
+        return str(self.node.type) if self.socket.is_output else ""
+
+    def inputs(self) -> list[Port]:
+        """Return the inputs of an output's node; none for an input."""
+        return [self._at(socket) for socket in self.node.inputs] if self.socket.is_output else []
+
+    def input(self, identifier: str) -> Port:
         """Return the node's input with this identifier. Names may repeat."""
         return next(self._at(socket) for socket in self.node.inputs if socket.identifier == identifier)
 
-    def inputs(self) -> list[Input]:
-        return [self._at(socket) for socket in self.node.inputs]
-
-    def _at(self, socket: bpy.types.NodeSocket) -> Input:
-        return Input(socket, self.groups, self.links)
+    def _at(self, socket: bpy.types.NodeSocket) -> Port:
+        return Port(socket, self.groups, self.links)
 
 
 def folded(
@@ -96,44 +93,48 @@ def folded(
     return known[start]
 
 
-def follow(target: Input) -> Output | Input:
+def follow(target: Port) -> Port:
     """Return the source of an input: the output of a node, or an unlinked input with its own value."""
     while True:
         link = target.links.to(target.socket)
         if link is None:
             return target
-        step = _enter(Output(link.from_socket, target.groups, target.links))
-        if isinstance(step, Output):
-            return step
-        target = step
+        target = _enter(Port(link.from_socket, target.groups, target.links))
+        if target.kind:
+            return target
 
 
-def number_at(target: Input) -> float | None:
+def number_at(target: Port) -> float | None:
     """Return the number at a value input; `None` if it varies."""
     source = follow(target)
-    known = source.node.type == "VALUE" if isinstance(source, Output) else source.socket.type == "VALUE"
-    return float(source.socket.default_value) if known else None
+    return float(source.socket.default_value) if (source.kind or source.socket.type) == "VALUE" else None
 
 
-def _enter(source: Output) -> Output | Input:
+def share_at(target: Port) -> float | None:
+    """Return the number at a value input, clamped to [0, 1] as in Blender; `None` if it varies."""
+    number = number_at(target)
+    return None if number is None else min(max(number, 0.0), 1.0)
+
+
+def _enter(source: Port) -> Port:
     """Return the input behind an output of a node that only passes values on; else the output itself."""
     node = source.node
     if node.mute:
         passed = next((link.from_socket for link in node.internal_links if link.to_socket == source.socket), None)
-        return source if passed is None else Input(passed, source.groups, source.links)
+        return source if passed is None else Port(passed, source.groups, source.links)
     if node.type == "REROUTE":
-        return Input(node.inputs[0], source.groups, source.links)
+        return Port(node.inputs[0], source.groups, source.links)
     if _pulls_to_mean(source):
         return source.input("A_Color")
     end = group_end(node.node_tree) if node.type == "GROUP" and node.node_tree is not None else None
     if end is not None:
-        return Input(like(end.inputs, source.socket), (*source.groups, node), source.links)
+        return Port(like(end.inputs, source.socket), (*source.groups, node), source.links)
     if node.type == "GROUP_INPUT" and source.groups:
-        return Input(like(source.groups[-1].inputs, source.socket), source.groups[:-1], source.links)
+        return Port(like(source.groups[-1].inputs, source.socket), source.groups[:-1], source.links)
     return source
 
 
-def _pulls_to_mean(source: Output) -> bool:
+def _pulls_to_mean(source: Port) -> bool:
     """Return whether a Mix node mixes in the leaves' mean color by the attribute `MEAN_SHARE` of a bake."""
     if source.node.type != "MIX" or source.node.data_type != "RGBA":
         return False
@@ -147,7 +148,7 @@ def like(sockets: Iterable[bpy.types.NodeSocket], other: Any) -> bpy.types.NodeS
 
 
 def group_end(tree: bpy.types.NodeTree) -> bpy.types.Node | None:
-    """Return the active Group Output node of a group's tree; None without one."""
+    """Return the active Group Port node of a group's tree; None without one."""
     return next((node for node in tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output), None)
 
 
@@ -186,16 +187,15 @@ def tangled_inputs(tree: bpy.types.NodeTree) -> list[bpy.types.NodeSocket]:
     links = Links()
     nodes = (node for node in tree.nodes if node.type == "GROUP" or any(each.type == "SHADER" for each in node.outputs))
     inputs = [socket for node in nodes for socket in node.inputs if socket.type != "SHADER" and links.to(socket)]
-    ways = ((socket, folded(Input(socket, links=links), _inputs_behind, _longer)) for socket in inputs)
+    ways = ((socket, folded(Port(socket, links=links), _inputs_behind, _longer)) for socket in inputs)
     return [socket for socket, (count, length) in ways if count > MOST_WAYS or length > LONGEST_WAY]
 
 
-def _inputs_behind(target: Input) -> list[Input]:
-    source = follow(target)
-    return source.inputs() if isinstance(source, Output) else []
+def _inputs_behind(target: Port) -> list[Port]:
+    return follow(target).inputs()
 
 
-def _longer(_: Input, ways: list[tuple[int, int]]) -> tuple[int, int]:
+def _longer(_: Port, ways: list[tuple[int, int]]) -> tuple[int, int]:
     """Return the number of inputs on all paths from an input, and on the longest, given those of the next inputs."""
     return 1 + sum(count for count, _ in ways), 1 + max((length for _, length in ways), default=0)
 
@@ -208,24 +208,24 @@ def output_of(tree: bpy.types.NodeTree, renderer: str = "CYCLES") -> bpy.types.N
 def shown_nodes(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """Return the nodes on which color, alpha and translucency of a material depend, including nodes in groups."""
     output = output_of(tree)
-    return [] if output is None else nodes_behind([Input(output.inputs["Surface"])])
+    return [] if output is None else nodes_behind([Port(output.inputs["Surface"])])
 
 
-def nodes_behind(targets: Sequence[Input]) -> list[bpy.types.Node]:
+def nodes_behind(targets: Sequence[Port]) -> list[bpy.types.Node]:
     """Return the nodes on which inputs depend, including nodes in groups, each once."""
     return list(dict.fromkeys(source.node for source in sources_behind(targets)))
 
 
-def sources_behind(targets: Sequence[Input]) -> list[Output]:
+def sources_behind(targets: Sequence[Port]) -> list[Port]:
     """Return an output of each node on which inputs depend, depth first. Groups, reroutes and muted nodes are skipped.
 
     A node in a group comes once for each use of the group. Of shaders only `_OF_SHADERS` count.
     """
-    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], Output] = {}
+    found: dict[tuple[bpy.types.Node, tuple[bpy.types.Node, ...]], Port] = {}
     waiting = list(reversed(targets))
     while waiting:
         source = follow(waiting.pop())
-        if isinstance(source, Output) and (key := (source.node, source.groups)) not in found:
+        if source.kind and (key := (source.node, source.groups)) not in found:
             found[key] = source
             waiting += reversed(_inputs_shown(source))
     return list(found.values())
@@ -235,7 +235,7 @@ _OF_SHADERS = {"Base Color", "Color", "Alpha", "Transmission Weight", "Subsurfac
 """Inputs of a shader, other than mixes, that determine its color, alpha and translucency."""
 
 
-def _inputs_shown(source: Output) -> list[Input]:
+def _inputs_shown(source: Port) -> list[Port]:
     """Return the linked inputs of a node that count."""
     node, linked = source.node, [target for target in source.inputs() if target.socket.is_linked]
     if node.type in {"MIX_SHADER", "ADD_SHADER"} or all(socket.type != "SHADER" for socket in node.outputs):

@@ -16,16 +16,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .emission import Builder, Socket, outside_groups
 from .flatten import of_single_leaves, render
 from .images import Pixels, as_bytes, check_images
-from .node_links import Input, Output, folded, follow, nodes_behind, number_at, shown_nodes
-from .shader_sums import Builder
+from .node_links import Port, folded, follow, nodes_behind, number_at, share_at, shown_nodes
 from .surface import principled_of, read_surface
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, texture_of, transform_matrix
 
@@ -117,16 +116,16 @@ def _unread(material: bpy.types.Material) -> list[str]:
     ]
 
 
-def _with_specular(shading: Shading, principled: Output, _: Texture | None) -> Shading:
-    specular = _within(number_at(principled.input("Specular IOR Level")))
+def _with_specular(shading: Shading, principled: Port, _: Texture | None) -> Shading:
+    specular = share_at(principled.input("Specular IOR Level"))
     if specular is None:
         raise NotUnderstoodError(f"Specular IOR Level varies; {USUAL_SPECULAR} is used instead")
     return replace(shading, specular=specular)
 
 
-def _with_orm(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
+def _with_orm(shading: Shading, principled: Port, colors: Texture | None) -> Shading:
     rough, metal = (principled.input(name) for name in _ROUGHNESS_METALLIC)
-    roughness, metallic = (_within(number_at(target)) for target in (rough, metal))
+    roughness, metallic = (share_at(target) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
     channels = [(target, name) for target, name in ((rough, "Green"), (metal, "Blue")) if number_at(target) is None]
@@ -143,23 +142,18 @@ def _with_orm(shading: Shading, principled: Output, colors: Texture | None) -> S
     return replace(shading, roughness=roughness, metallic=metallic, orm=image)
 
 
-def _within(number: float | None) -> float | None:
-    """Clamp to [0, 1], as Blender does."""
-    return None if number is None else min(max(number, 0.0), 1.0)
-
-
-def _image_of_channel(target: Input, channel: str) -> Texture | None:
+def _image_of_channel(target: Port, channel: str) -> Texture | None:
     """Return the image behind a Separate Color node if the input reads its output `channel`; else `None`."""
     source = follow(target)
-    if not isinstance(source, Output) or source.node.type != "SEPARATE_COLOR" or source.socket.name != channel:
+    if source.kind != "SEPARATE_COLOR" or source.socket.name != channel:
         return None
     return _image(source.inputs()[0])
 
 
-def _image(target: Input) -> Texture | None:
+def _image(target: Port) -> Texture | None:
     """Return the image that feeds an input with its color; `None` for anything else."""
     source = follow(target)
-    if not isinstance(source, Output) or source.node.type != "TEX_IMAGE" or source.socket.name != "Color":
+    if source.kind != "TEX_IMAGE" or source.socket.name != "Color":
         return None
     try:
         return texture_of(source)
@@ -167,17 +161,17 @@ def _image(target: Input) -> Texture | None:
         return None
 
 
-def _with_normal(shading: Shading, principled: Output, colors: Texture | None) -> Shading:
+def _with_normal(shading: Shading, principled: Port, colors: Texture | None) -> Shading:
     source = follow(principled.input("Normal"))
-    if isinstance(source, Input):
+    if not source.kind:
         return shading
     node = source.node
-    if node.type == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
+    if source.kind == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
         image = _image(source.input("Color"))
         if image is not None and laid_alike(colors, image) and _is_upright(image):
             return replace(shading, normal=image)
     instead = "mesh normals are used"
-    if not folded(principled.input("Normal"), _normals_mixed, _is_of_tangent_space):
+    if not folded(source, _normals_mixed, _is_of_tangent_space):
         reason = f"normals come from the node {node.name!r}, not from tangent-space maps and bumps"
         raise NotUnderstoodError(f"{reason}; {instead} instead")
     return replace(shading, normal=_rendering(principled, _NORMAL, colors, "normal", instead))
@@ -189,22 +183,21 @@ def _is_upright(image: Texture) -> bool:
     return bool(along_u > 0.0 and along_v > 0.0 and across_u == across_v == 0.0)
 
 
-def _normals_mixed(target: Input) -> list[Input]:
-    """Return the inputs from which a node computes a normal."""
-    source = follow(target)
-    if isinstance(source, Output) and source.node.type == "BUMP":
-        return [source.input("Normal")]
-    if isinstance(source, Output) and source.node.type in {"MIX", "VECT_MATH"}:
-        return [each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"}]
+def _normals_mixed(source: Port) -> list[Port]:
+    """Return the sources from which a node computes a normal."""
+    if source.kind == "BUMP":
+        return [follow(source.input("Normal"))]
+    if source.kind in {"MIX", "VECT_MATH"}:
+        used = (each for each in source.inputs() if each.socket.enabled and each.socket.type in {"VECTOR", "RGBA"})
+        return [follow(each) for each in used]
     return []
 
 
-def _is_of_tangent_space(target: Input, mixed: list[bool]) -> bool:
+def _is_of_tangent_space(source: Port, mixed: list[bool]) -> bool:
     """Return whether a normal mixes only surface normals, tangent-space Normal Maps and Bumps."""
-    source = follow(target)
-    if isinstance(source, Input):
-        return source.socket.hide_value  # an unlinked input without a value uses the surface normal
-    match source.node.type:
+    if not source.kind:
+        return bool(source.socket.hide_value)  # an unlinked input without a value uses the surface normal
+    match source.kind:
         case "NORMAL_MAP":
             return str(source.node.space) == "TANGENT"
         case "NEW_GEOMETRY":
@@ -212,7 +205,7 @@ def _is_of_tangent_space(target: Input, mixed: list[bool]) -> bool:
     return bool(mixed) and all(mixed)
 
 
-def _rendering(principled: Output, names: Sequence[str], colors: Texture | None, what: str, instead: str) -> Texture:
+def _rendering(principled: Port, names: Sequence[str], colors: Texture | None, what: str, instead: str) -> Texture:
     """Return the UV mapping of a rendering of these inputs. Raises `NotUnderstoodError` if they cannot be rendered."""
     try:
         return layout_with(colors, nodes_behind([principled.input(name) for name in names]))
@@ -250,7 +243,7 @@ def _render(
     assert principled is not None  # without one there is no layout
     nodes = nodes_behind([principled.input(name) for name in names])
     check_images(nodes, material.name)
-    values = render(material, nodes, partial(_codes, names=names), transform=layout.transform, size=size)
+    values = render(material, nodes, partial(_emission, names=names), transform=layout.transform, size=size)
     said = f"to an image of {len(values)} × {len(values)} texels"
     if layout.extension != "REPEAT":
         said += ", which repeats outside [0, 1]"
@@ -259,20 +252,16 @@ def _render(
     return values, f"{said}; glTF level 0 uses Blender's own material export"
 
 
-def _codes(copy: bpy.types.Material, names: Sequence[str]) -> tuple[Any, float]:
-    """Add nodes that encode inputs of the Principled BSDF, which may be inside groups, as an opaque color."""
+def _emission(copy: bpy.types.Material, names: Sequence[str]) -> Socket:
+    """Add a shader that emits inputs of the Principled BSDF, which may be inside groups, encoded as a color."""
     principled = principled_of(copy)
     assert principled is not None  # the original has one
     builder = Builder(principled.socket.id_data)
     values = [builder.read(principled.node.inputs[name]) for name in names]
     if names == _NORMAL:
-        halved = builder.scaled(builder.vector("NORMALIZE", values[0], 0.0), 0.5)
+        halved = builder.vector("SCALE", builder.vector("NORMALIZE", *values), 0.5)
         color = builder.vector("ADD", halved, (0.5, 0.5, 0.5))
     else:
         # Clamp before averaging: Cycles clamps roughness and metallic to [0, 1] at each sample.
-        clamped = [builder.math("MINIMUM", builder.math("MAXIMUM", value, 0.0), 1.0) for value in values]
-        color = builder.combined(1.0, *clamped)
-    for group in reversed(principled.groups):
-        color = builder.handed_out(group, color, "Color")
-        builder = Builder(group.id_data)
-    return color, 1.0
+        color = builder.result("ShaderNodeCombineXYZ", 1.0, *(builder.math("ADD", v, 0.0, clamp=True) for v in values))
+    return outside_groups(principled, builder.emission(color))

@@ -1,8 +1,8 @@
-"""Reader of base color and alpha from a material's nodes.
+"""Reader of base color and alpha from a material's nodes, in the forms that importers and artists build.
 
-Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute.
-Blender's glTF and OBJ importers and most artists build materials so. Alpha may also have a cutoff (Math Round, Greater
-Than, 1 − Less Than), and a Mix Shader with a Transparent BSDF. Everything else is a gap: the material is rendered (see
+Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute. A
+Translucent BSDF may be mixed with it. Alpha may have a cutoff (Math Round, Greater Than, 1 − Less Than), and may be the
+factor of a Mix Shader with a Transparent BSDF instead. Everything else is a gap: the material is rendered (see
 `flatten`), or, if there is nothing to render, the viewport color replaces it.
 """
 
@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Literal, TypeGuard
+from typing import Literal
 
 import bpy
 
 from ..errors import SceneError
-from .node_links import Input, Output, can_render, follow, node_count, number_at, output_of, sources_behind
+from .node_links import Port, can_render, follow, node_count, number_at, output_of, sources_behind
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_of, texture_of
 
 Rgb = tuple[float, float, float]
@@ -23,8 +23,8 @@ Rgb = tuple[float, float, float]
 MOST_NODES = 5_000
 """Greatest number of nodes of a material, including its groups. Blender needs minutes for more."""
 
-_MOST_FACTORS = 8
-"""Greatest number of factors of a color or alpha that is read. Importers multiply three."""
+_MOST_PRODUCTS = 3
+"""Greatest number of Multiply nodes in a row that are read. Importers use two."""
 
 
 @dataclass(frozen=True)
@@ -80,35 +80,39 @@ def read_surface(material: bpy.types.Material | None, *, as_exported: bool = Fal
             f"material {material.name!r} has {count:,} nodes, with each use of a group counted; the limit is "
             f"{MOST_NODES:,}: use fewer nested groups, or bake the material to an image"
         )
+    return _of_shaders(viewport, material.node_tree, as_exported=as_exported)
+
+
+def _of_shaders(viewport: Surface, tree: bpy.types.NodeTree, *, as_exported: bool) -> Surface:
+    """Read a tree's shaders. `viewport` has the material's name, and the colors that replace unread ones."""
     try:
-        output = output_of(material.node_tree, "ALL" if as_exported else "CYCLES")
-        principled, opacity, shader = _find_principled(output)
+        shader, mask = _behind_cutout(output_of(tree, "ALL" if as_exported else "CYCLES"))
+        principled = _first_principled(shader)
         mixed = principled.node != shader.node
-        if mixed and not as_exported and not _is_translucent(shader) and can_render(material.node_tree):
+        if mixed and not as_exported and not _is_translucent(shader):
             raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
-        return _with_gap(viewport, "surface", reason, material.node_tree)
-    surface = _with_color(viewport, principled, material.node_tree)
-    surface = _with_alpha(surface, [principled.input("Alpha"), *opacity], material.node_tree)
-    if mixed:
-        only = f"only its Principled BSDF {principled.node.name!r} is read"
-        warning = f"material {material.name!r} mixes several shaders: {only}"
-        surface = replace(surface, warnings=(*surface.warnings, warning))
-    return surface
+        return _with_gap(viewport, "surface", reason, tree)
+    surface = _with_alpha(_with_color(viewport, principled, tree), principled.input("Alpha"), mask, tree)
+    if not mixed:
+        return surface
+    only = f"only its Principled BSDF {principled.node.name!r} is read"
+    return replace(surface, warnings=(f"material {surface.name!r} mixes several shaders: {only}",))
 
 
-def principled_of(material: bpy.types.Material) -> Output | None:
+def principled_of(material: bpy.types.Material) -> Port | None:
     """Return the first Principled BSDF of the material's surface; None without one."""
     try:
-        return _find_principled(output_of(material.node_tree))[0] if _has_nodes(material) else None
+        shader = shader_of(material)
+        return None if shader is None else _first_principled(shader)
     except NotUnderstoodError:
         return None
 
 
-def shader_of(material: bpy.types.Material) -> Output | None:
-    """Return the shader of the material's surface behind cutouts; None without one."""
+def shader_of(material: bpy.types.Material) -> Port | None:
+    """Return the shader of the material's surface behind a cutout; None without one."""
     try:
-        return _behind_cut_outs(output_of(material.node_tree))[0] if _has_nodes(material) else None
+        return _behind_cutout(output_of(material.node_tree))[0] if _has_nodes(material) else None
     except NotUnderstoodError:
         return None
 
@@ -119,53 +123,42 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
-def _find_principled(output: bpy.types.Node | None) -> tuple[Output, list[Input], Output]:
-    """Return the Principled BSDF upstream of a material output, inputs that multiply its alpha, and the cut-out shader.
-
-    The cut-out shader is the Principled BSDF itself, or a mix of it with others. Raises `NotUnderstoodError`.
-    """
-    shader, opacity = _behind_cut_outs(output)
-    if shader.node.type == "BSDF_PRINCIPLED":
-        return shader, opacity, shader
-    for found in sources_behind(shaders_mixed(shader)):
-        if found.node.type == "BSDF_PRINCIPLED":
-            return found, opacity, shader
+def _first_principled(shader: Port) -> Port:
+    """Return a Principled BSDF, or the first that a shader mixes. Raises `NotUnderstoodError`."""
+    for found in [shader, *sources_behind(shaders_mixed(shader))]:
+        if found.kind == "BSDF_PRINCIPLED":
+            return found
     raise NotUnderstoodError(f"comes from the node {shader.node.name!r}, without a Principled BSDF")
 
 
-def _behind_cut_outs(output: bpy.types.Node | None) -> tuple[Output, list[Input]]:
-    """Return the shader upstream of a material output, and the inputs that cut it out. Raises `NotUnderstoodError`.
+def _behind_cutout(output: bpy.types.Node | None) -> tuple[Port, Port | None]:
+    """Return the shader upstream of a material output, and the input that cuts it out. Raises `NotUnderstoodError`.
 
     A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1).
     """
-    opacity: list[Input] = []
-    shader = None if output is None else follow(Input(output.inputs["Surface"]))
-    while isinstance(shader, Output) and shader.node.type == "MIX_SHADER":
+    shader, mask = None if output is None else follow(Port(output.inputs["Surface"])), None
+    if shader is not None and shader.kind == "MIX_SHADER":
         factor, first, second = shader.inputs()
-        clear = follow(first)
-        if not isinstance(clear, Output) or clear.node.type != "BSDF_TRANSPARENT":
-            break
-        opacity.append(factor)
-        shader = follow(second)
-    if not isinstance(shader, Output):
+        if follow(first).kind == "BSDF_TRANSPARENT":
+            shader, mask = follow(second), factor
+    if shader is None or not shader.kind:
         raise NotUnderstoodError("has no shader")
-    return shader, opacity
+    return shader, mask
 
 
-def shaders_mixed(shader: Output) -> list[Input]:
+def shaders_mixed(shader: Port) -> list[Port]:
     """Return the inputs with the shaders that a Mix Shader or an Add Shader mixes; none of other shaders."""
-    mixes = shader.node.type in {"MIX_SHADER", "ADD_SHADER"}
+    mixes = shader.kind in {"MIX_SHADER", "ADD_SHADER"}
     return [target for target in shader.inputs() if target.socket.type == "SHADER"] if mixes else []
 
 
-def _is_translucent(shader: Output) -> bool:
+def _is_translucent(shader: Port) -> bool:
     """Return whether a shader mixes a Principled and a Translucent BSDF. The former gives the base color."""
-    behind = [follow(target) for target in shaders_mixed(shader)]
-    types = sorted(source.node.type for source in behind if isinstance(source, Output))
-    return types == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
+    kinds = sorted(follow(target).kind for target in shaders_mixed(shader))
+    return kinds == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
-def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree) -> Surface:
+def _with_color(viewport: Surface, principled: Port, tree: bpy.types.NodeTree) -> Surface:
     try:
         product = product_of(principled.input("Base Color"))
         _check_factor(product)
@@ -174,19 +167,22 @@ def _with_color(viewport: Surface, principled: Output, tree: bpy.types.NodeTree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
-def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree) -> Surface:
+def _with_alpha(surface: Surface, alpha: Port, mask: Port | None, tree: bpy.types.NodeTree) -> Surface:
+    """Add the alpha of a Principled BSDF, or the mask that cuts it out."""
     try:
-        product, cutoff = _alpha_product(targets)
+        if mask is not None and number_at(alpha) != 1.0:
+            raise NotUnderstoodError("is cut out by a Mix Shader, too")
+        target, cutoff = _cut(mask or alpha)
+        product = product_of(target)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
             raise NotUnderstoodError("and its base color use different texture coordinates")
     except NotUnderstoodError as reason:
         return _with_gap(surface, "alpha", reason, tree)
-    alpha = product.factor[0]
-    opaque = product.texture is None and product.attribute is None and alpha == 1.0
+    opaque = product == Product()
     return replace(
         surface,
-        alpha=alpha,
+        alpha=product.factor[0],
         alpha_texture=product.texture,
         alpha_channel="alpha" if product.channel == "Alpha" else "luminance",
         alpha_attribute=product.attribute,
@@ -198,7 +194,7 @@ def _with_alpha(surface: Surface, targets: list[Input], tree: bpy.types.NodeTree
 def _with_gap(surface: Surface, what: str, reason: NotUnderstoodError, tree: bpy.types.NodeTree) -> Surface:
     layout = None
     if can_render(tree) and (output := output_of(tree)) is not None:
-        layout = layout_of([Input(output.inputs["Surface"])])
+        layout = layout_of([Port(output.inputs["Surface"])])
     return replace(surface, gaps=(*surface.gaps, f"its {what} {reason}"), layout=layout)
 
 
@@ -220,42 +216,36 @@ class Product:
         return Product((red, green, blue), textured.texture, textured.channel, attribute)
 
 
-def product_of(target: Input) -> Product:
+def product_of(target: Port, most: int = _MOST_PRODUCTS) -> Product:
     """Return the product behind a color or value input. Raises `NotUnderstoodError`."""
-    product, waiting = Product(), [target]
-    for _ in range(2 * _MOST_FACTORS):
-        if not waiting:
-            return product
-        source = follow(waiting.pop())
-        factors = _factors(source, target.socket.type)
-        waiting += factors
-        product = product if factors else product.times(_single(source, target.socket.type))
-    raise NotUnderstoodError(f"is a product of more than {_MOST_FACTORS} factors")
+    source, kind = follow(target), target.socket.type
+    factors = _factors(source, kind) if most else []
+    if not factors:
+        return _single(source, kind)
+    first, second = (product_of(factor, most - 1) for factor in factors)
+    return first.times(second)
 
 
-def _factors(source: Output | Input, kind: str) -> list[Input]:
+def _factors(source: Port, kind: str) -> list[Port]:
     """Return the inputs that a node multiplies, as colors or as values; none for other nodes."""
-    if isinstance(source, Input):
-        return []
     node = source.node
     if kind == "VALUE":
         return source.inputs()[:2] if _is_math(source, "MULTIPLY") else []
-    if node.type != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
+    if source.kind != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
         return []
     if number_at(source.input("Factor_Float")) != 1.0:
         raise NotUnderstoodError(f"is multiplied by the node {node.name!r}, whose Factor is not 1")
     return [source.input("A_Color"), source.input("B_Color")]
 
 
-def _single(source: Output | Input, kind: str) -> Product:
+def _single(source: Port, kind: str) -> Product:
     """Return the product of a constant, an image or a color attribute alone."""
     node, name = source.socket.node, source.socket.name
-    if isinstance(source, Input) or node.type in {"VALUE", "RGB"}:
-        if source.socket.type == "VALUE":
-            return Product((float(source.socket.default_value),) * 3)
-        if kind == "VALUE":
+    if source.kind in {"", "VALUE", "RGB"}:
+        if source.socket.type != "VALUE" and kind == "VALUE":
             raise NotUnderstoodError(f"is a color at the input {name!r} of {node.name!r}")
-        red, green, blue, *_ = source.socket.default_value
+        value = source.socket.default_value
+        red, green, blue = (value,) * 3 if source.socket.type == "VALUE" else value[:3]
         return Product((red, green, blue))
     values = {"Alpha", "Color"} if node.type == "TEX_IMAGE" else {"Alpha"}
     if name not in (values if kind == "VALUE" else {"Color"}):
@@ -269,30 +259,13 @@ def _single(source: Output | Input, kind: str) -> Product:
     raise NotUnderstoodError(f"comes from the node {node.name!r}")
 
 
-def _alpha_product(targets: list[Input]) -> tuple[Product, float | None]:
-    """Return the product behind the alpha inputs, and its cutoff (`None` without one). Raises `NotUnderstoodError`."""
-    product, cutoffs, rest = Product(), list[float](), list[float | None]()
-    for target in targets:
-        behind, cutoff = _cut(target)
-        product = product.times(product_of(behind))
-        if cutoff is None:
-            rest.append(number_at(target))
-        else:
-            cutoffs.append(cutoff)
-    if not cutoffs:
-        return product, None
-    if len(cutoffs) > 1 or any(factor != 1.0 for factor in rest):
-        raise NotUnderstoodError("is multiplied after the cutoff")
-    return product, cutoffs[0]
-
-
-def _cut(target: Input) -> tuple[Input, float | None]:
+def _cut(target: Port) -> tuple[Port, float | None]:
     """Return the input before a cutoff node, and the cutoff. Alpha is 1 from the cutoff up, 0 below it.
 
     The glTF importer builds Round and 1 − Less Than, artists and Leafcloud Greater Than.
     """
     source = follow(target)
-    if isinstance(source, Input) or source.node.type != "MATH":
+    if source.kind != "MATH":
         return target, None
     first, second, *_ = source.inputs()
     limit = number_at(second)
@@ -308,8 +281,8 @@ def _cut(target: Input) -> tuple[Input, float | None]:
     return target, None
 
 
-def _is_math(source: Output | Input, operation: str) -> TypeGuard[Output]:
-    return isinstance(source, Output) and source.node.type == "MATH" and source.node.operation == operation
+def _is_math(source: Port, operation: str) -> bool:
+    return source.kind == "MATH" and source.node.operation == operation
 
 
 def _check_factor(product: Product) -> None:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Input, Output, follow, nodes_behind, sources_behind
+from .node_links import Port, follow, nodes_behind, sources_behind
 
 ACTIVE = ""
 """Name for the render-active UV map or color attribute."""
@@ -47,7 +47,7 @@ def laid_alike(colors: Texture | None, texture: Texture) -> bool:
     return replace(colors or Texture(None), image=texture.image) == texture
 
 
-def texture_of(source: Output) -> Texture:
+def texture_of(source: Port) -> Texture:
     """Return the image of an Image Texture node and its UV mapping. Raises `NotUnderstoodError`."""
     node = source.node
     if node.image is None:
@@ -58,9 +58,9 @@ def texture_of(source: Output) -> Texture:
     return _laid(Texture(node.image, extension=node.extension), source.input("Vector"))
 
 
-def _laid(texture: Texture, coordinates: Input) -> Texture:
+def _laid(texture: Texture, coordinates: Port) -> Texture:
     """Return the texture with the UV map, wrapping and transform from the nodes behind `coordinates`."""
-    while isinstance(source := follow(coordinates), Output):
+    while (source := follow(coordinates)).kind:
         node = source.node
         name = uv_map_of(source.socket)
         if name is not None:
@@ -75,29 +75,26 @@ def _laid(texture: Texture, coordinates: Input) -> Texture:
     return texture
 
 
-def _wrapped(combine: Output) -> Input | None:
+def _wrapped(combine: Port) -> Port | None:
     """Return the vector behind the glTF importer's nodes that wrap u and v separately; else `None`.
 
     The nodes are Separate XYZ, Math (Wrap or Ping-Pong) and Combine XYZ.
     """
-    separated: list[Output] = []
+    separated: list[Port] = []
     for target in combine.inputs()[:2]:
         source = follow(target)
-        if isinstance(source, Output) and source.node.type == "MATH" and source.node.operation in {"WRAP", "PINGPONG"}:
+        if source.kind == "MATH" and source.node.operation in {"WRAP", "PINGPONG"}:
             source = follow(source.inputs()[0])
-        if not isinstance(source, Output) or source.node.type != "SEPXYZ":
-            return None
         separated.append(source)
     u, v = separated
-    if u.node != v.node or (u.socket.name, v.socket.name) != ("X", "Y"):
-        return None
-    return u.input("Vector")
+    apart = u.kind == "SEPXYZ" and u.node == v.node and (u.socket.name, v.socket.name) == ("X", "Y")
+    return u.input("Vector") if apart else None
 
 
-def _mapping(source: Output) -> tuple[float, ...]:
+def _mapping(source: Port) -> tuple[float, ...]:
     """Return (2, 3) by rows the transform of a Mapping node of type Point: scale, then rotation, then translation."""
     location, rotation, scale = (source.input(name) for name in ("Location", "Rotation", "Scale"))
-    if any(isinstance(follow(target), Output) for target in (location, rotation, scale)):
+    if any(follow(target).kind for target in (location, rotation, scale)):
         raise NotUnderstoodError(f"has texture coordinates that vary at the node {source.node.name!r}")
     moved, (tilt_x, tilt_y, angle), (sx, sy, _) = (
         follow(target).socket.default_value for target in (location, rotation, scale)
@@ -113,11 +110,11 @@ def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[floa
     return tuple(float(value) for value in (second @ first)[:2].ravel())
 
 
-def layout_of(targets: Sequence[Input]) -> Texture:
+def layout_of(targets: Sequence[Port]) -> Texture:
     """Return the UV mapping of a rendering of what feeds inputs: the UV map of the first image, else the first map."""
     sources = sources_behind(targets)
     nodes = [source.node for source in sources]
-    image = next((source for source in sources if source.node.type == "TEX_IMAGE"), None)
+    image = next((source for source in sources if source.kind == "TEX_IMAGE"), None)
     maps = uv_maps(nodes if image is None else nodes_behind([image.input("Vector")]))
     plain = _repeats(nodes) and not any(node.type == "MAPPING" for node in nodes)
     return Texture(None, maps[0] if maps else ACTIVE, "REPEAT" if plain else "MIXED")
@@ -151,7 +148,7 @@ def _named(uv_map: str) -> str:
 
 def _is_moved_like(image: bpy.types.Node, layout: Texture) -> bool:
     try:
-        return texture_of(Output(image.outputs["Color"])).transform == layout.transform
+        return texture_of(Port(image.outputs["Color"])).transform == layout.transform
     except NotUnderstoodError:
         return False
 

@@ -18,26 +18,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Geometry, world_positions
+from .emission import Light
 from .flatten import (
     RANDOM,
     SIDE,
     Flattened,
     RenderSettings,
     add_layers,
-    color_and_alpha,
+    color_shader,
     cycles_scene,
     emitting,
     flatten,
 )
 from .node_links import shown_nodes
-from .shader_sums import Builder
 
 GREATEST = 8.0
 """Upper limit of tints. A ratio to a nearly black rendering has no meaning."""
@@ -229,13 +228,13 @@ def _texel(pixels: NDArray[np.float32], place: Place) -> NDArray[np.float32]:
 
 def _seen(flat: Flattened, leaves: Islands, place: Place, side: float = 0.0) -> NDArray[np.float32]:
     """Return (t, 3, 3) the colors that the leaves' corners have with this UV, on this side (0: front, 1: back)."""
+    color, alpha = (_emitted(flat, light, leaves, place, side) for light in (flat.light, "coverage"))
+    return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
 
-    def opaque(copy: bpy.types.Material) -> tuple[Any, float]:
-        color, alpha = color_and_alpha(copy, flat.light)
-        builder = Builder(copy.node_tree)
-        return builder.scaled(color, builder.math("DIVIDE", 1.0, alpha)), 1.0
 
-    with emitting(flat.material, opaque) as shown, cycles_scene(flat.material) as scene:
+def _emitted(flat: Flattened, light: Light, leaves: Islands, place: Place, side: float) -> NDArray[np.float32]:
+    """Return (t, 3, 3) a part of the light, times alpha, at the leaves' corners."""
+    with emitting(flat.material, lambda copy: color_shader(copy, light)) as shown, cycles_scene(flat.material) as scene:
         mesh = _mesh(leaves, shown_nodes(flat.material.node_tree), place, side)
         mesh.materials.append(shown)
         return _baked(scene, mesh).reshape(-1, 3, 3)

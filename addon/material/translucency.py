@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .node_links import Input, Output, folded, follow, number_at, shown_nodes
+from .node_links import Port, folded, follow, share_at, shown_nodes
 from .surface import Rgb, Surface, product_of, read_surface, shader_of, shaders_mixed
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with
 
@@ -99,25 +99,25 @@ def read_translucency(material: bpy.types.Material | None, surface: Surface) -> 
     return replace(rendered, texture=layout, gap=gap)
 
 
-def _read(shader: Output, share: float) -> MaterialTranslucency:
+def _read(shader: Port, share: float) -> MaterialTranslucency:
     """Read a Principled BSDF, or an opaque one mixed with a Translucent BSDF. Raises `NotUnderstoodError`."""
     node = shader.node
-    if node.type == "BSDF_PRINCIPLED":
+    if shader.kind == "BSDF_PRINCIPLED":
         if _weight(shader) is None:
             raise NotUnderstoodError(f"varies at the node {node.name!r}, whose weights have to be constants")
         return _with_color(shader.input("Base Color"), share, 1.0 - share, share)
-    parts = {part.node.type: part for part in map(follow, shaders_mixed(shader)) if isinstance(part, Output)}
+    parts = {part.kind: part for part in map(follow, shaders_mixed(shader))}
     if set(parts) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"} or _weight(parts["BSDF_PRINCIPLED"]) != 0.0:
         raise NotUnderstoodError(f"at the node {node.name!r} does not come from a Translucent BSDF alone")
     color = parts["BSDF_TRANSLUCENT"].input("Color")
     if node.type == "ADD_SHADER":
         return _with_color(color, 0.5, 1.0, 1.0)
-    if number_at(shader.inputs()[0]) is None:
+    if share_at(shader.inputs()[0]) is None:
         raise NotUnderstoodError(f"varies at the node {node.name!r}, whose factor has to be a constant")
     return _with_color(color, share, 1.0 - share, share)
 
 
-def _with_color(target: Input, share: float, reflected: float, scale: float) -> MaterialTranslucency:
+def _with_color(target: Port, share: float, reflected: float, scale: float) -> MaterialTranslucency:
     color = product_of(target)
     if color.attribute is not None and target.socket.node.type == "BSDF_TRANSLUCENT":
         raise NotUnderstoodError(f"is multiplied by the color attribute {color.attribute!r}")
@@ -125,28 +125,19 @@ def _with_color(target: Input, share: float, reflected: float, scale: float) -> 
     return MaterialTranslucency(share, (red, green, blue), color.texture, reflected)
 
 
-def _share(shader: Output) -> float:
+def _share(shader: Port) -> float:
     """Return the share of a shader's light that is transmitted, with ½ for shares that are not constant."""
-    start: Output | Input = shader
-    return folded(start, _mixed, _share_of)
+    return folded(shader, lambda each: [follow(target) for target in shaders_mixed(each)], _share_of)
 
 
-def _mixed(part: Output | Input) -> list[Input]:
-    shader = follow(part) if isinstance(part, Input) else part
-    return shaders_mixed(shader) if isinstance(shader, Output) else []
-
-
-def _share_of(part: Output | Input, mixed: list[float]) -> float:
-    shader = follow(part) if isinstance(part, Input) else part
-    if isinstance(shader, Input):
-        return 0.0
-    match shader.node.type:
+def _share_of(shader: Port, mixed: list[float]) -> float:
+    match shader.kind:
         case "BSDF_PRINCIPLED":
             weight = _weight(shader)
             return 0.5 if weight is None else weight
         case "MIX_SHADER":
-            number = number_at(shader.inputs()[0])
-            factor = 0.5 if number is None else _cut(number)
+            factor = share_at(shader.inputs()[0])
+            factor = 0.5 if factor is None else factor
             return (1.0 - factor) * mixed[0] + factor * mixed[1]
         case "ADD_SHADER":
             return 0.5 if any(mixed) else 0.0
@@ -154,14 +145,10 @@ def _share_of(part: Output | Input, mixed: list[float]) -> float:
             return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(kind, 0.0)
 
 
-def _weight(principled: Output) -> float | None:
+def _weight(principled: Port) -> float | None:
     """Return the share of a Principled BSDF: all of its transmission, and half of its subsurface light beneath that.
 
     `None` if it varies.
     """
-    clear, inside = (number_at(principled.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
-    return None if clear is None or inside is None else 1.0 - (1.0 - _cut(clear)) * (1.0 - 0.5 * _cut(inside))
-
-
-def _cut(share: float) -> float:
-    return min(max(share, 0.0), 1.0)
+    clear, inside = (share_at(principled.input(f"{name} Weight")) for name in ("Transmission", "Subsurface"))
+    return None if clear is None or inside is None else 1.0 - (1.0 - clear) * (1.0 - 0.5 * inside)

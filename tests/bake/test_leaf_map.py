@@ -24,7 +24,7 @@ from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.levels.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
 from addon.levels.material import Page, atlas_image, atlas_material
-from addon.material.flatten import color_and_alpha, emitting
+from addon.material.flatten import emitting
 from addon.settings.bake import BakeSettings
 
 GREEN, OLIVE, RED, YELLOW = (0.2, 0.5, 0.1), (0.4, 0.4, 0.1), (0.7, 0.1, 0.05), (0.8, 0.6, 0.1)
@@ -117,7 +117,7 @@ def show(material: bpy.types.Material, color: bpy.types.NodeSocket) -> None:
 def seen(obj: bpy.types.Object, folder: Path, width: float = 3.0) -> Pixels:
     """Render the object's base color without light along y. Return (SIDE, SIDE, 4) with the lowest row first."""
     materials, own = obj.data.materials, obj.data.materials[0]
-    with emitting(own, color_and_alpha) as flat:
+    with emitting(own) as flat:
         materials[0], obj.hide_render = flat, False
         pixels = render(
             folder,

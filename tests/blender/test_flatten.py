@@ -258,3 +258,27 @@ def test_a_mesh_without_a_uv_map_gives_a_message() -> None:
     obj.data.materials.append(material)
     tree_found = extract(bpy.context.evaluated_depsgraph_get(), [obj], leaf_names=["leaves"])
     assert tree_found.warnings == ["object 'leaves' has no UV map for its rendering"]
+
+
+def test_an_added_shader_keeps_the_cutout() -> None:
+    """Green light is added to red leaves that the left half of the image hides, as in Cycles."""
+    material, principled, tree = new_material()
+    principled.inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
+    mask = texture_node(tree, new_image("mask", [[(1, 1, 1, x // 32) for x in range(64)]] * 64))
+    mask.interpolation = "Closest"
+    kinds = ("BsdfTranslucent", "BsdfTransparent", "MixShader", "AddShader")
+    green, clear, mix, add = (tree.nodes.new(f"ShaderNode{kind}") for kind in kinds)
+    green.inputs["Color"].default_value = (0.0, 0.5, 0.0, 1.0)
+    for source, target in zip(
+        (mask.outputs["Alpha"], clear.outputs[0], principled.outputs[0]), mix.inputs, strict=True
+    ):
+        tree.links.new(source, target)
+    for source, target in zip((green, mix), add.inputs, strict=True):
+        tree.links.new(source.outputs[0], target)
+    to_surface(tree, add)
+    description, _ = describe_material(material)
+    assert description["image"] is not None
+    assert description["alpha_mode"] == "MASK"
+    assert (description["image"][:, :32, 3] == 0).all()
+    # The sRGB code of 0.5 is 188.
+    assert np.abs(description["image"][:, 32:].astype(int) - (255, 188, 0, 255)).max() <= 1
