@@ -44,7 +44,7 @@ class Costs:
 
 @dataclass(frozen=True)
 class LeafShading:
-    """LeafShading of the leaves, for clouds without textures of their own.
+    """Roughness, metallic and highlights of the leaves, for clouds without textures of their own.
 
     specular: Specular IOR Level. share: the fraction of the light that the leaves transmit.
     """

@@ -234,7 +234,7 @@ def _factors(source: Port, kind: str) -> list[Port]:
     if source.kind != "MIX" or node.data_type != "RGBA" or node.blend_type != "MULTIPLY":
         return []
     if number_at(source.input("Factor_Float")) != 1.0:
-        raise NotUnderstoodError(f"is multiplied by the node {node.name!r}, whose Factor is not 1")
+        raise NotUnderstoodError(f"is multiplied by the node {node.name!r} with a Factor other than 1")
     return [source.input("A_Color"), source.input("B_Color")]
 
 

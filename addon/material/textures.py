@@ -111,7 +111,7 @@ def _composed(after: tuple[float, ...], before: tuple[float, ...]) -> tuple[floa
 
 
 def layout_of(targets: Sequence[Port]) -> Texture:
-    """Return the UV mapping of a rendering of what feeds inputs: the UV map of the first image, else the first map."""
+    """Return the UV mapping to render these inputs with: the UV map of their first image, else the first UV map."""
     sources = sources_behind(targets)
     nodes = [source.node for source in sources]
     image = next((source for source in sources if source.kind == "TEX_IMAGE"), None)

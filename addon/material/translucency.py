@@ -38,7 +38,7 @@ GREATEST_SHARE = 0.9
 
 @dataclass(frozen=True)
 class MaterialTranslucency:
-    """MaterialTranslucency of a material: it transmits `color` · `texture` and reflects `reflected` · base color."""
+    """Translucency of a material: it transmits `color` · `texture` and reflects `reflected` · base color."""
 
     share: float = 0.0
     """Transmitted share of the light, as one number; 0 for an opaque material."""
@@ -54,7 +54,7 @@ class MaterialTranslucency:
 
 @dataclass(frozen=True)
 class Translucent:
-    """MaterialTranslucency of a tree's leaves."""
+    """Translucency of a tree's leaves."""
 
     share: float
     """The greatest share of all materials."""
@@ -104,7 +104,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     node = shader.node
     if shader.kind == "BSDF_PRINCIPLED":
         if _weight(shader) is None:
-            raise NotUnderstoodError(f"varies at the node {node.name!r}, whose weights have to be constants")
+            raise NotUnderstoodError(f"varies with the weights of the node {node.name!r}: make them constant")
         return _with_color(shader.input("Base Color"), share, 1.0 - share, share)
     parts = {part.kind: part for part in map(follow, shaders_mixed(shader))}
     if set(parts) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"} or _weight(parts["BSDF_PRINCIPLED"]) != 0.0:
@@ -113,7 +113,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     if node.type == "ADD_SHADER":
         return _with_color(color, 0.5, 1.0, 1.0)
     if share_at(shader.inputs()[0]) is None:
-        raise NotUnderstoodError(f"varies at the node {node.name!r}, whose factor has to be a constant")
+        raise NotUnderstoodError(f"varies with the factor of the node {node.name!r}: make it constant")
     return _with_color(color, share, 1.0 - share, share)
 
 

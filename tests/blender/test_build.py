@@ -378,7 +378,7 @@ def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
     made = replace(context(mirrored, chain()), foliage=SimpleNamespace(**{**vars(FOLIAGE), "mirrored": True}))
     mesh = build_levels(made)[1][2].object.data
     normal = np.array(mesh.polygons[0].normal)
-    world = np.linalg.inv(MIRROR)[:3, :3].T @ normal  # what is a front stays one
+    world = np.linalg.inv(MIRROR)[:3, :3].T @ normal  # The normal of a front in the world.
     corners = chain().levels[1].corners[0] @ MIRROR[:3, :3].T
     assert world @ np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0
 

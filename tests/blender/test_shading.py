@@ -134,7 +134,7 @@ def test_the_specular_level_is_the_mean_of_the_materials() -> None:
     ("kind", "words"),
     [
         ("normals", "normals come from the node 'Diffuse BSDF'; mesh normals are used; connect a Principled BSDF"),
-        ("orm", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
+        ("highlights", "highlights come from the node 'Glossy BSDF'; roughness 1 is used; connect a Principled BSDF"),
     ],
 )
 def test_shaders_other_than_principled_give_a_warning(kind: str, words: str) -> None:

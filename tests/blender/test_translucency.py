@@ -183,7 +183,7 @@ def test_a_mix_is_not_warned_of_where_it_is_read_whole() -> None:
                                               "'Principled BSDF' is read"]  # fmt: skip
 
 
-@pytest.mark.parametrize("case", ["factor", "weight", "orm", "both", "layout", "attribute", "nothing"])
+@pytest.mark.parametrize("case", ["factor", "weight", "glossy", "both", "layout", "attribute", "nothing"])
 def test_unsupported_shaders_are_rendered(case: str) -> None:
     material = leaf()
     tree = material.node_tree
@@ -197,7 +197,7 @@ def test_unsupported_shaders_are_rendered(case: str) -> None:
     elif case == "weight":
         tree.links.new(principled.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         tree.links.new(image.outputs["Color"], principled.inputs["Subsurface Weight"])
-    elif case == "orm":
+    elif case == "glossy":
         mixed(tree, mix, tree.nodes.new("ShaderNodeBsdfGlossy"), 0.5)
     elif case == "both":
         principled.inputs["Transmission Weight"].default_value = 0.5
@@ -212,7 +212,7 @@ def test_unsupported_shaders_are_rendered(case: str) -> None:
         mixed(tree, mix, principled, 0.5)
     surface = read_surface(material)
     read = read_translucency(material, surface)
-    if case in {"orm", "nothing"}:  # of which not even the base colour is understood
+    if case in {"glossy", "nothing"}:  # The base color is not understood either.
         assert surface.gaps == ("its surface mixes several shaders at the node 'Mix Shader.001'",)
     else:
         assert read.gap.startswith("its translucency ")
@@ -261,7 +261,7 @@ def test_a_share_that_varies_is_rendered() -> None:
     tree.links.new(share.outputs["Color"], mix.inputs[0])
     description, [message] = describe_material(material, share=0.5)
     assert message.startswith(
-        "material 'm': its translucency varies at the node 'Mix Shader', whose factor has to be a constant; it is "
+        "material 'm': its translucency varies with the factor of the node 'Mix Shader': make it constant; it is "
         "rendered to an image of 64 × 64 texels"
     )
     # By the standard's formula: 0.3, 0.6, 0.15 and 0.1, 0.2, 0.05; 0.15, 0.25, 0.05 and 0.45, 0.75, 0.15.

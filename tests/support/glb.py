@@ -1,4 +1,4 @@
-"""Small reader of GLB files. It follows the specification and shares no code with the add-on, whose files it checks."""
+"""Small reader of GLB files by the specification, without code of the add-on that writes them."""
 
 from __future__ import annotations
 
