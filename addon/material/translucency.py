@@ -104,7 +104,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     node = shader.node
     if shader.kind == "BSDF_PRINCIPLED":
         if _weight(shader) is None:
-            raise NotUnderstoodError(f"varies with the weights of the node {node.name!r}: make them constant")
+            raise NotUnderstoodError(f"varies at the node {node.name!r}, because its weights are not constant")
         return _with_color(shader.input("Base Color"), share, 1.0 - share, share)
     parts = {part.kind: part for part in map(follow, shaders_mixed(shader))}
     if set(parts) != {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"} or _weight(parts["BSDF_PRINCIPLED"]) != 0.0:
@@ -113,7 +113,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     if node.type == "ADD_SHADER":
         return _with_color(color, 0.5, 1.0, 1.0)
     if share_at(shader.inputs()[0]) is None:
-        raise NotUnderstoodError(f"varies with the factor of the node {node.name!r}: make it constant")
+        raise NotUnderstoodError(f"varies at the node {node.name!r}, because its factor is not constant")
     return _with_color(color, share, 1.0 - share, share)
 
 

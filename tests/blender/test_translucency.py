@@ -261,7 +261,7 @@ def test_a_share_that_varies_is_rendered() -> None:
     tree.links.new(share.outputs["Color"], mix.inputs[0])
     description, [message] = describe_material(material, share=0.5)
     assert message.startswith(
-        "material 'm': its translucency varies with the factor of the node 'Mix Shader': make it constant; it is "
+        "material 'm': its translucency varies at the node 'Mix Shader', because its factor is not constant; it is "
         "rendered to an image of 64 × 64 texels"
     )
     # By the standard's formula: 0.3, 0.6, 0.15 and 0.1, 0.2, 0.05; 0.15, 0.25, 0.05 and 0.45, 0.75, 0.15.
