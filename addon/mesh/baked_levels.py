@@ -40,10 +40,10 @@ def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Objec
     collection would append them, too. Each source gets an identifier, by which it is found under another name.
     """
     made, sources = [*collection.all_objects, *collection.children_recursive], list(sources)
-    ids = {obj.name_full: obj.get(_ID) or uuid4().hex for obj in sources if obj.library is None}
-    for obj in sources:
-        if obj.library is None:
-            obj[_ID] = ids[obj.name_full]
+    own = [obj for obj in sources if obj.library is None]  # Linked objects cannot be changed.
+    for obj in own:
+        obj[_ID] = obj.get(_ID) or uuid4().hex
+    ids = {obj.name_full: obj[_ID] for obj in own}
     kept = Record(collection.name, full_names(sources), full_names(made))
     collection[_BAKE] = json.dumps({**asdict(kept), "ids": ids})
 

@@ -99,13 +99,13 @@ def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[f
 
     A level with large texels takes over later. A budget of billboards or texels leaves the deviation open, up to R.
     """
-    soonest = soonest_switches(settings, facts, view)
-    if settings.max_billboards is not None or settings.max_texels is not None:
-        soonest = _switches(settings, facts, view, [1.0] * _clouds(settings))
+    count = _clouds(settings)
+    is_open = settings.max_billboards is not None or settings.max_texels is not None
+    accurate = _switches(settings, facts, view, [1.0] * count) if is_open else soonest_switches(settings, facts, view)
     # Each cloud's atlas has half the width of the one before.
-    texels = [LARGEST_TEXEL * facts.radius * 2**number / settings.texture_size for number in range(_clouds(settings))]
+    texels = [LARGEST_TEXEL * facts.radius * 2**number / settings.texture_size for number in range(count)]
     sharp = [0.0, *(far_off(texel, 1.0, view) for texel in texels)]
-    return rising([max(pair) for pair in zip_longest(soonest, sharp, fillvalue=0.0)])
+    return rising([max(pair) for pair in zip_longest(accurate, sharp, fillvalue=0.0)])
 
 
 def _switches(settings: BakeSettings, facts: Facts, view: View, deviations: Sequence[float]) -> tuple[float, ...]:
@@ -152,6 +152,6 @@ def _clouds(settings: BakeSettings) -> int:
 
 
 def _passes(span: Span, begin: float, end: float) -> bool:
-    """Return whether a moving camera is at some time between the begin of a morph and the end of the change."""
+    """Return whether a moving camera is at some time between the begin of a morph and the end of a change of level."""
     near, far = span
     return far - near > STILL * far and far > begin and near < end
