@@ -65,12 +65,18 @@ bench: ## measure the speed of the core, and compare its results with alternativ
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
 	cargo bench --quiet --package leafcloud --bench safeguards -- $(CURDIR)/../shared/foliage/*.glb | tee docs/bench/safeguards.md
-	$(if $(wildcard $(MEASURED)),$(MAKE) bench-fidelity bench-relit bench-flight bench-forest bench-speed)
+	$(if $(wildcard $(MEASURED)),$(MAKE) bench-fidelity bench-relit bench-flight bench-forest bench-drawing bench-speed)
 
 .PHONY: bench-fidelity
 bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives with the leaves, in Cycles (two hours; later runs take less)
 	@mkdir -p docs/bench
 	.venv/bin/python bench/fidelity.py $(ARGS)
+
+.PHONY: bench-drawing
+bench-drawing: setup $(THREE)/node_modules/.package-lock.json ## compare the cost of drawing the levels with that of the leaves: fragments by a model, Cycles, three.js (15 minutes)
+	@tools/prerequisites.sh chromium
+	@mkdir -p docs/bench
+	.venv/bin/python bench/drawing.py $(ARGS)
 
 .PHONY: bench-curves
 bench-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--verify compares the metrics with Cycles)
@@ -88,8 +94,7 @@ bench-forest: setup ## measure a forest of 10,000 pines from seven distances: tr
 	.venv/bin/python bench/forest.py $(ARGS)
 
 .PHONY: bench-speed
-bench-speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## time the leaves and the levels in Cycles and three.js, near and far
-	@tools/prerequisites.sh chromium
+bench-speed: setup .venv/.fidelity ## time the leaves and the levels of the pine in Cycles against distance
 	@mkdir -p docs/bench
 	.venv/bin/python bench/speed.py $(ARGS)
 
@@ -97,11 +102,6 @@ bench-speed: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## t
 bench-relit: setup ## compare level 1 with its leaves under six suns, in Cycles
 	@mkdir -p docs/bench
 	.venv/bin/python bench/relit.py $(ARGS)
-
-.PHONY: bench-size
-bench-size: setup .venv/.fidelity ## compare billboards of the default size with billboards of any size: fragments, triangles, error (ten minutes)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/size.py $(ARGS)
 
 .PHONY: bench-trunk
 bench-trunk: setup ## measure the trunk of each level: triangles, error, coverage

@@ -31,7 +31,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     import bpy
@@ -243,9 +243,22 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     with _refusing(options.out):
         report = write(tree_set, options.out, stages, blend=True)
     console.warn(report["warnings"])
+    told = report.get("trees", [report])
+    for reason in dict.fromkeys(each["reason"] for tree in told for each in tree["left_out"]):
+        console.note(with_flags(reason))
+    for tree in told:
+        if tree["needs_no_levels"]:
+            console.note(tree["needs_no_levels"])
     levels = max(len(tree.levels) for tree in tree_set.trees)
     of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
-    return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}"
+    savings = "" if len(trees) > 1 else f"; {_savings(report['levels'])}"
+    return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}{savings}"
+
+
+def _savings(levels: Sequence[dict[str, Any]]) -> str:
+    """Return how many times cheaper each level is to draw than the leaves, from its row in the report."""
+    times = ", ".join(f"{level['drawing']['cheaper']:.1f}" for level in levels[1:])
+    return f"cheaper to draw than the leaves at the same distance: {times} ×"
 
 
 def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:

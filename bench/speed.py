@@ -1,19 +1,17 @@
-"""Times Cycles and three.js on the leaves and on the levels, near and far: `make bench-speed`.
+"""Times Cycles on the leaves and on the levels against distance: `make bench-speed`.
 
-usage: python bench/speed.py [TREE.glb …]      (default: pine and oak of ../shared/foliage)
+usage: python bench/speed.py [TREE.glb]      (default: the pine of ../shared/foliage)
 
-Near: Cycles' samples per second and three.js's time per picture, for the leaves, levels 1 and 2, and a tenth of the
-leaves, all from 3 radii. Far, for the first tree: the drawn triangles and Cycles' time per picture, for the leaves,
-levels 1 and 2, and the pruned leaves, from the distance where the crown fills the picture to 64 times that. Prints
-tables in Markdown; for the default trees it also writes docs/bench/speed.md and the chart docs/speed.png.
+The drawn triangles and Cycles' time per picture, for the leaves, levels 1 and 2, and the pruned leaves, from the
+distance where the crown fills the picture to 64 times that. Prints a table in Markdown; for the default tree it also
+writes docs/bench/speed.md and the chart docs/speed.png. `drawing.py` compares each level with the leaves where the
+level takes over.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,61 +20,33 @@ import bpy
 import matplotlib
 import matplotlib.pyplot as pyplot
 import numpy as np
-from browser import ask
-from mathutils import Vector
 from matplotlib.ticker import FuncFormatter
-from stage import FOLIAGE, ROOT, bake_alone, light_up, look_at, render
+from stage import FOLIAGE, ROOT, bake_alone, light_up, place, sampling_time, show_only
 
-from addon.bake.values import Baked, TreeSet
-from addon.export.files import write
-from addon.nodes.lod import set_manual
+from addon.bake.values import Baked
 from addon.settings.bake import BakeSettings
 
 matplotlib.use("Agg")  # Without a display.
 
-TREES = tuple(FOLIAGE / f"{name}.glb" for name in ("pine_cards_20k", "oak_cards_11k"))
-SIZE, NEAR, DIRECTION = 256, 3.0, Vector((0.8, -0.55, 0.25)).normalized()
+TREE = FOLIAGE / "pine_cards_20k.glb"
+SIZE, FIELD_OF_VIEW = 256, math.radians(50.0)
 FEW, MANY = 2, 10
 """Samples of two renders. The time difference excludes scene export and BVH build."""
-PRUNED = 0.1
-"""Fraction of the leaves drawn in the near measurement of the pruned tree."""
-PICTURE, ROUNDS, PATIENCE = 512, 9, 900.0
 FAR = 2.0 ** np.arange(7.0)
 """Z/Z₀."""
-FILLS = 1.0 / math.sin(math.radians(25.0))
-"""Z₀ in crown radii: the distance where the crown's sphere touches the picture's edges, for a field of view of 50°."""
+FILLS = 1.0 / math.sin(FIELD_OF_VIEW / 2.0)
+"""Z₀ in crown radii: the distance where the crown's sphere touches the picture's edges."""
 SUBJECTS = ("leaves", "level 1", "level 2", "leaves, pruned")
 
-INTRODUCTION = f"""# Rendering a cloud instead of its leaves
+INTRODUCTION = f"""# Rendering a cloud instead of its leaves, against distance
 
-Made by `make bench-speed`. Each level with its trunk, from {NEAR:.0f} R; *pruned*: λ = {PRUNED}.
-
-- *Cycles*: {SIZE}², a sun and a sky, 1024 transparent bounces, on the processor. Samples of a pixel per second of
-  processor time, all threads together: the difference between {MANY} and {FEW} samples, without scene export and BVH.
-- *three.js*: {PICTURE}², as the viewer draws it, in Chromium *without a graphics card* (SwiftShader renders in
-  software, where pixels cost more than on a card, and triangles less). Shortest of {ROUNDS} pictures; the subjects
-  take turns.
-- *×*: speed relative to the leaves. *Area*: total area of cards or billboards relative to the leaves, including
-  transparent parts: every ray and pixel there needs an alpha test.
-"""
-AT_DISTANCES = """
-## Against distance
-
-The pine. Z₀ is the distance where its crown fills the picture; the leaves are pruned as in `--chain pruning`.
-Seconds of processor time per picture, without scene export and BVH.
+Made by `make bench-speed` with the pine, each level with its trunk. Z₀ is the distance where the crown fills the
+picture; the leaves are pruned as in `--chain pruning`. Cycles: {SIZE}², a sun and a sky, 1024 transparent bounces, on
+the processor. Seconds of processor time per picture, all threads together: the difference between {MANY} and {FEW}
+samples, without scene export and BVH.
 
 ![Triangles and render time against distance](../speed.png)
 """
-
-
-@dataclass(frozen=True)
-class Near:
-    """One subject near the camera: triangles, area without the trunk, Cycles' samples per second, three.js's ms."""
-
-    triangles: int
-    area: float
-    samples: float
-    frame: float
 
 
 @dataclass(frozen=True)
@@ -88,108 +58,39 @@ class Far:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time the leaves and the levels in Cycles and three.js.")
-    parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: pine and oak of ../shared/foliage)")
-    trees = parser.parse_args().trees or list(TREES)
-    near = ["| | | triangles | area | Cycles, samples/s | × | three.js, ms | × |", "|---|---|---|---|---|---|---|---|"]
-    far: list[list[Far]] = []
-    for tree in trees:
-        found, curves = measure(tree.resolve(), with_distances=tree == trees[0])
-        near += near_rows(tree.stem, found)
-        far = far or curves
-        print("\n".join(near[-len(SUBJECTS) :]), file=sys.stderr, flush=True)
-    text = "\n".join([INTRODUCTION, *near, AT_DISTANCES, *far_rows(far)]) + "\n"
+    parser = argparse.ArgumentParser(description="Time the leaves and the levels in Cycles against distance.")
+    parser.add_argument("tree", nargs="?", type=Path, default=TREE, help="GLB file (default: the measured pine)")
+    tree = parser.parse_args().tree
+    curves = measure(tree.resolve())
+    text = "\n".join([INTRODUCTION, *far_rows(curves)]) + "\n"
     print(text)
-    if trees == list(TREES):
-        chart(far, ROOT / "docs" / "speed.png")
-        (ROOT / "docs" / "bench" / "speed.md").write_text(text)
+    if tree == TREE:
+        chart(curves, ROOT / "docs" / "speed.png")
+        (ROOT / "docs" / "bench" / "speed.md").write_text(text, encoding="utf-8")
 
 
-def measure(tree: Path, *, with_distances: bool) -> tuple[list[Near], list[list[Far]]]:
-    """Bake a tree; return the near figures of each subject, and its curve over the distances, if requested."""
-    baked = bake_alone(tree, BakeSettings(effects="+pruning"))
-    frames = in_browser(baked)
+def measure(tree: Path) -> list[list[Far]]:
+    """Return the curve of each subject over the distances."""
+    baked = bake_alone(tree, BakeSettings(every_level=True))
     camera = light_up(SIZE, MANY)
-    curves = [curve(baked, camera, number) for number in range(3)] if with_distances else []
-    cycles = [near_in_cycles(baked, camera, number, 1.0) for number in range(3)]
+    curves = [curve(baked, camera, number) for number in range(3)]
     pruned = bake_alone(tree, BakeSettings(chain="pruning"))
-    camera = light_up(SIZE, MANY)
-    curves += [curve(pruned, camera, 0)] if with_distances else []
-    cycles.append(near_in_cycles(pruned, camera, 0, PRUNED))
-    return [Near(*figures, frame) for figures, frame in zip(cycles, frames, strict=True)], curves
-
-
-def in_browser(baked: Baked) -> list[float]:
-    """Return the least milliseconds per picture in three.js for each subject."""
-    cases = [{"level": number, "keep": 1.0} for number in range(3)] + [{"level": 0, "keep": PRUNED}]
-    with tempfile.TemporaryDirectory() as folder:
-        write(TreeSet.of(baked), Path(folder), lambda stage, fraction: None, blend=False)
-        question = {"tree": f"/files/{baked.collection.name}.glb", "size": PICTURE, "distance": NEAR}
-        question |= {"rounds": ROUNDS, "cases": cases}
-        answer = ask("bench/three/speed.html", question, patience=PATIENCE, files=Path(folder))
-    return [min(times) for times in answer["times"]]
-
-
-def near_in_cycles(baked: Baked, camera: bpy.types.Object, number: int, keep: float) -> tuple[int, float, float]:
-    """Return triangles, area and samples per second of a level at rest, with the fraction `keep` of its leaves."""
-    show_only(baked, number)
-    set_manual(baked.levels[number].object.modifiers[0], transition=0.0, keep=keep)
-    place(baked, camera, NEAR)
-    evaluated = baked.levels[number].object.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    area = sum(face.area for face in evaluated.data.polygons)
-    return shown_triangles(), area, SIZE**2 * (MANY - FEW) / sampling_time()
+    return [*curves, curve(pruned, light_up(SIZE, MANY), 0)]
 
 
 def curve(baked: Baked, camera: bpy.types.Object, number: int) -> list[Far]:
     show_only(baked, number)
     result = []
     for distance in FAR:
-        place(baked, camera, distance * FILLS)
-        result.append(Far(shown_triangles(), sampling_time()))
+        place(baked, camera, distance * FILLS, FIELD_OF_VIEW)
+        result.append(Far(shown_triangles(), sampling_time(FEW, MANY)))
     return result
-
-
-def show_only(baked: Baked, number: int) -> None:
-    """Show only this level and its trunk, at rest and at any distance. Leaves of a pruning chain are still pruned."""
-    for level in baked.levels:
-        for obj in (level.object, *([level.trunk] if level.trunk else [])):
-            obj.hide_render = obj.hide_viewport = level.number != number
-            # Leaves of a chain that prunes continue to follow the camera.
-            if baked.prepared.settings.chain != "pruning" or obj is level.trunk:
-                set_manual(obj.modifiers[0], transition=0.0, keep=1.0)
-
-
-def place(baked: Baked, camera: bpy.types.Object, distance: float) -> None:
-    """Put the camera at `distance` in crown radii from the crown's center."""
-    centre = Vector(baked.prepared.foliage.world_centre.tolist())
-    look_at(camera, centre, centre + DIRECTION * (distance * baked.prepared.foliage.radius))
-    camera.data.angle = math.radians(50.0)
-    bpy.context.view_layer.update()
-
-
-def sampling_time() -> float:
-    """Return the processor time in seconds of `MANY` − `FEW` samples per pixel."""
-    seconds = []
-    for samples in (FEW, MANY):
-        bpy.context.scene.cycles.samples = samples
-        seconds.append(render().seconds)
-    return max(seconds[1] - seconds[0], 1e-3)
 
 
 def shown_triangles() -> int:
     graph = bpy.context.evaluated_depsgraph_get()
     meshes = [each.object.data for each in graph.object_instances if each.object.type == "MESH"]
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
-
-
-def near_rows(name: str, found: Sequence[Near]) -> list[str]:
-    leaves = found[0]
-    rows = []
-    for subject, each in zip(SUBJECTS, found, strict=True):
-        faster = (each.samples / leaves.samples, leaves.frame / each.frame)
-        cycles, three = f"{each.samples:,.0f} | {faster[0]:.2f}", f"{each.frame:.1f} | {faster[1]:.2f}"
-        rows.append(f"| {name} | {subject} | {each.triangles:,} | {each.area / leaves.area:.2f} | {cycles} | {three} |")
-    return rows
 
 
 def far_rows(curves: Sequence[Sequence[Far]]) -> list[str]:

@@ -24,10 +24,13 @@ from addon.bake.tree_set import bake_tree_set  # noqa: E402
 from addon.bake.values import Baked  # noqa: E402
 from addon.export.blend import clear_scene  # noqa: E402
 from addon.mesh.extract import extract  # noqa: E402
+from addon.nodes.lod import set_manual  # noqa: E402
 from addon.scene.load import load  # noqa: E402
 from addon.settings.bake import BakeSettings  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
+DIRECTION = Vector((0.8, -0.55, 0.25)).normalized()
+"""From the crown's center to the camera."""
 
 _PEAK = re.compile(r"Mem: *[\d.]+[KMG]?, Peak: *([\d.]+)([KMG])")
 _MIB = {"K": 2.0**-10, "M": 1.0, "G": 2.0**10}
@@ -75,6 +78,33 @@ def light_up(size: int, samples: int) -> bpy.types.Object:
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.transparent_max_bounces = 1024
     return camera
+
+
+def show_only(baked: Baked, number: int) -> None:
+    """Show only this level and its trunk, at rest and at any distance. Leaves of a pruning chain are still pruned."""
+    for level in baked.levels:
+        for obj in (level.object, *([level.trunk] if level.trunk else [])):
+            obj.hide_render = obj.hide_viewport = level.number != number
+            # Leaves of a chain that prunes continue to follow the camera.
+            if baked.prepared.settings.chain != "pruning" or obj is level.trunk:
+                set_manual(obj.modifiers[0], transition=0.0, keep=1.0)
+
+
+def place(baked: Baked, camera: bpy.types.Object, distance: float, field_of_view: float) -> None:
+    """Put the camera at `distance` in crown radii from the crown's center. `field_of_view`: in radians."""
+    centre = Vector(baked.prepared.foliage.world_centre.tolist())
+    look_at(camera, centre, centre + DIRECTION * (distance * baked.prepared.foliage.radius))
+    camera.data.angle = field_of_view
+    bpy.context.view_layer.update()
+
+
+def sampling_time(few: int, many: int) -> float:
+    """Return the processor time in seconds of `many` − `few` samples per pixel, without scene export and BVH."""
+    seconds = []
+    for samples in (few, many):
+        bpy.context.scene.cycles.samples = samples
+        seconds.append(render().seconds)
+    return max(seconds[1] - seconds[0], 1e-3)
 
 
 def look_at(camera: bpy.types.Object, place: Vector, eye: Vector) -> None:

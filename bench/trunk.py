@@ -2,12 +2,13 @@
 
 usage: python bench/trunk.py [TREE.glb …]      (default: all of ../shared/foliage with a trunk)
 
-Measures each cloud of a bake with default settings: the triangles of the original and of the simplified trunk, and
-the distance between the two as a fraction of R. Then, in 8 views with the pixel size of the level's switch: the
-coverage of the trunk relative to the original; the overlap of the two silhouettes (intersection over union of alpha >
-½); and both numbers for the whole level. Last the trunk's graphics memory, and the number and memory of the
-billboards that would show it with the same error and the level's texel size. Prints a table in Markdown; for all
-trees it also writes docs/bench/trunk.md.
+Measures each cloud of a bake with default settings: the triangles of the cloud, of the original and of the simplified
+trunk, the change of the pictures that the simplification reports, and its seconds. Then, in 8 views with the pixel size
+of the level's switch, which are not the simplification's: the coverage of the trunk relative to the original; the
+overlap of the two silhouettes (intersection over union of alpha > ½); both numbers for the level with its trunk; and
+the mean difference of colors over gray, as a share of the level's area, beside the same difference without any trunk.
+Last the trunk's graphics memory, and the number and memory of the billboards that would show it with an error of two
+pixels and the level's texel size. Prints a table in Markdown; for all trees it also writes docs/bench/trunk.md.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from addon.settings.bake import BakeSettings  # noqa: E402
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEWS = [(math.cos(a), math.sin(a), 0.2) for a in np.arange(8) * math.pi / 4.0]
 HEADER = (
-    *("tree", "level", "original", "shown", "error / R", "coverage", "overlap", "level's coverage", "level's overlap"),
-    *("KiB", "as billboards", "their KiB"),
+    *("tree", "level", "billboards", "original", "shown", "change", "seconds", "coverage", "overlap"),
+    *("level's coverage", "level's overlap", "colors", "without trunk", "KiB", "as billboards", "their KiB"),
 )
 CORNER_BYTES = 32
 """Bytes of a corner: position, normal, texture coordinates."""
@@ -63,21 +64,26 @@ def main() -> None:
 
 def rows(baked: Baked) -> Iterator[list[str]]:
     """Yield a row for each cloud. LOD 0 and the cross impostor have no simplified trunk."""
-    radius = baked.prepared.foliage.radius
     bpy.context.scene.collection.children.link(baked.collection)
     bpy.context.view_layer.update()
-    came = seen(baked.levels[0].trunk)
+    came, part = baked.prepared.trunk, baked.prepared.trunk_part
+    assert came is not None
+    assert part is not None
     for level, built in zip(baked.chain.levels, baked.levels[1:], strict=True):
         if level.cloud is None:
             continue
-        shown, leaves = seen(built.trunk), [level.foliage()]
-        pixel = 2.0 * math.tan(baked.view.field_of_view / 2.0) * baked.switch_distances[built.number]
-        size = max(16, round(2.0 * came[0].radius * baked.view.resolution / pixel))
-        ratios = (*compared(came, shown, size), *compared(leaves + came, leaves + shown, size))
-        counts = (baked.levels[0].trunk_triangles, built.trunk_triangles)
-        numbers = [*map(str, counts), f"{built.trunk_error / radius:.4f}", *(f"{ratio:.3f}" for ratio in ratios)]
-        memory = [f"{mesh_bytes(built.trunk) / 1024:.0f}", *as_billboards(came[0], level, built.trunk_error)]
-        yield [f"{built.number} ({size} px)", *numbers, *memory]
+        corners = built.trunk_corners
+        shown = came if corners is None else part.of(corners).foliage() if len(corners) else None
+        leaves, pixel = level.foliage(), baked.schedule.trunk_pixels[built.number - 1]
+        size = max(16, round(2.0 * came.radius / pixel))
+        before, after, bare = (pictures(parts, came, size) for parts in ([leaves, came], [leaves, shown], [leaves]))
+        ratios = (*compared(pictures([came], came, size), pictures([shown], came, size)), *compared(before, after))
+        counts = (built.triangles, baked.levels[0].trunk_triangles, built.trunk_triangles)
+        seconds = f"{baked.costs.seconds['trunk_levels']:.2f}" if built.number == 1 else ""
+        numbers = [*map(str, counts), f"{built.trunk_change:.4f}", seconds, *(f"{ratio:.3f}" for ratio in ratios)]
+        colors = [f"{difference(before, other):.4f}" for other in (after, bare)]
+        memory = [f"{mesh_bytes(built.trunk) / 1024:.0f}", *as_billboards(came, level, 2.0 * pixel)]
+        yield [f"{built.number} ({size} px)", *numbers, *colors, *memory]
 
 
 def mesh_bytes(trunk: bpy.types.Object | None) -> int:
@@ -87,8 +93,6 @@ def mesh_bytes(trunk: bpy.types.Object | None) -> int:
 
 def as_billboards(trunk: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
     """Fit billboards to `trunk` within `error`; return their number and their KiB (corners, texels with mips)."""
-    if error == 0.0:
-        return "–", "–"
     epsilon = min(error / trunk.radius, 1.0)
     [own] = leafcloud.build_chain(trunk, levels=1, cross=False, epsilon=epsilon, texture_size=1024).levels
     texels = own.texels * (own.texel_size / level.texel_size) ** 2
@@ -96,30 +100,26 @@ def as_billboards(trunk: leafcloud.Foliage, level: leafcloud.Level, error: float
     return str(len(own.corners)), f"{nbytes / 1024:.0f}"
 
 
-def seen(trunk: bpy.types.Object | None) -> list[leafcloud.Foliage]:
-    """Return a triangle mesh object as foliage, in a list; an empty list without an object."""
-    if trunk is None:
-        return []
-    positions = np.empty((len(trunk.data.vertices), 3), np.float32)
-    trunk.data.vertices.foreach_get("co", positions.ravel())
-    corners = np.empty(len(trunk.data.loops), np.int32)
-    trunk.data.loops.foreach_get("vertex_index", corners)
-    matrix = np.array(trunk.matrix_world)
-    return [leafcloud.Foliage(positions, corners.reshape(-1, 3), matrix=matrix)]
+def pictures(parts: Sequence[leafcloud.Foliage | None], around: leafcloud.Foliage, size: int) -> NDArray[np.float64]:
+    """Return pictures (views, size, size, 4) of the parts, in [0, 1], around the sphere of `around`."""
+    there = [part for part in parts if part is not None]
+    if not there:
+        return np.zeros((len(VIEWS), size, size, 4))
+    centre, radius = around.world_centre.tolist(), around.radius
+    return np.stack([leafcloud.render(there, view, size, centre=centre, radius=radius) for view in VIEWS]) / 255.0
 
 
-def compared(came: Sequence[leafcloud.Foliage], shown: Sequence[leafcloud.Foliage], size: int) -> tuple[float, float]:
-    """Return the coverage of `shown` relative to `came`, and their overlap, in views around the last item of `came`."""
-    centre, radius = came[-1].world_centre.tolist(), came[-1].radius
+def compared(before: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the coverage of `after` relative to `before`, and the overlap of their silhouettes."""
+    a, b = before[..., 3], after[..., 3]
+    both, either = ((a > 0.5) & (b > 0.5)).sum(), ((a > 0.5) | (b > 0.5)).sum()
+    return float(b.sum() / a.sum()), float(both / max(either, 1))
 
-    def alpha(parts: Sequence[leafcloud.Foliage]) -> NDArray[np.float64]:
-        views = [leafcloud.render(parts, view, size, centre=centre, radius=radius) for view in VIEWS]
-        return np.stack(views)[..., 3] / 255.0
 
-    before = alpha(came)
-    after = alpha(shown) if shown else np.zeros_like(before)
-    both, either = ((before > 0.5) & (after > 0.5)).sum(), ((before > 0.5) | (after > 0.5)).sum()
-    return float(after.sum() / before.sum()), float(both / max(either, 1))
+def difference(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+    """Return the sum of the color differences over mid-gray, by the area of `before`."""
+    a, b = (each[..., :3] * each[..., 3:] + 0.5 * (1.0 - each[..., 3:]) for each in (before, after))
+    return float(np.abs(a - b).mean(axis=-1).sum() / before[..., 3].sum())
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 import leafcloud
 
@@ -62,7 +61,6 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         vertices=len(leaves.positions),
         triangles=shape.triangle_count,
         trunk=0 if tree.trunk is None else len(tree.trunk.triangles),
-        trunk_seams=0.0 if tree.trunk is None else seam_share(tree.trunk),
         radius=shape.radius,
         area=shape.area,
         glossy=reflection_of(leaves.materials).varies,
@@ -90,24 +88,6 @@ def _is_one_color(leaves: Geometry) -> bool:
     surfaces = [read_surface(material) for material in leaves.materials]
     varied = any(surface.color_texture or surface.color_attribute or surface.gaps for surface in surfaces)
     return not varied and len({surface.color for surface in surfaces}) == 1
-
-
-def seam_share(geometry: Geometry) -> float:
-    """Return the share in [0, 1) of distinct corners (position and UV) that repeat another's position; 0 without UVs.
-
-    Simplification has to keep these corners.
-    """
-    if geometry.uvs is None or not len(geometry.triangles):
-        return 0.0
-    places = geometry.positions[geometry.triangles.ravel()]
-    return 1.0 - _distinct(places) / _distinct(places, geometry.uvs.reshape(-1, 2))
-
-
-def _distinct(*columns: NDArray[np.float32]) -> int:
-    """Return the number of distinct rows, by a hash of their bits: sorting a million rows would outlast the plan."""
-    bits = np.concatenate([np.ascontiguousarray(each, np.float32).view(np.uint32) for each in columns], axis=1)
-    factors = np.random.default_rng(0).integers(1, 2**63, bits.shape[1], dtype=np.uint64) | np.uint64(1)
-    return len(np.unique((bits.astype(np.uint64) * factors).sum(axis=1, dtype=np.uint64)))
 
 
 def plan(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | None = None) -> Planned:
@@ -170,6 +150,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
     return leafcloud.start_chain(
         prepared.foliage,
         trunk=prepared.trunk,
+        every_level=settings.every_level,
         keep=keep_at_switch(settings, prepared.facts, prepared.effects),
         leaf_pixels=settings.prune_pixels,
         prune_half=settings.prune_half,
@@ -198,6 +179,8 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decisi
     options = {
         "levels": clouds,
         "cross": cross,
+        "triangles": settings.triangles,
+        "max_corners": settings.max_corners,
         "texture_size": settings.texture_size,
         "texture_height": settings.texture_height,
         "samples": settings.samples,

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 class BackSidesEffect(Effect):
     about = (
-        "Give billboards a second texture for the back. Wanted where the two sides of the leaves differ. Doubles the "
+        "Give billboards a second texture for the back. Wanted where leaves show on one side only. Doubles the "
         "billboards and their texels"
     )
 
     def rule(self, situation: Situation) -> Rule:
         if situation.only_leaves:
             return False, situation.before_level_1
-        return None, "each level keeps a second texture for the back if its two sides differ"
+        return None, "billboards have a second texture for the back if leaves show on one side only"
 
     def under_baked_light(self, decision: Decision) -> Rule:
         return True, "the light is baked in, and differs on the two sides of a leaf"
@@ -43,8 +43,8 @@ class BackSidesEffect(Effect):
             return decision
         two_sided = [str(number) for number, level in enumerate(chain.levels, start=1) if level.two_sided]
         if not two_sided:
-            return replace(decision, on=False, reason="the two sides of every level look alike")
-        return replace(decision, on=True, reason=f"the two sides differ on level {', '.join(two_sided)}")
+            return replace(decision, on=False, reason="the leaves show on both sides, so one texture serves both")
+        return replace(decision, on=True, reason=f"leaves show on one side only on level {', '.join(two_sided)}")
 
     def texture_bytes(self, chain: leafcloud.Chain) -> int:
         return sum(level.texels // 2 for level in chain.levels if level.two_sided) * BYTES_PER_TEXEL

@@ -1,4 +1,4 @@
-"""Trunk levels: a simplified trunk for each cloud."""
+"""Trunk levels: for each cloud a trunk with the triangles that are seen through its leaves."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TrunkLevelsEffect(Effect):
         return True, f"{situation.free_camera}, so it may see {trunk} trunk triangles from far away"
 
     def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
-        simplify = Rate(lambda known: known.trunk, fixed=0.04, seconds=2.8e-5)
+        simplify = Rate(lambda known: known.trunk, fixed=0.3, seconds=4.0e-6)
         return simplify, Rate(lambda known: known.trunk_left, 87.0)
 
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..bake.drawing import level_trunks
 from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
-from ..levels.building import BuiltLevel
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
 from ..material.blended import masked
 from ..plan.decision import is_on
@@ -30,6 +30,7 @@ from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
 from .glb_file import Edit
+from .gpu_bytes import GpuBytes
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .plain_materials import materials_of_meshes, untangled
 from .preview import preview_image, stacked
@@ -51,7 +52,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     with Staging(directory) as staging:
         seconds: list[float] = []
         with ExitStack() as changes:
-            edits = _edits(trees)
+            gpu_bytes = GpuBytes()
+            edits = [*_edits(trees), gpu_bytes.read]
             for tree in trees:
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))
@@ -78,7 +80,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         progress("write preview.png", 0.0)
         leafcloud.write_png(str(staging.path("preview.png")), stacked([_preview(tree) for tree in trees]))
         files = sorted([*staging.files, "report.json"])
-        reports = {tree.collection.name: report(tree, seconds[: len(tree.levels)], files) for tree in trees}
+        reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, gpu_bytes) for each in trees}
         content = joint_report(reports) if len(trees) > 1 else reports[name]
         staging.write_json("report.json", content)
         staging.commit(_levels_in(directory, name))
@@ -96,18 +98,6 @@ def _levels_in(directory: Path, name: str) -> set[str]:
         return {file for file in files if of_level.fullmatch(file)}
     except (OSError, ValueError, TypeError, KeyError):  # No report, or none of ours.
         return set()
-
-
-def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
-    """Return the trunk of each level, LOD 0 first; None for a level without one."""
-    came, part = baked.prepared.trunk, baked.prepared.trunk_part
-
-    def trunk(level: BuiltLevel) -> leafcloud.Foliage | None:
-        if part is None or level.trunk is None:
-            return None
-        return came if level.trunk_corners is None else part.of(level.trunk_corners).foliage()
-
-    return [trunk(level) for level in baked.levels]
 
 
 def _edits(trees: Sequence[Baked]) -> list[Edit]:

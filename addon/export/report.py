@@ -1,6 +1,6 @@
 """Content of report.json: the input, the levels, and their costs.
 
-Deviations are fractions of R, areas are in texels, times in seconds.
+Deviations are fractions of R, times are in seconds.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ import bpy
 
 import leafcloud
 
+from ..bake.drawing import LevelDrawing, drawing_costs, left_out_reasons, needs_no_levels
 from ..bake.values import Baked
 from ..levels.building import BuiltLevel
 from ..plan.decision import Decision, is_on
 from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
+from .gpu_bytes import GpuBytes
 
 
-def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -> dict[str, Any]:
+def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], gpu_bytes: GpuBytes) -> dict[str, Any]:
     """Return the content of report.json for one tree.
 
-    `write_seconds`: one number per level. `files`: the names of all written files. Except for the values under the key
-    "seconds", the same input, settings and seed give the same content.
+    `write_seconds`: one number per level. `files`: the names of all written files. `gpu_bytes`: of their nodes. Except
+    for the values under the key "seconds", the same input, settings and seed give the same content.
     """
     prepared = baked.prepared
     levels = [_leaves(baked.levels[0], write_seconds[0])]
@@ -33,7 +35,11 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
     if prepared.tree.trunk is not None and is_on(baked.effects, "trunk_levels"):
         for row, built in zip(levels, baked.levels, strict=True):
             # The cross impostor has no trunk mesh: its textures show the trunk.
-            row["trunk"] = None if row["method"] == "cross" else _trunk(built, prepared.foliage.radius)
+            row["trunk"] = None if row["method"] == "cross" else _trunk(built)
+    costs = drawing_costs(baked)
+    for row, built, cost in zip(levels, baked.levels, costs, strict=True):
+        names = [obj.name for obj in (built.object, built.trunk) if obj is not None]
+        row["drawing"] = {**_drawing(cost), "gpu_bytes": gpu_bytes.of(names)}
     return {
         "leafcloud": leafcloud.__version__,
         "blender": bpy.app.version_string,
@@ -46,6 +52,8 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str]) -
             "dropped": list(prepared.tree.dropped),
         },
         "levels": levels,
+        "left_out": _left_out(baked),
+        "needs_no_levels": needs_no_levels(costs),
         "predicted": _predicted(baked),
         "effects": [_effect(effect, baked) for effect in baked.effects],
         "files": list(files),
@@ -128,9 +136,34 @@ def _level(
     }
 
 
-def _trunk(built: BuiltLevel, radius: float) -> dict[str, Any]:
-    """Return the triangles of a level's trunk, and its deviation from LOD 0's trunk as a fraction of R."""
-    return {"triangles": built.trunk_triangles, "error": built.trunk_error / radius}
+def _drawing(cost: LevelDrawing) -> dict[str, Any]:
+    """Return what a level costs to draw where it takes over, LOD 0 where level 1 does.
+
+    crown_pixels: diameter of the crown's sphere there. fragments: without the trunk, which has trunk_fragments.
+    fragments_before, fragments_leaves: those of the level before and of LOD 0 there, without trunks. area: of all drawn
+    sides, relative to LOD 0's. cheaper: how many times cheaper the level is to draw than LOD 0, with trunks.
+    """
+    return {
+        "crown_pixels": cost.crown_pixels,
+        "fragments": cost.own["fragments"],
+        "fragments_before": cost.before["fragments"],
+        "fragments_leaves": cost.leaves["fragments"],
+        "trunk_fragments": 0.0 if cost.trunk is None else cost.trunk["fragments"],
+        "layers": cost.own["layers"],
+        "area": cost.own["area"] / cost.leaves["area"],
+        "cheaper": cost.cheaper,
+    }
+
+
+def _left_out(baked: Baked) -> list[dict[str, Any]]:
+    """Return the levels that were not made, with the reasons."""
+    reasons = left_out_reasons(baked.chain)
+    return [{**each, "reason": reason} for each, reason in zip(baked.chain.left_out, reasons, strict=True)]
+
+
+def _trunk(built: BuiltLevel) -> dict[str, Any]:
+    """Return the triangles of a level's trunk, and the fraction of the level's picture that it changes."""
+    return {"triangles": built.trunk_triangles, "change": built.trunk_change}
 
 
 def billboard_count(level: leafcloud.Level) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import bpy
@@ -11,12 +12,13 @@ from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
 from ..plan.lod_range import LodRange, trunk_range
+from ..plan.trunk_limits import trunk_limits
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import leaf_object
 from .mesh import read_own_randoms
 from .rollback import removed_on_failure
-from .trunk import Trunk, simplified, whole
+from .trunk import Trunk, TrunkView, simplified, whole
 
 
 def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
@@ -27,11 +29,13 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(build.name)
-        trunks = _trunks(build)
-        levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
         behind = build.chain.levels
-        for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
-            built = _add_level(collection, cloud_object(level, following, number, build), number, trunks[number], build)
+        following = [*behind[1:], None]
+        clouds = [cloud_object(level, following[n], n + 1, build) for n, level in enumerate(behind)]
+        trunks = _trunks(build, [_triangles(cloud) for cloud in clouds])
+        levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
+        for number, (level, cloud) in enumerate(zip(behind, clouds, strict=True), start=1):
+            built = _add_level(collection, cloud, number, trunks[number], build)
             for effect in build.charged():
                 built = effect.add_to_cloud(built, level, build)
             levels.append(built)
@@ -40,18 +44,29 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
     return collection, levels
 
 
-def _trunks(build: Build) -> list[Trunk | None]:
-    """Return the trunk of every level, the leaves first. None for the cross impostor: its textures show the trunk."""
-    tree, costs, errors = build.tree, build.costs, build.schedule.trunk_errors
+def _triangles(obj: bpy.types.Object) -> int:
+    """Return the number of triangles that the object's polygons divide into."""
+    return len(obj.data.loops) - 2 * len(obj.data.polygons)
+
+
+def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
+    """Return the trunk of every level, the leaves first. None for the cross impostor: its textures show the trunk.
+
+    `triangles`: those of each later level, without trunk.
+    """
+    tree, costs, pixels = build.tree, build.costs, build.schedule.trunk_pixels
     clouds = [level for level in build.chain.levels if level.cloud is not None]
     crosses = [None] * (len(build.chain.levels) - len(clouds))
     if tree.trunk is None:
         return [None, *(None for _ in clouds), *crosses]
     first = whole(f"{build.name}_trunk", tree.trunk)
-    if not errors:
+    if not pixels:
         return [first, *(first for _ in clouds), *crosses]
     with costs.spent_on("trunk_levels"):
-        coarser = simplified(first, tree.trunk, tree.matrix, errors[: len(clouds)])
+        whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
+        limits = trunk_limits(triangles[: len(clouds)], whole_tree, build.schedule.triangles)
+        views = [TrunkView(*view) for view in zip(clouds, pixels, limits, strict=False)]
+        coarser = simplified(first, tree.trunk, tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *crosses]
 
@@ -79,11 +94,10 @@ def _add_level(
             member.hide_viewport = member.hide_render = number not in build.schedule.drawn
         for effect in build.charged():
             effect.add_to_member(member, lod_range, build)
-    triangles = len(obj.data.loops) - 2 * len(obj.data.polygons)
-    built = BuiltLevel(number, obj, trunk_object, triangles)
+    built = BuiltLevel(number, obj, trunk_object, _triangles(obj))
     if trunk is None:
         return built
-    return replace(built, trunk_triangles=trunk.triangles, trunk_error=trunk.error, trunk_corners=trunk.corners)
+    return replace(built, trunk_triangles=trunk.triangles, trunk_change=trunk.change, trunk_corners=trunk.corners)
 
 
 def _lod_settings(lod_range: LodRange, build: Build, *, prunes: bool) -> LodSettings:

@@ -138,7 +138,7 @@ class BuiltLevel:
     """One level in Blender.
 
     triangles: triangles of the object, without the trunk.
-    trunk_error: measured deviation of the trunk from LOD 0's, in world units.
+    trunk_change: fraction of the level's picture that the trunk's simplification changes (see `Trunk`).
     apart: offset of front and back billboards along their normals (`nodes.sides`), in the object's own units; 0 without
     such pairs.
     trunk_corners: kept corners of LOD 0's trunk, as `Trunk.corners`.
@@ -149,7 +149,7 @@ class BuiltLevel:
     trunk: bpy.types.Object | None
     triangles: int
     trunk_triangles: int = 0
-    trunk_error: float = 0.0
+    trunk_change: float = 0.0
     apart: float = 0.0
     trunk_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
 

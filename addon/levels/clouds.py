@@ -13,7 +13,7 @@ import leafcloud
 from .baked_light import unlit_material
 from .building import Build, own_bytes
 from .material import Page, atlas_image, atlas_material
-from .mesh import create_mesh, fan_surface, fans
+from .mesh import create_mesh, polygon_faces, polygon_surface
 from .shape import Shape, object_of, pruning_of, transition_of
 from .wind import cloud_wind_attributes
 
@@ -61,30 +61,27 @@ def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
 
 
 def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Build) -> Shape:
-    """Return the billboards sorted by rank. `following`: the cloud that they morph to; None without one."""
+    """Return the polygons sorted by the ranks of their billboards. `following`: the cloud that they morph to."""
     morphs = following is not None and build.has("transitions")
-    order = np.argsort(level.ranks, kind="stable")
-    count = level.corners.shape[1] - 2
-    keys = np.zeros((len(order), count), np.int32)
+    ranks = level.ranks[level.polygon_billboards]
+    keys = np.zeros(level.triangles, np.int32)
     if following is not None and morphs:
-        keys = _parents(following).reshape(-1, count)[order]
-    faces = fans(keys, mirrored=build.foliage.mirrored)
-    surface = fan_surface(level.corners[order], level.uvs[order], faces)
-    ranks = level.ranks[order]
-    billboards, corners = faces.first // (3 * count), faces.first % (3 * count)
-    parents = keys.ravel()[faces.first // 3]
-    wind = cloud_wind_attributes(level, following, order[billboards], parents, build)
+        keys = _parents(following)
+    order = np.argsort(ranks, kind="stable")
+    faces = polygon_faces(level.polygon_sizes, keys, order, mirrored=build.foliage.mirrored)
+    surface = polygon_surface(level.corners, level.uvs, faces)
+    parents = keys[faces.triangles]
+    wind = cloud_wind_attributes(level, following, level.polygon_billboards[faces.vertex_polygons], parents, build)
     if following is None:
-        return Shape(surface, ranks[faces.billboards], wind=wind)
-    of_vertex = count * order[billboards] + corners // 3
+        return Shape(surface, ranks[faces.polygons], wind=wind)
     transition = None
     if morphs:
-        targets = following.targets.reshape(-1, 3 * count, 3)[order].reshape(-1, 3)
-        transition = transition_of(parents, targets[faces.first], following.pivot_targets[of_vertex])
+        targets = following.targets[faces.triangles, faces.places]
+        transition = transition_of(parents, targets, following.pivot_targets[faces.triangles])
     return Shape(
         surface=surface,
-        ranks=ranks[faces.billboards],
-        pruning=pruning_of(ranks[billboards], following.pivots[of_vertex], build),
+        ranks=ranks[faces.polygons],
+        pruning=pruning_of(ranks[faces.vertex_polygons], following.pivots[faces.triangles], build),
         transition=transition,
         wind=wind,
     )

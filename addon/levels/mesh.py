@@ -1,7 +1,7 @@
 """Creation of meshes from arrays: leaves, split so that every vertex belongs to one billboard, clouds and trunks.
 
-A `Split` or `Fans` maps each vertex of the new mesh to a corner of the source. Values per corner follow by indexing, so
-positions, texture coordinates and normals stay bit-identical.
+A `Split` or `PolygonFaces` maps each vertex of the new mesh to a corner of the source. Values per corner follow by
+indexing, so positions, texture coordinates and normals stay bit-identical.
 """
 
 from __future__ import annotations
@@ -62,17 +62,24 @@ class Split:
 
 
 @dataclass(frozen=True)
-class Fans:
-    """Billboards as faces. A billboard's triangles (0, 1, 2), (0, 2, 3) … are one face if they all have the same key,
-    otherwise a face each.
+class PolygonFaces:
+    """Polygons of billboards as faces that share no vertices. `v` vertices, `f` faces.
 
-    first (v,): index of the source corner of each vertex, counted through all triangles. No two corners share a vertex.
-    sizes (f,): the corner count of each face. billboards (f,): the billboard of each face.
+    corners (v,): the vertex's corner, counted through all polygons of the level. triangles (v,): a triangle of the
+    polygon's fan (0, 1, 2), (0, 2, 3) … with that corner, counted through all polygons; places (v,): its place there.
+    sizes (f,): the corner count of each face. polygons (f,): the polygon of each face.
     """
 
-    first: NDArray[np.int64]
+    corners: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    places: NDArray[np.int64]
     sizes: NDArray[np.int32]
-    billboards: NDArray[np.int32]
+    polygons: NDArray[np.int64]
+
+    @property
+    def vertex_polygons(self) -> NDArray[np.int64]:
+        """(v,) the polygon of each vertex."""
+        return np.repeat(self.polygons, self.sizes)
 
 
 def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]]) -> Split:
@@ -89,24 +96,38 @@ def split_vertices(triangles: NDArray[np.int32], keys: NDArray[np.integer[Any]])
     return Split(inverse.reshape(-1, 3).astype(np.int32), first)
 
 
-def fans(keys: NDArray[np.integer[Any]], *, mirrored: bool) -> Fans:
-    """Return the faces of billboards from the `keys` (b, m) of their m triangles.
+def polygon_faces(
+    sizes: NDArray[np.integer[Any]], keys: NDArray[np.integer[Any]], order: NDArray[np.integer[Any]], *, mirrored: bool
+) -> PolygonFaces:
+    """Return polygons with `sizes` (p,) corners as faces, in the given order.
 
-    `mirrored`: wind faces the other way (`leafcloud.Foliage.mirrored`). The first corner of each stays first.
+    `keys` (t,): one for each triangle of the polygons' fans. A polygon is one face if all its triangles have the same
+    key, otherwise a face per triangle. `mirrored`: wind faces the other way (`leafcloud.Foliage.mirrored`); the first
+    corner stays first.
     """
-    count = keys.shape[1]
-    whole = (keys == keys[:, :1]).all(axis=1)
-    triangles = np.arange(3 * count).reshape(count, 3)
-    polygon = np.concatenate([[0, 1], triangles[:, 2]])
-    if mirrored:
-        polygon[1:], triangles = polygon[:0:-1].copy(), triangles[:, [0, 2, 1]]
-    padded = np.concatenate([polygon, np.full(2 * count - 2, -1)])
-    corners = np.where(whole[:, None], padded, triangles.ravel()) + 3 * count * np.arange(len(keys))[:, None]
-    used = np.ones_like(corners, dtype=bool)
-    used[whole, len(polygon) :] = False
-    billboards = np.repeat(np.arange(len(keys), dtype=np.int32), np.where(whole, 1, count))
-    sizes = np.where(whole[billboards], len(polygon), 3).astype(np.int32)
-    return Fans(corners[used].astype(np.int64), sizes, billboards)
+    first_corners, first_triangles = _starts(sizes), _starts(np.asarray(sizes) - 2)
+    rows: list[tuple[int, int, int]] = []
+    face_sizes, polygons = [], []
+    for polygon in order.tolist():
+        size, corner, triangle = int(sizes[polygon]), int(first_corners[polygon]), int(first_triangles[polygon])
+        fan = [[(corner, t, 0), (corner + i, t, 1), (corner + i + 1, t, 2)] for i, t in _fan(size, triangle)]
+        whole = (keys[triangle : triangle + size - 2] == keys[triangle]).all()
+        faces = [[*fan[0][:2], *(last for _, _, last in fan)]] if whole else fan
+        for face in faces:
+            rows += [face[0], *reversed(face[1:])] if mirrored else face
+            face_sizes.append(len(face))
+            polygons.append(polygon)
+    corners, triangles, places = np.array(rows, np.int64).reshape(-1, 3).T
+    return PolygonFaces(corners, triangles, places, np.array(face_sizes, np.int32), np.array(polygons, np.int64))
+
+
+def _fan(size: int, triangle: int) -> list[tuple[int, int]]:
+    """Return second corner and number of each triangle of a polygon's fan; `triangle`: the number of the first."""
+    return [(i, triangle + i - 1) for i in range(1, size - 1)]
+
+
+def _starts(counts: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    return np.cumsum(counts, dtype=np.int64) - counts
 
 
 def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split: Split) -> MeshFaces:
@@ -128,22 +149,15 @@ def triangle_surface(geometry: Geometry, order: NDArray[np.integer[Any]], split:
     )
 
 
-def fan_surface(corners: NDArray[np.floating[Any]], uvs: NDArray[np.float32], faces: Fans) -> MeshFaces:
-    """Return billboards with `corners` (b, c, 3) and `uvs` (b, c, 2) as a surface with one material."""
+def polygon_surface(corners: NDArray[np.floating[Any]], uvs: NDArray[np.float32], faces: PolygonFaces) -> MeshFaces:
+    """Return polygons with `corners` (c, 3) and `uvs` (c, 2) as a surface with one material."""
     return MeshFaces(
-        positions=as_triangles(corners.astype(np.float32)).reshape(-1, 3)[faces.first],
-        corners=np.arange(len(faces.first), dtype=np.int32),
+        positions=corners.astype(np.float32)[faces.corners],
+        corners=np.arange(len(faces.corners), dtype=np.int32),
         sizes=faces.sizes,
         material_ids=np.zeros(len(faces.sizes), np.int32),
-        uvs=as_triangles(uvs).reshape(-1, 2)[faces.first],
+        uvs=uvs[faces.corners],
     )
-
-
-def as_triangles(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return values at the corners of the billboards' c − 2 triangles (b, 3 c − 6, …), from values at their c corners
-    (b, c, …)."""
-    second = np.arange(1, values.shape[1] - 1)
-    return values[:, np.stack([np.zeros_like(second), second, second + 1], axis=1).ravel()]
 
 
 def create_mesh(

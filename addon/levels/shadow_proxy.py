@@ -17,7 +17,7 @@ from mathutils import Matrix
 from ..mesh.baked_levels import EXTRAS, level_number
 from .building import Build
 from .material import Page, atlas_image, atlas_material
-from .mesh import create_mesh, fan_surface, fans
+from .mesh import create_mesh, polygon_faces, polygon_surface
 
 _KEY = "shadow_only"
 """Custom property of a shadow proxy, under `EXTRAS`; also in glTF's extras."""
@@ -35,8 +35,9 @@ def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
         cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255
     material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
-    faces = fans(np.zeros((len(level.corners), level.corners.shape[1] - 2), np.int32), mirrored=build.foliage.mirrored)
-    mesh = create_mesh(name, fan_surface(level.corners, level.uvs, faces), [material])
+    sizes, keys = level.polygon_sizes, np.zeros(level.triangles, np.int32)
+    faces = polygon_faces(sizes, keys, np.arange(len(sizes)), mirrored=build.foliage.mirrored)
+    mesh = create_mesh(name, polygon_surface(level.corners, level.uvs, faces), [material])
     for obj in collection.objects:
         obj.visible_shadow = level_number(obj) is None
     proxy = bpy.data.objects.new(name, mesh)

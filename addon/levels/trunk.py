@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..geometry import Geometry, world_positions
+from ..plan.trunk_limits import CHANGE
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 
@@ -21,17 +22,30 @@ from .mesh import create_mesh, split_vertices, triangle_surface
 class Trunk:
     """The trunk of one level.
 
-    name: common to the trunks of all levels. mesh: None if no triangles are kept. error: measured deviation from the
-    input, in world units. nbytes: size of the mesh data.
+    name: common to the trunks of all levels. mesh: None if no triangles are kept. change: fraction of the level's
+    picture, leaves and trunk, that differs from the input's. nbytes: size of the mesh data.
     corners: (n, 3) indices of the kept input corners, counted through all triangles; None keeps all.
     """
 
     name: str
     mesh: bpy.types.Mesh | None
     triangles: int
-    error: float
+    change: float
     nbytes: int
     corners: NDArray[np.integer[Any]] | None = None
+
+
+@dataclass(frozen=True)
+class TrunkView:
+    """How a level's trunk is seen where the level appears.
+
+    level: the cloud that hides parts of the trunk. pixel: side of a pixel on the tree, world units. limit: maximum
+    number of triangles.
+    """
+
+    level: leafcloud.Level
+    pixel: float
+    limit: int
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
@@ -47,25 +61,26 @@ def whole(name: str, geometry: Geometry) -> Trunk:
     return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
 
 
-def simplified(first: Trunk, geometry: Geometry, matrix: NDArray[np.float64], errors: Sequence[float]) -> list[Trunk]:
-    """Return one simplified trunk per level, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
+def simplified(
+    first: Trunk, geometry: Geometry, matrix: NDArray[np.float64], views: Sequence[TrunkView]
+) -> list[Trunk]:
+    """Return one simplified trunk per view, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
     `matrix`: (4, 4) from the geometry to the world.
 
-    errors: maximum deviations from `geometry` in world units, ascending. Each trunk is made from `geometry`, so errors
-    do not add up. If one has no fewer triangles than the one before, that one is used again. A new mesh is named after
-    `first` and its level.
+    Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before,
+    that one is used again. A new mesh is named after `first` and its level.
     """
     result = [first]
     positions = world_positions(geometry, matrix)
-    for level, error in enumerate(errors, start=1):
+    for number, view in enumerate(views, start=1):
         before = result[-1]
-        found = _simplify(geometry, positions, error) if error > 0.0 and before.triangles > 0 else None
+        found = _simplify(geometry, positions, view) if before.triangles > 0 else None
         if found is None or len(found.corners) >= before.triangles:
             result.append(before)
             continue
         left = gathered(geometry, found.corners)
-        mesh = geometry_mesh(f"{first.name}_{level}", left) if len(found.corners) else None
-        result.append(Trunk(first.name, mesh, len(found.corners), found.error, _nbytes(left), found.corners))
+        mesh = geometry_mesh(f"{first.name}_{number}", left) if len(found.corners) else None
+        result.append(Trunk(first.name, mesh, len(found.corners), found.change, _nbytes(left), found.corners))
     return result[1:]
 
 
@@ -99,11 +114,14 @@ def _nbytes(geometry: Geometry) -> int:
     return used + sum(array.nbytes for array in arrays if array is not None)
 
 
-def _simplify(geometry: Geometry, positions: NDArray[np.float64], error: float) -> leafcloud.Simplified:
+def _simplify(geometry: Geometry, positions: NDArray[np.float64], view: TrunkView) -> leafcloud.Simplified:
     return leafcloud.simplify(
         positions,
         geometry.triangles,
-        error=error,
+        leaves=view.level.foliage(),
+        pixel=view.pixel,
+        change=CHANGE,
+        most=view.limit,
         uvs=geometry.uvs,
         normals=geometry.normals,
         colors=geometry.colors,

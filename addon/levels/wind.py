@@ -74,7 +74,7 @@ def leaf_wind_attributes(
     carriers = None
     if moves is not None:
         billboards = moves.billboards[of_vertex][:, None]
-        carried = plane_pivots(chain.levels[0])[billboards[:, 0]]
+        carried = chain.levels[0].plane_pivots()[billboards[:, 0]]
         carriers = np.where(billboards < 0, pivots, carried).astype(np.float32)
     return WindAttributes(
         pivot=None if build.has("pruning") else pivots.astype(np.float32),
@@ -98,12 +98,12 @@ def cloud_wind_attributes(
     """
     if build.wind is None or level.cloud is None:
         return None
-    own = plane_pivots(level)[level.plane_ids[billboards]].astype(np.float32)
+    own = level.plane_pivots()[level.plane_ids[billboards]].astype(np.float32)
     if following is None:
         return WindAttributes(own)
     return WindAttributes(
         pivot=None if build.has("pruning") else own,
-        billboard_pivot=plane_pivots(following)[parents].astype(np.float32) if build.has("transitions") else None,
+        billboard_pivot=following.plane_pivots()[parents].astype(np.float32) if build.has("transitions") else None,
     )
 
 
@@ -111,23 +111,6 @@ def add_wind_attributes(mesh: bpy.types.Mesh, wind_attributes: WindAttributes) -
     """Store the data as point attributes of the mesh."""
     for name, values in wind_attributes.attributes.items():
         add_point_attribute(mesh, name, "FLOAT" if values.ndim == 1 else "FLOAT_VECTOR", values)
-
-
-def plane_pivots(level: leafcloud.Level) -> NDArray[np.float64]:
-    """Return (k, 3) the area centroid of the billboard on each plane of the cloud `level`.
-
-    The core uses the same point as the pivot when it treats the billboard as a leaf to build the next level.
-    """
-    corners = level.corners
-    sides = corners[:, 1:] - corners[:, :1]
-    areas = np.linalg.norm(np.cross(sides[:, :-1], sides[:, 1:]), axis=2) / 2.0
-    middles = (corners[:, :1] + corners[:, 1:-1] + corners[:, 2:]) / 3.0
-    whole = areas.sum(axis=1)
-    weights = np.where(whole[:, None] > 0.0, areas / np.where(whole > 0.0, whole, 1.0)[:, None], 1.0 / areas.shape[1])
-    assert level.cloud is not None
-    pivots = np.zeros((len(level.cloud.planes), 3))
-    pivots[level.plane_ids] = (weights[..., None] * middles).sum(axis=1)
-    return pivots
 
 
 def phases(leaf_ids: NDArray[np.integer[Any]]) -> NDArray[np.float32]:

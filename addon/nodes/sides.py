@@ -27,12 +27,12 @@ _SHARE = 1.0 / 16384.0
 
 
 def apart(corners: NDArray[np.float64], number: int) -> float:
-    """Return the offset of each billboard of the level `number` ≥ 1, in the unit of its `corners` (b, c, 3).
+    """Return the offset of each billboard of the level `number` ≥ 1, in the unit of its `corners` (c, 3).
 
     The offset grows with the number. So each level lies in front of the one that has morphed to it, and stays lit while
     the two cross-fade.
     """
-    return number * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) * _SHARE
+    return number * float(np.ptp(corners, axis=0).max()) * _SHARE
 
 
 def add_side_modifier(obj: bpy.types.Object, apart: float) -> bpy.types.NodesModifier:

@@ -14,7 +14,7 @@ from itertools import zip_longest
 
 import leafcloud
 
-from ..settings.bake import BakeSettings
+from ..settings.bake import LARGEST_TEXTURE, BakeSettings
 from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
@@ -97,13 +97,16 @@ def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[
 def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
     """Return the latest switch distances, LOD 0's 0 first, in world units.
 
-    A level with large texels takes over later. A budget of billboards or texels leaves the deviation open, up to R.
+    A level with large texels takes over later. A budget of triangles, billboards or texels leaves the deviation open,
+    up to R.
     """
     count = _clouds(settings)
-    is_open = settings.max_billboards is not None or settings.max_texels is not None
+    is_open = any(budget is not None for budget in (settings.triangles, settings.max_billboards, settings.max_texels))
     accurate = _switches(settings, facts, view, [1.0] * count) if is_open else soonest_switches(settings, facts, view)
     # Each cloud's atlas has half the width of the one before.
-    texels = [LARGEST_TEXEL * facts.radius * 2**number / settings.texture_size for number in range(count)]
+    texels = [
+        LARGEST_TEXEL * facts.radius * 2**number / (settings.texture_size or LARGEST_TEXTURE) for number in range(count)
+    ]
     sharp = [0.0, *(far_off(texel, 1.0, view) for texel in texels)]
     return rising([max(pair) for pair in zip_longest(accurate, sharp, fillvalue=0.0)])
 

@@ -5,8 +5,8 @@ through the crown take longer the more leaves overlap along a line of sight. The
 measured trees. `make bench-plan` measures the costs again and compares them with the estimates. Seconds apply to the
 measuring machine.
 
-Known limit: two amounts are only known after the bake. The trunk triangles left after simplification are estimated from
-the seams of the trunk's texture, the pieces of blended billboards from the leaf size.
+Known limit: two amounts are only known after the bake. The trunk triangles left after simplification are estimated as
+their maximum, the pieces of blended billboards from the leaf size.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import leafcloud
+
 from ..settings.bake import BakeSettings
 from .decision import Decision
 from .effects import plan_levels
@@ -22,6 +24,10 @@ from .facts import Facts
 from .pages import page_size
 from .rates import Amounts
 from .registry import effect_named
+from .trunk_limits import FAR_TRIANGLES, MOST_TRIANGLES
+
+_PAGE_SHARE = 6.0
+"""Texels of a page over the pixels of the square around the crown: 3 to 7 on the measured trees."""
 
 
 def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> Amounts:
@@ -29,9 +35,10 @@ def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds)]
     pages += [min(_cross_texels(settings), _page_texels(settings, clouds))] if cross else []
-    trunk, left = facts.trunk * clouds, min(max(4.0 * facts.trunk_seams**1.5, 0.1), 1.0)
+    # Level 1's trunk has about a quarter of the level's triangles.
+    left = [min(facts.trunk, limit) for limit in (MOST_TRIANGLES // 4, *[FAR_TRIANGLES] * (clouds - 1))[:clouds]]
     texels, leaf_size = (sum(pages), sum(pages[1:])), facts.leaf_size / facts.radius
-    return Amounts(facts.vertices, facts.triangles, trunk, round(left * trunk), *texels, facts.depth, leaf_size)
+    return Amounts(facts.vertices, facts.triangles, facts.trunk * clouds, sum(left), *texels, facts.depth, leaf_size)
 
 
 def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> tuple[Decision, ...]:
@@ -48,8 +55,13 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]
 
 
 def _page_texels(settings: BakeSettings, number: int) -> int:
+    """Return the number of texels of a cloud's atlas page: of the set size, or with a texel for each pixel where the
+    cloud takes over, estimated from the square around the crown there."""
     width, height = page_size(settings, number)
-    return width * height
+    if settings.texture_size is not None or settings.texture_height is not None:
+        return width * height
+    deviation = sum(settings.epsilon * leafcloud.EPSILON_STEP**finer for finer in range(number + 1))
+    return min(width * height, round(_PAGE_SHARE * (2.0 * settings.pixels / deviation) ** 2))
 
 
 def _cross_texels(settings: BakeSettings) -> int:

@@ -52,8 +52,6 @@ class Facts:
     """Vertices and triangles of the leaves."""
     trunk: int = 0
     """Triangles of trunk and branches."""
-    trunk_seams: float = 0.0
-    """Fraction of the trunk's vertices that exist only because of texture seams."""
     radius: float = 1.0
     """R, the radius of the leaves' bounding sphere, in world units."""
     area: float = 0.0

@@ -18,9 +18,6 @@ the edges of alpha are left to fade."""
 LEAST_STEP = 1.25
 """Minimum ratio of a level's switch distance to that of the level before."""
 
-TRUNK_PIXELS = 2.0
-"""Maximum deviation of a level's trunk in pixels at the distance where the level appears."""
-
 
 @dataclass(frozen=True)
 class View:
@@ -90,17 +87,6 @@ def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     vanish = ranges[number + 1].appear if morphs else own.vanish
     fading = vanish if morphs else own.fade_out_start
     return LodRange(own.appear, math.inf, math.inf, vanish, fade_in_end=own.appear, fade_out_start=fading)
-
-
-def trunk_errors(deviations: Sequence[float], ranges: Sequence[LodRange], unit: float) -> tuple[float, ...]:
-    """Return the maximum deviation of the trunk of each level after LOD 0, from the original trunk.
-
-    It is the level's leaf deviation in `deviations`, limited to `TRUNK_PIXELS` at the distance where the level appears.
-    `unit`: the distance at which a length of 1 covers `TRUNK_PIXELS`. Leaves morph onto their billboards, but a trunk
-    switches at once, so a deviation as large as the leaves' would be a visible jump.
-    """
-    behind = zip(deviations, ranges[1:], strict=True)
-    return tuple(min(deviation, lod_range.appear / unit) for deviation, lod_range in behind)
 
 
 def rising(distances: Sequence[float]) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..settings.bake import SMALLEST_TEXTURE, BakeSettings
+from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings
 
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
@@ -11,8 +11,10 @@ KTX2_EXTENSION = "KHR_texture_basisu"
 
 
 def page_size(settings: BakeSettings, number: int) -> tuple[int, int]:
-    """Return width and height in texels of the page of cloud `number`, from 0. Each is half as large as the last."""
-    width, height = settings.texture_size, settings.texture_height or settings.texture_size
+    """Return width and height in texels of the largest page of cloud `number`, from 0. Each is half as large as the
+    last."""
+    width = settings.texture_size or LARGEST_TEXTURE
+    height = settings.texture_height or width
     return max(width >> number, SMALLEST_TEXTURE), max(height >> number, SMALLEST_TEXTURE)
 
 

@@ -21,7 +21,7 @@ class Amounts:
     trunk: int
     """Trunk triangles of all clouds together, before simplification."""
     trunk_left: int
-    """Estimated trunk triangles after simplification. Texture seams hold triangles in place."""
+    """Estimated trunk triangles of all clouds together, after simplification."""
     texels: int
     """Texels of the atlas pages of all levels."""
     far_texels: int

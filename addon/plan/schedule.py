@@ -12,7 +12,7 @@ from ..settings.bake import BakeSettings
 from .camera_visibility import camera_visibility, far_off, level_at, share_at_level_1
 from .decision import Decision, is_on
 from .facts import Facts
-from .lod_range import TRUNK_PIXELS, LodRange, View, lod_ranges, rising, trunk_errors
+from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
 
 
@@ -21,14 +21,16 @@ class Schedule:
     """Switch distances and LOD ranges of all levels, the leaves first.
 
     drawn: the levels that the camera sees. A single one is always shown if no level follows the camera.
-    trunk_errors: maximum deviation of the trunk from the input for each level after LOD 0; empty: no simplification.
+    trunk_pixels: side of a pixel on the tree where each level after LOD 0 appears; empty: trunks are not simplified.
+    triangles: wished maximum of level 1 with its trunk.
     """
 
     switch_distances: tuple[float, ...]
     lod_ranges: tuple[LodRange, ...]
     drawn: range = range(1)
     pruning: PruneDistances = field(default_factory=PruneDistances)
-    trunk_errors: tuple[float, ...] = ()
+    trunk_pixels: tuple[float, ...] = ()
+    triangles: int | None = None
 
 
 def schedule(
@@ -53,7 +55,8 @@ def schedule(
         ranges,
         _drawn(settings, facts, ranges),
         _prune_distances(settings, facts, effects, start, ranges[1].appear),
-        trunk_errors(deviations, ranges, far_off(1.0, TRUNK_PIXELS, view)) if simplified else (),
+        tuple(each.appear / far_off(1.0, 1.0, view) for each in ranges[1:]) if simplified else (),
+        settings.triangles,
     )
 
 

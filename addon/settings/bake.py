@@ -22,7 +22,7 @@ Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
-_FIX_EPSILON = ("method", "max_billboards", "max_texels", "image_epsilon", "chain")
+_FIX_EPSILON = ("method", "triangles", "max_billboards", "max_texels", "image_epsilon", "chain")
 """Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
 _CHOSEN = ("epsilon", "samples", "effort")
 """Settings that the wishes choose. The texture size is chosen, too, but only below the given one."""
@@ -50,6 +50,8 @@ def _default(name: str) -> Any:
 
 
 SMALLEST_TEXTURE = int(_range("texture_size").low)
+LARGEST_TEXTURE: int = _default("texture_size")
+"""Greatest width of level 1's atlas if no width is set."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,20 @@ class BakeSettings:
         int,
         Setting(
             "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has "
-            f"{leafcloud.EPSILON_STEP:g} times the error bound and half the texture size of the one before",
+            f"{leafcloud.EPSILON_STEP:g} times the error bound of the one before",
             "COUNT",
             # The chain pruning alone has the core's 0 clouds.
             replace(_range("levels"), low=1),
         ),
     ] = _default("levels")
     cross: Annotated[bool, Setting("Cross impostor of the whole tree as the last level")] = True
+    every_level: Annotated[
+        bool,
+        Setting(
+            "Make every level. Otherwise a level is left out if it saves less than a tenth of the cost of drawing the "
+            "level before it, at the distance where it takes over"
+        ),
+    ] = False
     method: Annotated[
         Method,
         Setting(
@@ -111,6 +120,16 @@ class BakeSettings:
             },
         ),
     ] = "default"
+    triangles: Annotated[
+        int | None,
+        Setting(
+            "Maximum number of triangles of level 1, trunk included. Billboards become as small as the number allows, "
+            "which leaves fewer empty pixels; if it is too small for `epsilon`, the error bound grows",
+            "COUNT",
+            _range("triangles"),
+            unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000",
+        ),
+    ] = None
     max_billboards: Annotated[
         int | None,
         Setting(
@@ -147,7 +166,8 @@ class BakeSettings:
             "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
             "FRACTION",
             _range("max_size"),
-            unset="0.2, or twice the mean leaf radius if that is more; no limit with `max_billboards`",
+            unset="as small as the triangles allow, but with room for leaves twice as wide as the mean leaf; no limit "
+            "with `max_billboards`",
         ),
     ] = None
     compact: Annotated[
@@ -171,8 +191,7 @@ class BakeSettings:
     max_corners: Annotated[
         int,
         Setting(
-            "Corners of a billboard's outline. 4 gives rectangles; more corners leave less empty area and add "
-            "triangles",
+            "Maximum number of corners of a billboard's polygons. More corners leave less empty area",
             "COUNT",
             _range("max_corners"),
         ),
@@ -217,13 +236,14 @@ class BakeSettings:
     ] = None
     seed: Annotated[int, Setting("Random seed", "NUMBER", _range("seed"))] = _default("seed")
     texture_size: Annotated[
-        int,
+        int | None,
         Setting(
             "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
             "TEXELS",
             _range("texture_size"),
+            unset=f"a texel for each pixel where a level takes over, at most {LARGEST_TEXTURE} for level 1",
         ),
-    ] = _default("texture_size")
+    ] = None
     texture_height: Annotated[
         int | None,
         Setting("Height of level 1's atlas in texels", "TEXELS", _range("texture_height"), unset="same as the width"),
@@ -464,7 +484,6 @@ class FitOptions(TypedDict):
     max_size: float | None
     compact: float | None
     gather: float
-    max_corners: int
     whole_leaves: bool
     vertical: float
     views: tuple[tuple[float, float, float], ...]

@@ -11,7 +11,7 @@ import leafcloud
 
 from ..bake.pipeline import layer_of, prepare, start_curve
 from ..errors import SceneError
-from ..settings.bake import SMALLEST_TEXTURE, BakeSettings, SettingsError
+from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings, SettingsError
 from . import measured
 from .job_operator import JobOperator
 from .properties import bake_settings, with_labels
@@ -87,7 +87,7 @@ class LEAFCLOUD_OT_pick(bpy.types.Operator):
             return {"CANCELLED"}
         settings, chosen = context.scene.leafcloud, last.offers[self.index]["settings"]
         if settings.texture_height:  # Keep the proportions of the atlas page.
-            height = settings.texture_height * chosen["texture_size"] // settings.texture_size
+            height = settings.texture_height * chosen["texture_size"] // (settings.texture_size or LARGEST_TEXTURE)
             settings.texture_height = max(height, SMALLEST_TEXTURE)
         for name in _CHOSEN:
             setattr(settings, name, chosen[name])
@@ -132,7 +132,9 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
             for offer in last.shown:
                 _add_point(column, last, settings, offer, describe(offer))
             _add_label(layout, expected(settings))
-        _add_label(layout, measured.told())
+        column = layout.column(align=True)
+        for line in measured.told():
+            column.label(text=line)
         column = layout.column(align=True)
         column.use_property_split, column.use_property_decorate = True, False
         for name in ("samples", "seconds", "image_error"):

@@ -10,8 +10,9 @@ import numpy as np
 
 import leafcloud
 
+from ..bake.drawing import drawing_costs
 from ..bake.pipeline import chain_options
-from ..bake.values import Prepared
+from ..bake.values import Baked, Prepared
 from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
@@ -118,9 +119,12 @@ def predicted(prepared: Prepared) -> Prepared:
 _told: list[str] = []
 
 
-def told() -> str:
-    """Return time and error of the last bake beside the prediction; empty before the first bake."""
-    return _told[-1] if _told else ""
+def told() -> tuple[str, ...]:
+    """Return the lines about the last bake: time and error beside the prediction, and what each level saves.
+
+    Empty before the first bake.
+    """
+    return tuple(_told)
 
 
 def tell_nothing() -> None:
@@ -128,8 +132,14 @@ def tell_nothing() -> None:
     _told.clear()
 
 
-def tell(prepared: Prepared, chain: leafcloud.Chain) -> None:
-    """Store time and error of a finished bake."""
+def tell(tree: Baked) -> None:
+    """Store the result of a finished bake."""
+    prepared, chain = tree.prepared, tree.chain
     expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
     beside = "" if expected is None else f" (expected {expected['seconds']:.1f} s, {expected['image_error']:.3f})"
     _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]
+    for number, cost in enumerate(drawing_costs(tree)[1:], start=1):
+        times = f"{cost.cheaper:.1f} × cheaper" if cost.cheaper >= 1.0 else f"{1.0 / cost.cheaper:.1f} × dearer"
+        _told.append(f"Level {number}: {times} to draw than the leaves at {cost.crown_pixels:.0f} px")
+    if chain.left_out:
+        _told.append(f"Left out, no cheaper: {len(chain.left_out)} of {len(chain.left_out) + len(chain.levels)} levels")

@@ -10,6 +10,7 @@ from bpy.props import StringProperty
 
 import leafcloud
 
+from ..bake.drawing import left_out_reasons
 from ..bake.pipeline import file_name, layer_of
 from ..bake.tree_set import (
     ChainsJob,
@@ -98,8 +99,8 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
                 remember(tree.collection, tree.prepared.tree.sources)
         effects = joint_effects([tree.effects for tree in tree_set.trees])
         show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
-        for prepared, chain in zip(self._prepared.values(), chains, strict=True):
-            tell(prepared, chain)
+        for tree in tree_set.trees:
+            tell(tree)
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
@@ -107,6 +108,8 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         draw_new_levels(context.view_layer)
         for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
             self.report({"WARNING"}, warning)
+        for reason in dict.fromkeys(reason for chain in chains for reason in left_out_reasons(chain)):
+            self.report({"INFO"}, with_labels(reason))
         levels = ", ".join(
             f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in tree_set.trees
         )

@@ -29,7 +29,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         for name in ("leaves", "trees"):
             layout.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("epsilon", "levels", "cross"):
+        for name in ("triangles", "epsilon", "levels", "cross", "every_level"):
             column.prop(settings, name)
         column = layout.column(align=True)
         for name in ("texture_size", "texture_height", "pixels", "close_gaps"):

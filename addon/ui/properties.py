@@ -60,6 +60,8 @@ _SHOWN = {
     "epsilon": _Shown("Error Bound", slider=0.2, digits=3),
     "levels": _Shown("Levels", slider=4),
     "cross": _Shown("Cross"),
+    "triangles": _Shown("Triangles", slider=10000),
+    "every_level": _Shown("Every Level"),
     "texture_size": _Shown("Texture Width"),
     "texture_height": _Shown("Texture Height"),
     "samples": _Shown("Samples"),

@@ -197,7 +197,7 @@ def test_atlas_pages_keep_the_alpha_of_blended_leaves() -> None:
     foliage = leafcloud.Foliage(quads.reshape(-1, 3), triangles, materials=[material])
     options: dict[str, Any] = {"levels": 1, "cross": False, "texture_size": 128, "epsilon": 0.2}
     [level] = leafcloud.build_chain(foliage, blended=True, **options).levels
-    assert len(level.corners) == 1
+    assert len(level.ranks) == 1
     assert level.alpha_cutoff == 0.0
     # The bake changes alpha a little to match the leaves' coverage: their edges lie between samples.
     assert float(np.quantile(level.base_color[..., 3], 0.9)) == pytest.approx(255 * ALPHA, rel=0.05)

@@ -51,7 +51,7 @@ def test_rows_agree_with_the_measured_chains(crown: leafcloud.Foliage, curve: le
         assert sum(stages) == pytest.approx(row["seconds"]["total"])
         assert 0.0 < row["mean_deviation"] <= row["max_deviation"] <= row["settings"]["epsilon"]
         assert 0.0 < row["image_error"] < 1.0
-        assert row["triangles"] == 2 * row["billboards"]
+        assert row["triangles"] >= 2 * row["billboards"]
         assert row["measured_on"] == crown.triangle_count
     by_epsilon = {row["settings"]["epsilon"]: row["billboards"] for row in curve.rows}
     assert by_epsilon[0.028] > by_epsilon[0.056] > by_epsilon[0.112]
@@ -285,8 +285,9 @@ def test_a_bake_after_a_curve_reports_prediction_and_measurement(tmp_path: Path)
     assert told["image_error"]["predicted"] == pytest.approx(told["image_error"]["measured"], rel=1.0)
     shown = [text for kind, text in drawn() if kind == "label"]
     came_to = f"error {told['image_error']['measured']:.3f} (expected {told['seconds']['predicted']:.1f} s"
-    assert shown[-1].startswith("Baked: ")
-    assert came_to in shown[-1]
+    [baked] = [place for place, text in enumerate(shown) if text.startswith("Baked: ")]
+    assert came_to in shown[baked]
+    assert shown[baked + 1].startswith("Level 1: ")
 
 
 @pytest.mark.usefixtures("_selected")

@@ -72,7 +72,7 @@ EFFECTS_APART = {
     # Only the core decides whether front and back differ.
     "back_sides": Own(("addon.nodes.sides",), ("materials tree_LOD1 use_backface_culling = True",)),
     "trunk_levels": Own(
-        ("addon.levels.trunk:simplified", "addon.levels.trunk:gathered", "addon.plan.lod_range:trunk_errors"),
+        ("addon.levels.trunk:simplified", "addon.levels.trunk:gathered", "addon.plan.trunk_limits:trunk_limits"),
         ("meshes tree_trunk_1 is there",),
     ),
     # The same functions make the first level and the others.

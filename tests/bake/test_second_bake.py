@@ -314,7 +314,7 @@ def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Obj
         status = bpy.context.window_manager.leafcloud
         assert (len(status.plan), status.note, status.viewer, status.stage) == (0, "", "", ""), opened
         assert measured.last() is None
-        assert measured.told() == ""
+        assert measured.told() == ()
 
 
 def test_a_shorter_chain_removes_the_files_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from addon.plan.effects import is_on, joint_effects
 from addon.settings.bake import BakeSettings
 
 RED, GREEN, BLUE = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8)
-SMALL = {"texture_size": 128, "levels": 1, "samples": 2}
+SMALL = {"every_level": True, "texture_size": 128, "levels": 1, "samples": 2}
 
 
 def crown(
@@ -299,7 +299,8 @@ def test_files_have_all_trees_and_each_page_once(
 ) -> None:
     red_and_blue()
     scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
-    report = bake_files(scene, out, "--trees", "collections", "--texture-size", 128, "--levels", 1)
+    quick = ("--texture-size", 128, "--levels", 1, "--every-level")
+    report = bake_files(scene, out, "--trees", "collections", *quick)
     assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
     assert report["files"] == sorted(
         ["preview.png", "report.json", "trunk.blend", "trunk.glb", *(f"trunk_LOD{number}.glb" for number in range(3))]

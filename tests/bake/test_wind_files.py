@@ -241,7 +241,6 @@ def test_a_bake_without_wind_calls_no_code_of_the_wind(
         "add_wind_attributes",
         "freedom",
         "phases",
-        "plane_pivots",
         "wind_extras",
         "add_wind_modifier",
     ):

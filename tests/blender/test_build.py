@@ -16,7 +16,7 @@ from addon.geometry import Geometry, Tree, is_sheared, world_normals, wound
 from addon.levels import clouds
 from addon.levels.build import build_levels
 from addon.levels.building import Build, BuiltLevel, Costs
-from addon.levels.mesh import MeshFaces, create_mesh, fans, split_vertices
+from addon.levels.mesh import MeshFaces, create_mesh, polygon_faces, split_vertices
 from addon.levels.prune_tables import area_shares, prefix_table
 from addon.plan.lod_range import lod_ranges
 from addon.plan.registry import effect_named
@@ -48,11 +48,18 @@ class FakeLevel:
     leaf_uv: NDArray[np.uint8] | None = None
     leaf_id: NDArray[np.uint8] | None = None
     uvs: NDArray[np.float32] = field(init=False)
+    polygon_sizes: NDArray[np.uint32] = field(init=False)
+    polygon_billboards: NDArray[np.uint32] = field(init=False)
+    triangles: int = field(init=False)
     base_color: NDArray[np.uint8] = field(init=False)
 
     def __post_init__(self) -> None:
         unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-        self.uvs = np.tile(unit, (len(self.corners), 1, 1))
+        count = len(self.corners) // 4
+        self.uvs = np.tile(unit, (count, 1))
+        self.polygon_sizes = np.full(count, 4, np.uint32)
+        self.polygon_billboards = np.arange(count, dtype=np.uint32)
+        self.triangles = 2 * count
         self.base_color = np.full((4, 4, 4), (90, 140, 40, 255), np.uint8)
 
 
@@ -124,7 +131,7 @@ def chain() -> SimpleNamespace:
     """
     random = np.random.default_rng(3)
     first = FakeLevel(
-        corners=np.array([rectangle(0.0), rectangle(1.0)]),
+        corners=np.array(rectangle(0.0) + rectangle(1.0)),
         targets=random.random((4, 3, 3)),
         pivots=random.random((4, 3)),
         pivot_targets=random.random((4, 3)),
@@ -132,7 +139,7 @@ def chain() -> SimpleNamespace:
         cloud=SimpleNamespace(parents=np.array([0, 1, 0, 0], np.uint32)),
     )
     second = FakeLevel(
-        corners=np.array([rectangle(0.5)]),
+        corners=np.array(rectangle(0.5)),
         targets=random.random((4, 3, 3)),
         pivots=random.random((4, 3)),
         pivot_targets=random.random((4, 3)),
@@ -142,7 +149,7 @@ def chain() -> SimpleNamespace:
     )
     nothing = np.zeros((0, 3))
     cross = FakeLevel(
-        np.array([rectangle(0.5)]), nothing.reshape(0, 3, 3), nothing, nothing, np.zeros(1, np.float32), None
+        np.array(rectangle(0.5)), nothing.reshape(0, 3, 3), nothing, nothing, np.zeros(1, np.float32), None
     )
     return SimpleNamespace(levels=[first, second, cross], ranks=RANKS, pivots=first.pivots, kept=None)
 
@@ -212,24 +219,30 @@ def test_triangles_on_the_same_vertices_get_their_own_vertices() -> None:
     assert np.array_equal(triangles.ravel()[split.first][split.corners], triangles)
 
 
-def test_a_billboard_is_one_quad_unless_its_triangles_separate() -> None:
-    faces = fans(np.array([[4, 4], [1, 2]]), mirrored=False)
-    assert faces.sizes.tolist() == [4, 3, 3]
-    assert faces.first.tolist() == [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
-    assert faces.billboards.tolist() == [0, 1, 1]
+def test_a_polygon_is_one_face_unless_its_triangles_separate() -> None:
+    # A quad and a pentagon whose triangles agree, and one of each whose triangles do not; corners 0 … 17.
+    sizes, keys = np.array([4, 5, 4, 5]), np.array([4, 4, 7, 7, 7, 1, 2, 1, 1, 2])
+    faces = polygon_faces(sizes, keys, np.array([0, 1, 2, 3]), mirrored=False)
+    assert faces.sizes.tolist() == [4, 5, 3, 3, 3, 3, 3]
+    assert faces.polygons.tolist() == [0, 1, 2, 2, 3, 3, 3]
+    fans = [9, 10, 11, 9, 11, 12, 13, 14, 15, 13, 15, 16, 13, 16, 17]
+    assert faces.corners.tolist() == [*range(9), *fans]
+    # Each vertex is a corner of a triangle of its polygon: (0, 1, 2), (0, 2, 3) and so on.
+    assert faces.triangles.tolist()[:9] == [0, 0, 0, 1, 2, 2, 2, 3, 4]
+    assert faces.places.tolist()[:9] == [0, 1, 2, 2, 0, 1, 2, 2, 2]
+    assert faces.triangles.tolist()[9:15] == [5, 5, 5, 6, 6, 6]
+    assert faces.places.tolist()[9:15] == [0, 1, 2, 0, 1, 2]
 
 
-def test_an_outline_of_more_corners_is_one_polygon_or_a_fan() -> None:
-    faces = fans(np.array([[4, 4, 4], [1, 1, 2]]), mirrored=False)
-    assert faces.sizes.tolist() == [5, 3, 3, 3]
-    # Corners 0 … 4 of a fan: its triangles are (0, 1, 2), (0, 2, 3), (0, 3, 4).
-    assert faces.first.tolist() == [0, 1, 2, 5, 8, *range(9, 18)]
-    assert faces.billboards.tolist() == [0, 1, 1, 1]
+def test_polygons_come_in_the_order_asked_for() -> None:
+    faces = polygon_faces(np.array([3, 4]), np.zeros(3), np.array([1, 0]), mirrored=False)
+    assert faces.corners.tolist() == [3, 4, 5, 6, 0, 1, 2]
+    assert faces.vertex_polygons.tolist() == [1, 1, 1, 1, 0, 0, 0]
 
 
 def test_faces_of_a_mirrored_tree_have_reversed_winding() -> None:
-    faces = fans(np.array([[4, 4], [1, 2]]), mirrored=True)
-    assert faces.first.tolist() == [0, 5, 2, 1, 6, 8, 7, 9, 11, 10]
+    faces = polygon_faces(np.array([4, 4]), np.array([4, 4, 1, 2]), np.array([0, 1]), mirrored=True)
+    assert faces.corners.tolist() == [0, 3, 2, 1, 4, 6, 5, 4, 7, 6]
 
 
 def test_a_prefix_holds_the_leaves_whose_rank_is_below() -> None:
@@ -352,9 +365,7 @@ def test_a_cloud_lies_in_the_trees_coordinates_and_morphs_to_the_next() -> None:
     mesh = obj.data
     assert [len(polygon.vertices) for polygon in mesh.polygons] == [4, 3, 3]  # The second billboard has the lower rank.
     positions = np.array([vertex.co[:] for vertex in mesh.vertices], np.float32)
-    assert np.array_equal(
-        positions, levels[0].corners[[1] * 4 + [0] * 6, [0, 1, 2, 3, 0, 1, 2, 0, 2, 3]].astype(np.float32)
-    )
+    assert np.array_equal(positions, levels[0].corners[[4, 5, 6, 7, 0, 1, 2, 0, 2, 3]].astype(np.float32))
     targets = levels[1].targets.reshape(2, 6, 3)
     expected = np.concatenate([targets[1, [0, 1, 2, 5]], targets[0]])
     assert np.array_equal(values(mesh, "leaf_target"), expected.astype(np.float32))
@@ -379,7 +390,7 @@ def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
     mesh = build_levels(made)[1][2].object.data
     normal = np.array(mesh.polygons[0].normal)
     world = np.linalg.inv(MIRROR)[:3, :3].T @ normal  # The normal of a front in the world.
-    corners = chain().levels[1].corners[0] @ MIRROR[:3, :3].T
+    corners = chain().levels[1].corners @ MIRROR[:3, :3].T
     assert world @ np.cross(corners[1] - corners[0], corners[2] - corners[1]) > 0.0
 
 

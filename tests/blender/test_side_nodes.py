@@ -51,7 +51,7 @@ def seen(folder: Path, height: float) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("height", [2.0, 60.0])
 def test_cycles_shows_each_side_from_its_own_direction(height: float, tmp_path: Path) -> None:
-    add_side_modifier(pair(), apart(np.array([SQUARE]), 1))
+    add_side_modifier(pair(), apart(np.array(SQUARE), 1))
     np.testing.assert_allclose(seen(tmp_path, height), (*RED, 1.0), atol=1e-5)
     np.testing.assert_allclose(seen(tmp_path, -height), (*BLUE, 1.0), atol=1e-5)
 
@@ -73,5 +73,5 @@ def test_each_side_moves_along_its_normal_and_the_mesh_is_unchanged() -> None:
 
 
 def test_the_offset_depends_on_the_extent_and_the_level() -> None:
-    corners = np.array([[[0.0, 0.0, 0.0], [16384.0, 0.0, 0.0], [0.0, 5.0, 7.0]]])
+    corners = np.array([[0.0, 0.0, 0.0], [16384.0, 0.0, 0.0], [0.0, 5.0, 7.0]])
     assert [apart(corners, number) for number in (1, 2)] == [1.0, 2.0]

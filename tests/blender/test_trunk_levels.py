@@ -1,10 +1,10 @@
-"""Simplified trunks of the levels: fewer triangles from level to level, within the error bound."""
+"""Simplified trunks of the levels: fewer triangles from level to level, and the same pictures."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import bpy
 import command_line
@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 from scenes import add_mesh, bake, material, read
 
 import leafcloud
-from addon.bake.pipeline import seam_share
+from addon.bake.drawing import level_trunks
 from addon.bake.values import Baked
 from addon.export import preview
-from addon.export.files import level_trunks
 from addon.geometry import Geometry
-from addon.levels.trunk import simplified, whole
+from addon.levels.trunk import TrunkView, simplified, whole
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
-from addon.plan.lod_range import TRUNK_PIXELS, LodRange, trunk_errors
+from addon.plan.trunk_limits import CHANGE, FAR_TRIANGLES, trunk_limits
 from addon.settings.bake import BakeSettings
 
 QUICK = ("--epsilon", 0.1, "--texture-size", 128)
@@ -54,36 +53,34 @@ def tube(sides: int, rings: int, height: float = 8.0) -> tuple[NDArray[np.float6
 
 def test_a_finely_tessellated_square_becomes_two_triangles() -> None:
     positions, triangles = grid(16)
-    result = leafcloud.simplify(positions, triangles, error=1e-3)
+    result = leafcloud.simplify(positions, triangles, pixel=0.01, change=0.0)
     assert (result.corners.shape, result.corners.dtype) == ((2, 3), np.uint32)
     a, b, c = positions[triangles.ravel()[result.corners]].transpose(1, 0, 2)
     assert np.cross(b - a, c - a)[:, 2].sum() / 2.0 == pytest.approx(1.0), "all of it, and wound as before"
-    assert 0.0 <= result.error < 1e-6
+    assert result.change == 0.0
 
 
-@pytest.mark.parametrize("error", [0.01, 0.05, 0.2])
-def test_a_tube_stays_within_the_error_of_the_circle(error: float) -> None:
-    """Points on the result lie between the chord and the circle. Both ends stay."""
+@pytest.mark.parametrize(("pixel", "change"), [(0.02, 0.005), (0.1, 0.02), (0.3, 0.05)])
+def test_a_tube_keeps_its_length_and_width(pixel: float, change: float) -> None:
+    """From the side a tube is a rectangle, 2 wide and 8 high. A tube of corners on the circle is never wider."""
     positions, triangles = tube(48, 30)
-    result = leafcloud.simplify(positions, triangles, error=error)
-    assert 0 < len(result.corners) < len(triangles)
-    assert result.error <= error
-    weights = np.random.default_rng(1).dirichlet(np.ones(3), 200)
-    places = np.einsum("wk,tkc->twc", weights, positions[triangles.ravel()[result.corners]]).reshape(-1, 3)
-    radii = np.hypot(places[:, 0], places[:, 1])
-    assert radii.min() >= 1.0 - error - 1e-9
-    assert radii.max() <= 1.0 + 1e-9
-    kept = positions[np.unique(triangles.ravel()[result.corners])]
-    assert kept[:, 2].min() <= error
-    assert kept[:, 2].max() >= 8.0 - error
+    result = leafcloud.simplify(positions, triangles, pixel=pixel, change=change)
+    assert 0 < len(result.corners) < len(triangles) / 4
+    assert result.change <= change
+    left = leafcloud.Foliage(positions, triangles.ravel()[result.corners])
+    for angle in (0.3, 1.1, 2.0, 2.9):
+        direction = (np.cos(angle), np.sin(angle), 0.0)
+        picture = leafcloud.render([left], direction, 200, centre=(0.0, 0.0, 4.0), radius=5.0)
+        area = picture[..., 3].sum() / 255.0 * (10.0 / 200.0) ** 2
+        assert 16.0 * (1.0 - 2.0 * change - 0.01) <= area <= 16.01
 
 
 def test_the_result_does_not_depend_on_the_distance_from_the_origin() -> None:
     positions, triangles = tube(24, 16)
     positions = np.round(positions * 256.0)  # whole numbers: a shift rounds nothing
-    near = leafcloud.simplify(positions, triangles, error=10.0)
+    near = leafcloud.simplify(positions, triangles, pixel=10.0, change=0.01)
     shift = np.array([2.0**40, -(2.0**40), 2.0**39])
-    far = leafcloud.simplify(positions + shift, triangles, error=10.0)
+    far = leafcloud.simplify(positions + shift, triangles, pixel=10.0, change=0.01)
     np.testing.assert_array_equal(near.corners, far.corners)
     assert len(near.corners) < len(triangles)
 
@@ -95,7 +92,7 @@ def test_corners_keep_their_attributes() -> None:
     normals = np.tile(np.array([0, 0, 2], np.float32), (len(positions), 1))
     colors = np.ones((len(triangles), 3, 4), np.float32)
     result = leafcloud.simplify(
-        positions, triangles, error=0.01, uvs=uvs, normals=normals, colors=colors, material_ids=materials
+        positions, triangles, pixel=0.01, change=0.0, uvs=uvs, normals=normals, colors=colors, material_ids=materials
     )
     assert len(result.corners) <= 8
     of_corner = materials[result.corners // 3]
@@ -105,19 +102,39 @@ def test_corners_keep_their_attributes() -> None:
     assert x[of_corner == 70_000].min() >= 0.5
 
 
-def test_parts_smaller_than_the_error_are_removed() -> None:
-    positions, triangles = grid(2)
-    result = leafcloud.simplify(positions, triangles, error=0.75)
-    assert result.corners.shape == (0, 3)
-    assert result.error == pytest.approx(np.sqrt(0.5)), "the radius of what is gone"
+def box(half: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return a closed box around (0, 0, 4), twice as high as wide."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-2, 2)]) * half + (0, 0, 4)
+    quads = np.array([[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]])
+    return corners, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
+
+
+def test_only_a_hidden_trunk_disappears_without_a_change() -> None:
+    positions, triangles = tube(12, 10)
+    hidden = leafcloud.simplify(positions, triangles, leaves=leafcloud.Foliage(*box(3.0)), pixel=0.05, change=0.0)
+    assert (hidden.corners.shape, hidden.change) == ((0, 3), 0.0)
+    bare = leafcloud.simplify(positions, triangles, pixel=0.05, change=0.0)
+    assert len(bare.corners) > 0
+
+
+@pytest.mark.parametrize("most", [0, 6, 20, 40])
+def test_the_limit_comes_before_the_change(most: int) -> None:
+    positions, triangles = tube(24, 20)
+    result = leafcloud.simplify(positions, triangles, pixel=0.05, change=0.0, most=most)
+    assert len(result.corners) <= most
+    assert result.change > 0.0
+    assert (result.change > 0.5) == (most == 0)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"error": 0.0}, "a length above 0"),
-        ({"error": np.nan}, "a length above 0"),
-        ({"error": "much"}, "a length above 0"),
+        ({"pixel": 0.0}, "a length above 0"),
+        ({"pixel": np.nan}, "a length above 0"),
+        ({"pixel": "much"}, "a length above 0"),
+        ({"change": 1.5}, "between 0 and 1"),
+        ({"change": "little"}, "between 0 and 1"),
+        ({"most": -1}, "most"),
         ({"triangles": np.zeros((0, 3), int)}, "no triangles"),
         ({"triangles": [[0, 1, 99]]}, "99"),
         ({"positions": np.full((9, 3), np.nan)}, "not finite"),
@@ -129,7 +146,7 @@ def test_parts_smaller_than_the_error_are_removed() -> None:
 )
 def test_invalid_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     positions, triangles = grid(2)
-    given = {"positions": positions, "triangles": triangles, "error": 0.1, **arguments}
+    given = {"positions": positions, "triangles": triangles, "pixel": 0.1, "change": 0.0, **arguments}
     with pytest.raises(leafcloud.LeafcloudError, match=message):
         leafcloud.simplify(given.pop("positions"), given.pop("triangles"), **given)
 
@@ -146,32 +163,27 @@ def test_the_plan_turns_trunk_levels_on_for_trees_with_a_trunk() -> None:
     assert is_on(plan_effects(BakeSettings(effects="pruning"), facts), "trunk_levels") is False
 
 
-def test_seams_are_corners_that_differ_in_texture_only() -> None:
-    """Two triangles share an edge with a texture seam, so the trunk keeps more of its triangles."""
-    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], np.float32)
-    triangles = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
-    joined = positions[triangles][..., :2]
-    cut = joined + np.array([0.0, 2.0], np.float32)[:, None, None]
+def test_simplified_trunks_are_estimated_at_their_limits() -> None:
+    def nbytes(trunk: int) -> int:
+        facts = Facts(engine="unity", leaves=5, trunk=trunk)
+        [found] = [
+            effect
+            for effect in with_costs(BakeSettings(), facts, plan_effects(BakeSettings(), facts))
+            if effect.name == "trunk_levels"
+        ]
+        return found.bytes or 0
 
-    def share(uvs: NDArray[np.float32] | None) -> float:
-        normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (2, 3, 1))
-        return seam_share(Geometry(positions, triangles, uvs, normals, None, np.zeros(2, np.int32), []))
-
-    assert (share(None), share(joined), share(cut)) == (0.0, 0.0, pytest.approx(1 / 3))
-    few, many = (Facts(engine="unity", leaves=5, trunk=1200, trunk_seams=each) for each in (0.1, 0.3))
-    sizes = [with_costs(BakeSettings(), facts, plan_effects(BakeSettings(), facts)) for facts in (few, many)]
-    left = [effect.bytes for effects in sizes for effect in effects if effect.name == "trunk_levels"]
-    assert left[1] > 2 * left[0]
+    assert nbytes(100_000) == nbytes(10_000) > 2 * nbytes(100) > 0
 
 
-def test_trunk_may_lie_as_far_off_as_leaves_but_is_not_seen_to() -> None:
-    def reach(appear: float) -> LodRange:
-        return LodRange(appear, 0.0, 0.0, 0.0, appear, 0.0)
-
-    reached = [reach(0.0), reach(100.0), reach(300.0)]
-    # What is one unit long is seen so large as the trunk may be off from 50 units away: from 100, two units are.
-    assert trunk_errors([5.0, 5.0], reached, 50.0) == (2.0, 5.0)
-    assert trunk_errors([1.0, 5.0], reached, 50.0) == (1.0, 5.0)
+def test_level_1_leaves_room_for_its_trunk() -> None:
+    assert trunk_limits([1400, 300, 90], 40_000) == (1600, FAR_TRIANGLES, FAR_TRIANGLES), "3,000 in all"
+    assert trunk_limits([900], 12_000) == (900,), "0.15 of the tree's"
+    assert trunk_limits([1300], 12_000) == (500,)
+    assert trunk_limits([2900], 40_000) == (FAR_TRIANGLES,), "a level without trunk would be worse"
+    assert trunk_limits([300, 90], 12_000, wished=400) == (100, FAR_TRIANGLES)
+    assert trunk_limits([500], 12_000, wished=400) == (1,)
+    assert trunk_limits([], 40_000) == ()
 
 
 # In Blender
@@ -190,21 +202,34 @@ def geometry() -> Geometry:
     )
 
 
+class Bare:
+    """A level without leaves in front of the trunk."""
+
+    def foliage(self) -> None:
+        return None
+
+
+def views(*pairs: tuple[float, int]) -> list[TrunkView]:
+    """Return views of a trunk without leaves, given as pixel and limit."""
+    return [TrunkView(cast("leafcloud.Level", Bare()), pixel, limit) for pixel, limit in pairs]
+
+
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:
-    """A scale of 2 gives the tube a radius of 2, because errors are lengths in world space."""
+    """A scale of 2 gives the tube a radius of 2, because pixels are lengths in world space."""
     matrix = np.diag([2.0, 2.0, 2.0, 1.0])
-    errors = [0.0, 0.05, 0.05, 0.6, 100.0, 100.0]
     trunk = geometry()
     first = whole("bark", trunk)
-    flat, fine, again, coarse, none, nothing = simplified(first, trunk, matrix, errors)
-    assert flat is first, "no error, no change"
+    fine, again, coarse, none, nothing = simplified(
+        first, trunk, matrix, views((0.01, 200), (0.01, 200), (1.0, 20), (1.0, 0), (1.0, 60))
+    )
     assert again is fine, "what is not fewer is not made twice"
-    assert first.triangles > fine.triangles > coarse.triangles > 0 == none.triangles
+    assert 200 >= fine.triangles > coarse.triangles > 0 == none.triangles
+    assert coarse.triangles <= 20
     assert none.mesh is None
     assert nothing is none
-    assert [fine.mesh.name, coarse.mesh.name] == ["bark_2", "bark_4"]
-    for left, error in ((fine, 0.05), (coarse, 0.6)):
-        assert left.error <= error
+    assert [fine.mesh.name, coarse.mesh.name] == ["bark_1", "bark_3"]
+    for left in (fine, coarse):
+        assert left.change < 0.2
         assert len(left.mesh.polygons) == left.triangles
         assert [slot.name for slot in left.mesh.materials] == ["bark"]
         places = np.array([tuple(vertex.co) for vertex in left.mesh.vertices])
@@ -230,16 +255,42 @@ def test_each_level_shows_its_own_trunk() -> None:
     result = baked_tree("auto")
     came, first, second, cross = result.levels
     assert came.trunk.data.name == "tree_trunk"
-    assert came.trunk_error == 0.0
+    assert came.trunk_change == 0.0
     assert len(came.trunk.data.polygons) == came.trunk_triangles == 1920
-    assert 1920 > first.trunk_triangles >= second.trunk_triangles > 0
-    assert len(second.trunk.data.polygons) == second.trunk_triangles
+    leaves = [level.triangles for level in (first, second)]
+    for level, limit in zip((first, second), trunk_limits(leaves, came.triangles + 1920), strict=True):
+        assert 0 < level.trunk_triangles <= limit
+        assert len(level.trunk.data.polygons) == level.trunk_triangles
+        assert level.trunk_change <= CHANGE
+    assert first.trunk_triangles >= second.trunk_triangles
     assert (cross.trunk, cross.trunk_triangles) == (None, 0)
-    radius = result.prepared.foliage.radius
-    for level, built in zip(result.chain.levels, (first, second), strict=False):
-        assert built.trunk_error <= level.max_deviation_leaves * radius
-        pixel = leafcloud.switch_distance(1.0, TRUNK_PIXELS, result.view.resolution, result.view.field_of_view)
-        assert built.trunk_error <= result.switch_distances[built.number] / pixel
+
+
+def test_a_level_looks_the_same_with_its_own_trunk() -> None:
+    """Pictures of a level with the trunk of LOD 0 and with its own, in views that the simplification never sees."""
+    result = baked_tree("auto")
+    came, *others = level_trunks(result)
+    assert came is not None
+    for level, built, trunk in zip(result.chain.levels, result.levels[1:3], others, strict=False):
+        pixel = result.schedule.trunk_pixels[built.number - 1]
+        size = round(2.0 * came.radius / pixel)
+
+        def picture(trunk: leafcloud.Foliage | None, angle: float, level: Any = level, size: int = size) -> Any:
+            parts = [level.foliage(), *([] if trunk is None else [trunk])]
+            view = (np.cos(angle), np.sin(angle), 0.25)
+            return leafcloud.render(parts, view, size, centre=came.world_centre.tolist(), radius=came.radius)[..., 3]
+
+        angles = np.arange(6) + 0.1
+        before, after, bare = (
+            np.stack([picture(each, angle) for angle in angles]).astype(float) for each in (came, trunk, None)
+        )
+        assert np.abs(after - before).sum() < 0.04 * before.sum()
+        assert abs(after.sum() - before.sum()) < 2.0 * CHANGE * before.sum(), "neither thinner nor thicker"
+        assert np.abs(bare - before).sum() > 0.08 * before.sum(), "the trunk is a part of the picture"
+
+
+def test_costs_of_trunk_levels_are_counted() -> None:
+    result = baked_tree("auto")
     assert result.costs.seconds["trunk_levels"] > 0.0
     assert result.costs.bytes["trunk_levels"] > 0
 
@@ -294,10 +345,11 @@ def with_and_without(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> t
     return folders[0], folders[1]
 
 
-def test_the_report_has_the_trunk_s_triangles_and_error(with_and_without: tuple[Path, Path]) -> None:
+def test_the_report_has_the_trunk_s_triangles_and_change(with_and_without: tuple[Path, Path]) -> None:
     simplified, plain = (json.loads((out / "report.json").read_text()) for out in with_and_without)
     leaves, cloud, cross = (level["trunk"] for level in simplified["levels"])
-    assert leaves["error"] == 0.0 < cloud["error"] <= simplified["levels"][1]["max_deviation_leaves"]
+    assert leaves["change"] == 0.0
+    assert cloud["change"] <= CHANGE or cloud["triangles"] > 0.95 * FAR_TRIANGLES, "the limit comes before the change"
     assert leaves["triangles"] > cloud["triangles"] > 0
     assert cross is None
     assert not any("trunk" in level for level in plain["levels"])

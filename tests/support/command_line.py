@@ -13,8 +13,9 @@ import bpy
 
 ROOT = Path(__file__).resolve().parents[2]
 BAKE = ROOT / "bake.py"
-QUICK = ("--texture-size", "256", "--epsilon", "0.1")
-"""Flags of a quick bake. Default billboards take twice as long as the fewer ones of this error bound."""
+QUICK = ("--texture-size", "256", "--epsilon", "0.1", "--every-level")
+"""Flags of a quick bake of all levels, however cheap the tree. Default billboards take twice as long as the fewer ones
+of this error bound."""
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:

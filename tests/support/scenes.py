@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import bmesh
@@ -93,7 +94,7 @@ def import_part(shrub: Path, leaves: int = 100) -> None:
 
 
 def bake(tree: Tree, settings: BakeSettings) -> Baked:
-    """Bake the tree into the open scene without writing a file."""
+    """Bake the tree into the open scene without writing a file. Make every level: trees of tests are cheap to draw."""
     scene = bpy.context.scene
-    prepared = {"tree": prepare(tree, settings, layer_of(scene))}
+    prepared = {"tree": prepare(tree, replace(settings, every_level=True), layer_of(scene))}
     return bake_tree_set(prepared, scene, "tree", lambda stage, fraction: None).trees[0]

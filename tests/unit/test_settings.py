@@ -18,7 +18,7 @@ def test_the_defaults_match_the_command_line() -> None:
     settings = BakeSettings()
     assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (0.04, 600, 2, 0)
     assert (settings.texture_size, settings.cross, settings.method, settings.chain) == (
-        2048,
+        None,
         True,
         "stochastic",
         "billboards",

@@ -24,10 +24,15 @@ def regions(level: leafcloud.Level, page: NDArray[np.uint8]) -> list[NDArray[np.
     """Return the region of the page that each billboard shows."""
     height, width = page.shape[:2]
     found = []
-    for uvs in np.asarray(level.uvs, np.float64):
-        left, right = np.rint(uvs[[0, 2], 0] * width).astype(int)
-        bottom, top = np.rint((1.0 - uvs[[0, 2], 1]) * height).astype(int)
-        found.append(page[top:bottom, left:right])
+    owners = np.repeat(level.polygon_billboards, level.polygon_sizes)
+    for billboard in range(len(level.ranks)):
+        uvs = np.asarray(level.uvs[owners == billboard], np.float64)
+        left, right = np.floor(uvs[:, 0].min() * width + 1e-3), np.ceil(uvs[:, 0].max() * width - 1e-3)
+        top, bottom = (
+            np.floor((1.0 - uvs[:, 1].max()) * height + 1e-3),
+            np.ceil((1.0 - uvs[:, 1].min()) * height - 1e-3),
+        )
+        found.append(page[int(top) : int(bottom), int(left) : int(right)])
     return found
 
 

@@ -109,22 +109,50 @@ def test_a_job_has_an_answer_before_its_end(foliage: Foliage) -> None:
     assert job.best.max_deviation <= 0.04
 
 
-@pytest.mark.parametrize("corners", [3, 4, 5, 8])
-def test_outlines_have_as_many_corners_as_asked(foliage: Foliage, corners: int) -> None:
-    chain = leafcloud.build_chain(foliage, epsilon=0.1, texture_size=256, levels=2, max_corners=corners)
+@pytest.mark.parametrize("most", [4, 5, 8])
+def test_polygons_are_convex_and_have_at_most_as_many_corners_as_asked(foliage: Foliage, most: int) -> None:
+    chain = leafcloud.build_chain(foliage, epsilon=0.1, texture_size=256, levels=2, max_corners=most)
     first, second, cross = chain.levels
-    count = len(first.corners)
-    assert first.corners.shape == (count, corners, 3)
-    assert first.uvs.shape == (count, corners, 2)
-    assert cross.corners.shape == (2, 4, 3)
-    assert second.targets.shape == ((corners - 2) * count, 3, 3)
-    assert first.foliage().triangle_count == (corners - 2) * count
-    # Outlines are convex, and wind around the plane's normal.
+    sizes = first.polygon_sizes
+    assert sizes.min() >= 3
+    assert sizes.max() <= most
+    assert first.corners.shape == (sizes.sum(), 3)
+    assert first.uvs.shape == (sizes.sum(), 2)
+    assert set(first.polygon_billboards) == set(range(len(first.ranks)))
+    assert first.triangles == first.foliage().triangle_count == sizes.sum() - 2 * len(sizes)
+    assert second.targets.shape == (first.triangles, 3, 3)
+    assert set(cross.polygon_billboards) == {0, 1}
+    # They wind around the plane's normal. Overlaps of a tenth of a texel may bend a straight edge.
     assert first.cloud is not None
-    normals = first.cloud.planes[first.plane_ids, :3]
-    edges = np.roll(first.corners, -1, axis=1) - first.corners
-    turns = np.einsum("bcd,bd->bc", np.cross(edges, np.roll(edges, -1, axis=1)), normals)
-    assert turns.min() >= -1e-9
+    normals = first.cloud.planes[first.plane_ids[first.polygon_billboards], :3]
+    for corners, normal in zip(np.split(first.corners, np.cumsum(sizes)[:-1]), normals, strict=True):
+        edges = np.roll(corners, -1, axis=0) - corners
+        lengths = np.linalg.norm(edges, axis=1)
+        turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ normal
+        assert turns.min() >= -0.1 * first.texel_size * lengths.max()
+    # Polygons of one billboard keep one parent.
+    assert second.cloud is not None
+    owners = np.repeat(first.polygon_billboards, sizes - 2)
+    for billboard in range(len(first.ranks)):
+        assert len(set(second.cloud.parents[owners == billboard])) == 1
+
+
+@pytest.mark.parametrize("wished", [12, 40, 200])
+def test_a_wished_number_of_triangles_is_met(foliage: Foliage, wished: int) -> None:
+    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, triangles=wished).levels
+    assert level.triangles <= wished
+
+
+def test_pages_fit_themselves_unless_a_size_is_given(foliage: Foliage) -> None:
+    shape: dict[str, Any] = {"levels": 1, "cross": False, "epsilon": 0.1}
+    [level] = leafcloud.build_chain(foliage, **shape).levels
+    height, width = level.base_color.shape[:2]
+    # A texel is at most a pixel where the deviation appears 8 pixels large. On a page of half the size it is larger.
+    pixel = level.max_deviation_leaves * foliage.radius / 8.0
+    assert level.texel_size <= pixel < 2.5 * level.texel_size
+    assert max(width, height) <= 1024
+    [given] = leafcloud.build_chain(foliage, texture_size=2048, **shape).levels
+    assert given.base_color.shape[:2] == (2048, 2048)
 
 
 def test_seeds_repeat(foliage: Foliage) -> None:
@@ -142,7 +170,7 @@ def test_chain(foliage: Foliage) -> None:
     assert second.cloud is not None
     assert cross.cloud is None
     assert first.targets.shape == (400, 3, 3)
-    assert second.targets.shape == (2 * len(first.corners), 3, 3)
+    assert second.targets.shape == (first.triangles, 3, 3)
     assert cross.targets.shape == (0, 3, 3)
     planes = first.cloud.planes[first.cloud.parents]
     on_plane = np.einsum("tcd,td->tc", first.targets, planes[:, :3]) - planes[:, 3:]
@@ -153,10 +181,12 @@ def test_chain(foliage: Foliage) -> None:
     assert first.uvs.min() >= 0
     assert first.uvs.max() <= 1
     # Billboards lie on their planes and wind around their normals.
-    normals = np.cross(first.corners[:, 1] - first.corners[:, 0], first.corners[:, 3] - first.corners[:, 0])
+    starts = np.cumsum(first.polygon_sizes) - first.polygon_sizes
+    a, b, c = (first.corners[starts + i] for i in range(3))
+    normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    np.testing.assert_allclose(normals, first.cloud.planes[first.plane_ids, :3], atol=1e-9)
-    assert first.foliage().triangle_count == 2 * len(first.corners)
+    np.testing.assert_allclose(normals, first.cloud.planes[first.plane_ids[first.polygon_billboards], :3], atol=1e-6)
+    assert first.foliage().triangle_count == first.triangles
 
 
 def test_leaf_visibility_is_measured_only_if_it_orders_the_leaves(foliage: Foliage) -> None:
@@ -263,7 +293,6 @@ def test_job_keeps_its_error(foliage: Foliage) -> None:
         ({"method": "kmeans"}, "`method=kmeans` needs `max_billboards`"),
         ({"max_billboards": 0}, "`max_billboards` is 0"),
         ({"max_texels": 1}, "`max_texels` is 1"),
-        ({"max_corners": 2}, "`max_corners` is 2"),
         ({"max_size": 0.01}, "`max_size` is 0.01"),
         ({"compact": 0.0}, "`compact` is 0"),
         ({"vertical": 2.0}, "`vertical` is 2"),
@@ -338,6 +367,10 @@ def test_wrong_attributes_and_materials() -> None:
             "filtered is 'no'",
         ),
         (lambda f: leafcloud.render([], (0, 1, 0), 8, centre=(0, 0, 0), radius=1), "no parts to render"),
+        (lambda f: leafcloud.drawing_cost([], 1.0), "no parts to draw"),
+        (lambda f: leafcloud.drawing_cost([f], 0.0), "covers 0.0 pixels"),
+        (lambda f: leafcloud.drawing_cost([f], "near"), "scale is 'near'"),
+        (lambda f: leafcloud.drawing_cost([f], 1.0, up=(0, 0, 0)), "up is"),
         (lambda f: leafcloud.leaf_scale(1.0, 0.5), "a rank is 1.0"),
         (lambda f: leafcloud.area_scale([0.5], [float("nan")], 0.5), "an area is NaN"),
         (lambda f: leafcloud.switch_distance(float("inf"), 8, 1000, 1), "deviation inf"),
@@ -427,3 +460,18 @@ def test_long_strips_and_fans_are_one_leaf_each() -> None:
     positions = np.arange(3001 * 3).reshape(-1, 3)
     sizes = np.bincount(leafcloud.leaf_ids(positions, np.concatenate([strip, fan])))
     assert sizes.tolist() == [1998, 999]
+
+
+def test_drawing_costs_are_of_the_world() -> None:
+    """A square of 2 × 2 under a scale of 3 has two sides of 36 in the world, and shadows of at most 36 · 10²."""
+    square = Foliage(
+        [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], [[0, 1, 2], [0, 2, 3]], matrix=np.diag([3.0, 3, 3, 1])
+    )
+    cost = leafcloud.drawing_cost([square], 10.0)
+    assert cost["triangles"] == 2
+    assert cost["area"] == pytest.approx(72.0)
+    assert cost["layers"] == 1.0
+    assert 0.25 * 3600 < cost["fragments"] < 3600
+    assert cost["total"] == cost["fragments"] + 2 * leafcloud.FRAGMENTS_PER_TRIANGLE
+    both = leafcloud.drawing_cost([square, square], 10.0)
+    assert (both["fragments"], both["layers"]) == (2 * cost["fragments"], 2.0)

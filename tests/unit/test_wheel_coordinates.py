@@ -126,8 +126,9 @@ def test_planes_are_those_of_the_tree(pair: Any) -> None:
         planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
         np.testing.assert_allclose(level.cloud.planes[:, :3], planes[:, :3], atol=1e-12)
         np.testing.assert_allclose(level.cloud.planes[:, 3], -planes[:, 3], atol=rounding(matrix))
-        normals = level.cloud.planes[level.plane_ids]
-        heights = np.einsum("bcd,bd->bc", level.corners, normals[:, :3]) - normals[:, 3:]
+        owners = np.repeat(level.polygon_billboards, level.polygon_sizes)
+        normals = level.cloud.planes[level.plane_ids[owners]]
+        heights = np.einsum("cd,cd->c", level.corners, normals[:, :3]) - normals[:, 3]
         assert np.abs(heights).max() <= rounding(matrix)
 
 

@@ -49,7 +49,7 @@ x, y = np.meshgrid(np.arange(n), np.arange(n))
 positions = np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).random(n * n)])
 corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
 triangles = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
-call = lambda: leafcloud.simplify(positions, triangles, error=0.05)
+call = lambda: leafcloud.simplify(positions, triangles, pixel=0.05, change=0.01)
 """,
     "blend_order": """
 positions = np.random.default_rng(1).random((3000, 3))

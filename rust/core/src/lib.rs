@@ -26,6 +26,7 @@ pub mod limits;
 pub mod lod;
 pub mod metrics;
 pub mod outlines;
+pub mod polygons;
 pub mod progress;
 pub mod prune;
 mod random;

@@ -93,8 +93,11 @@ pub const MAX_SIZE: Limits = Limits::between(EPSILON.low, 2.0);
 /// Least gap that splits a billboard, as a share of R.
 pub const COMPACT: Limits = Limits::between(1e-6, 2.0);
 
-/// Corners of an outline.
-pub const MAX_CORNERS: Limits = Limits::between(3.0, 16.0);
+/// Corners of a polygon.
+pub const MAX_CORNERS: Limits = Limits::between(4.0, 16.0);
+
+/// Budget of triangles.
+pub const TRIANGLES: Limits = Limits::between(8.0, 1e7);
 
 /// Penalty of the density method.
 pub const PENALTY: Limits = Limits::between(0.0, 100.0);

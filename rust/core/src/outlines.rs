@@ -1,18 +1,11 @@
-//! Billboard outlines: one around the visible triangles of each plane.
+//! Billboard outlines: a rectangle around the visible triangles of each plane.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::foliage::{Opacity, place};
-use crate::geometry::{Outline, Plane, convex_outline};
+use crate::geometry::{Outline, Plane, minimum_rectangle};
 use crate::groups::Groups;
-
-/// Settings of the outlines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OutlineSettings {
-    /// Corners per outline, at least 3; 4 gives rectangles.
-    pub corners: usize,
-}
 
 /// Returns the outline of each plane around the opaque parts of its triangles; `targets` returns a triangle's corners. A plane without
 /// opaque parts gets the outline of all its triangles.
@@ -22,7 +15,6 @@ pub fn outlines(
     parents: &[u32],
     targets: impl Fn(usize) -> [DVec3; 3] + Sync,
     opacity: &Opacity,
-    settings: OutlineSettings,
 ) -> Vec<Outline> {
     let triangles = Groups::by_key(parents, planes.len());
     let outline = |(number, plane): (usize, &Plane)| {
@@ -35,7 +27,7 @@ pub fn outlines(
         if points.is_empty() {
             points = in_plane(plane, triangles.iter().flat_map(|&t| targets(t as usize)));
         }
-        convex_outline(&points, settings.corners)
+        minimum_rectangle(&points)
     };
     planes.par_iter().enumerate().map(outline).collect()
 }

@@ -70,6 +70,8 @@ impl Choice {
             },
             levels: self.levels,
             cross: self.cross,
+            // The error of level 1 is compared and wished for.
+            every_level: true,
             texture_size: self.page(settings),
             samples: Samples::new(self.samples)?,
             tight_pages: self.tight_pages,

@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
-use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_size};
+use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_fit};
 use leafcloud::metrics::{View, render, visibility};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, prune};
@@ -177,14 +177,15 @@ impl Point {
         let radius = foliage.frame().radius;
         let first = &chain.levels[0];
         let pair = if first.two_sided { 2 } else { 1 };
-        let corners = |level: &Level| level.atlas.billboards.len() * level.atlas.outline_corners();
+        let corners =
+            |level: &Level| level.atlas.billboards.iter().flat_map(|b| &b.polygons).map(Vec::len).sum::<usize>();
         Self {
             choice,
             measured_on: foliage.triangle_count(),
             seconds: Stages::of(chain),
             peak_bytes,
             billboards: first.atlas.billboards.len() / pair,
-            triangles: first.atlas.billboards.len() * (first.atlas.outline_corners() - 2),
+            triangles: first.atlas.triangles(),
             texels: chain.levels.iter().map(|level| level.atlas.texels()).sum(),
             bytes: chain.levels.iter().map(|level| page_bytes(level) + 32 * corners(level) as u64).sum(),
             texel: first.atlas.texel() * first.frame.radius / radius,
@@ -248,8 +249,12 @@ pub fn sweep(
         ));
     }
     // All points use one size limit: a default that grew for some points would hide the effect of the other settings.
-    let settings =
-        &ChainSettings { fit: settled_size(&settings.fit, foliage, Progress::silent())?, ..settings.clone() };
+    // The page is a setting of each point, so no page is made smaller.
+    let settings = &ChainSettings {
+        fit: settled_fit(settings, foliage, trunk, Progress::silent())?,
+        fitting_pages: false,
+        ..settings.clone()
+    };
     let mut curve = Curve {
         points: Vec::new(),
         refused: Vec::new(),

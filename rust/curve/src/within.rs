@@ -218,6 +218,7 @@ impl Wish {
         }
         let fit = &settings.fit;
         let given = [
+            ("triangles", settings.triangles.is_some()),
             ("method", fit.method != Method::Stochastic),
             ("max_billboards", fit.max_billboards.is_some()),
             ("max_texels", fit.max_texels.is_some()),

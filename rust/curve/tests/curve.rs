@@ -65,10 +65,12 @@ fn a_point_has_the_figures_of_its_chain() {
     let level = &chain.levels[0];
     let cloud = level.cloud.as_ref().unwrap();
     assert_eq!(point.image_error, image_error(&level.pictures));
-    assert_eq!((point.billboards, point.triangles), (cloud.planes.len(), 2 * cloud.planes.len()));
+    let triangles = level.foliage().unwrap().triangle_count();
+    assert_eq!((point.billboards, point.triangles), (cloud.planes.len(), triangles));
     assert!(point.max_deviation <= 0.04 && point.mean_deviation <= point.max_deviation);
-    // Four bytes for each texel, a third more for mip levels, and four corners of 32 bytes for each billboard.
-    assert_eq!(point.bytes, 256 * 256 * 4 * 4 / 3 + 128 * cloud.planes.len() as u64);
+    // Four bytes for each texel, a third more for mip levels, and 32 bytes for each corner: a polygon has two more than triangles.
+    let polygons: usize = level.atlas.billboards.iter().map(|billboard| billboard.polygons.len()).sum();
+    assert_eq!(point.bytes, 256 * 256 * 4 * 4 / 3 + 32 * (triangles + 2 * polygons) as u64);
     assert_eq!(point.measured_on, 400);
     assert_eq!(point.choice, Choice::of(&small()));
 }

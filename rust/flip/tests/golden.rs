@@ -78,6 +78,7 @@ fn every_channel_looks_as_it_did() {
         fit: FitSettings { epsilon: 0.3, candidates: 200, ..FitSettings::default() },
         levels: 1,
         texture_size: 128.into(),
+        fitting_pages: false,
         channels: Channels {
             normal: Some(0.2),
             orm: true,

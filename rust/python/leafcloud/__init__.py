@@ -4,6 +4,7 @@ import numpy as _numpy  # noqa: F401  Loaded here: Ctrl-C during a first load in
 
 from ._native import (
     EPSILON_STEP,
+    FRAGMENTS_PER_TRIANGLE,
     HAND_OVER,
     RAMP,
     SETTINGS,
@@ -24,6 +25,7 @@ from ._native import (
     blend_order,
     build_chain,
     cost_curve,
+    drawing_cost,
     fit,
     keep,
     leaf_ids,
@@ -42,6 +44,7 @@ from ._native import (
 
 __all__ = [
     "EPSILON_STEP",
+    "FRAGMENTS_PER_TRIANGLE",
     "HAND_OVER",
     "RAMP",
     "SETTINGS",
@@ -62,6 +65,7 @@ __all__ = [
     "blend_order",
     "build_chain",
     "cost_curve",
+    "drawing_cost",
     "fit",
     "keep",
     "leaf_ids",

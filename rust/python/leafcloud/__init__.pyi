@@ -45,6 +45,8 @@ Cost = Literal["seconds", "billboards", "bytes"]
 
 EPSILON_STEP: float
 """Ratio of the error bounds of consecutive clouds."""
+FRAGMENTS_PER_TRIANGLE: float
+"""Price of a triangle in fragments, for its vertices and its set-up; see :func:`drawing_cost`."""
 HAND_OVER: float
 """The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
 RAMP: float
@@ -208,10 +210,11 @@ class LookSeconds(TypedDict):
     """Measuring how much contrast kept leaves keep."""
 
 class Level:
-    """A cloud with its outlines, its atlas page and the transition from the level before.
+    """A cloud with its polygons, its atlas page and the transition from the level before.
 
-    The level before level 1 is the leaves. The level before any other is the previous level's billboards, each a fan of
-    c − 2 triangles: corners (0, 1, 2), (0, 2, 3) and so on. All outlines have the same number of corners c.
+    Each of the b billboards is drawn as one or more convex polygons, with c corners in all. A polygon is a fan of
+    triangles: corners (0, 1, 2), (0, 2, 3) and so on. The level before level 1 is the leaves. The level before any
+    other is the triangles of the previous level's polygons.
     """
     @property
     def cloud(self) -> Cloud | None:
@@ -221,12 +224,22 @@ class Level:
         """Method of the fit, or "cross"."""
     @property
     def corners(self) -> NDArray[np.float64]:
-        """(b, c, 3) outline: convex, in the world counter-clockwise on the side that shows the texture; in the tree's
-        coordinates clockwise if ``Foliage.mirrored``. A rectangle begins at the lower left, then lower right, upper
-        right, upper left."""
+        """(c, 3) corners of the polygons, one after another: in the world counter-clockwise on the side that shows the
+        texture; in the tree's coordinates clockwise if ``Foliage.mirrored``."""
     @property
     def uvs(self) -> NDArray[np.float32]:
-        """(b, c, 2) texture coordinates of the outlines."""
+        """(c, 2) texture coordinates of the corners."""
+    @property
+    def polygon_sizes(self) -> NDArray[np.uint32]:
+        """(p,) number of corners of each polygon."""
+    @property
+    def polygon_billboards(self) -> NDArray[np.uint32]:
+        """(p,) index of each polygon's billboard, ascending."""
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of all polygons."""
+    def plane_pivots(self) -> NDArray[np.float64]:
+        """(k, 3) area centroid of what is drawn on each plane of the cloud, in the tree's coordinates."""
     @property
     def plane_ids(self) -> NDArray[np.uint32]:
         """(b,) index of each billboard's plane."""
@@ -333,10 +346,25 @@ class Level:
     def foliage(self) -> Foliage:
         """Return the billboards as foliage of the same tree."""
 
+class LeftOut(TypedDict):
+    """A level that was not made: it saves less than a tenth of the cost of drawing the level before it."""
+
+    method: str
+    epsilon: float | None
+    crown_pixels: float
+    """Diameter of the crown's sphere, 2 R, in pixels where the level would take over."""
+    cost: DrawingCost
+    """Cost of the level there, with the trunk."""
+    before: DrawingCost
+    """Cost of the level before it there, with the trunk."""
+
 class Chain:
     """All levels after the leaves, finest first."""
     @property
     def levels(self) -> list[Level]: ...
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """The levels that were not made, with ``every_level=False``."""
     @property
     def ranks(self) -> NDArray[np.float32]:
         """(leaf_count,) rank of each leaf in the pruning order, in [0, 1); −1 for a protected leaf."""
@@ -516,7 +544,6 @@ class FitOptions(TypedDict, total=False):
     max_texels: int | None  # None
     max_size: float | None  # None
     compact: float | None  # None
-    max_corners: int  # 4
     trim: bool  # True
     penalty: float  # 0.5
     views: Sequence[Sequence[float]]  # ()
@@ -531,7 +558,10 @@ class LevelOptions(FitOptions, total=False):
 
     levels: int  # 2
     cross: bool  # True
-    texture_size: int  # 2048
+    every_level: bool  # True
+    triangles: int | None  # None
+    max_corners: int  # 5
+    texture_size: int | None  # None
     texture_height: int | None  # None
     samples: int  # 4
     back_sides: bool | None  # None
@@ -589,11 +619,11 @@ def fit(
 
     Shape:
     ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R,
-    at least ε; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is 0.2,
-    or twice the mean radius of the leaves (after level 1: of the previous billboards) if that is more, but any distance
-    with ``max_billboards`` and for the published methods (``density``, ``kmeans``, effort ``literal``).
+    at least ε; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is the
+    smallest distance whose billboards take four fifths of the level's triangles, at least 0.1 and twice the mean radius
+    of the leaves (after level 1: of the previous billboards), but any distance with ``max_billboards`` and for the
+    published methods (``density``, ``kmeans``, effort ``literal``).
     ``compact``: minimum gap, fraction of R, at which a billboard is split.
-    ``max_corners``: corners of an outline; 4 gives rectangles.
     ``trim``: outlines enclose only opaque texels, and leaves are weighted by their opaque area.
 
     Preferences, as factors of a plane's score:
@@ -622,15 +652,23 @@ def build_chain(
     """Fit, pack and bake every level.
 
     For the options of the fit see :func:`fit`, for ranges :data:`SETTINGS`. Each level has :data:`EPSILON_STEP` times
-    the ε of the level before (fractions of the leaves' R; a budget applies to the first level). The page of level i has
-    ``texture_size`` / 2^(i−1) columns and as many rows, unless ``texture_height`` is given.
+    the ε of the level before (fractions of the leaves' R; a budget applies to the first level).
 
+    ``triangles``: maximum number of triangles of level 1, ``trunk`` included, which gets at most a quarter. If small
+    billboards do not meet it, ε grows. ``None``: 15 % of the tree's triangles (10 % if no leaf is cut out of a
+    texture), between 500 and 3000, at most three quarters of the leaves'; ε stays, and may need more. A later level has
+    at most a third of the triangles of the level before it, unless its ε needs more.
+    ``max_corners``: maximum number of corners of a billboard's polygons.
+    ``texture_size``: columns of level 1's page, and rows unless ``texture_height`` is given. The page of level i has
+    1/2^(i−1) of that. ``None``: pages are as small as texels of a pixel, where the level takes over, allow, and level
+    1's has at most 2048 columns.
     ``trunk``: the trunk; only the cross impostor shows it.
-    ``pixels``: size at which a level's deviation appears where the level takes over. There the cross impostor's
-    page has texels of half a pixel or less, within the limit of ``texture_size``.
+    ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
+    where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
+    ``pixels``: size at which a level's deviation appears where the level takes over.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
-    ``back_sides``: separate textures for the two sides. ``None``: each level decides by comparing renders of both.
+    ``back_sides``: separate textures for the two sides. ``None``: where leaves are single-sided.
     ``keep``: λ, the fraction of leaves kept where the first level takes over. All levels are made of these
     leaves, grown about their pivots by the factor at that distance (``Chain.kept``). ``None``: no pruning.
     ``leaf_pixels``: length of a leaf in pixels where pruning begins. ``prune_half``: h of :func:`keep`. With
@@ -706,35 +744,39 @@ class Simplified:
         consecutive.
         """
     @property
-    def error(self) -> float:
-        """Maximum distance measured between input and result, both ways, and maximum radius of a removed part; the
-        larger of the two, in the units of ``positions``, at most the requested ``error``."""
+    def change(self) -> float:
+        """Fraction of the area that shows ``leaves`` or mesh that differs from the input's pictures."""
 
 def simplify(
     positions: ArrayLike,
     triangles: ArrayLike,
     *,
-    error: float,
+    leaves: Foliage | None = None,
+    pixel: float,
+    change: float,
+    most: int | None = None,
     uvs: ArrayLike | None = None,
     normals: ArrayLike | None = None,
     colors: ArrayLike | None = None,
     material_ids: ArrayLike | None = None,
 ) -> Simplified:
-    """Simplify trunks and branches, or any mesh, to the fewest triangles found within ``error``.
+    """Simplify trunks and branches, or any mesh, to the fewest triangles found that look the same behind ``leaves``.
 
-    ``error``: maximum distance, a length above 0 in the units of ``positions``.
+    ``leaves``: foliage that hides parts of the mesh; None for none. ``pixel``: side of a pixel on the tree, a length
+    above 0 in the units of ``positions``. ``change``: maximum of ``Simplified.change``, in [0, 1]. ``most``: maximum
+    number of triangles, which comes before ``change``; None for no limit.
 
     ``positions`` (v, 3) float32 or float64; ``triangles`` (t, 3) integers; ``uvs`` per vertex (v, 2) or per corner (t,
     3, 2); ``normals`` likewise (…, 3), of any length; ``colors`` likewise (…, 4); ``material_ids`` (t,) any integers.
 
     Corners of the result are corners of the input, without new values. Texture seams and borders between materials and
-    colors are preserved. The result is compared with the input, both ways, at samples half of ``error`` apart (at most
-    17 per edge). Connected parts (by vertices, or by edges with coinciding ends) that fit into a sphere of radius
-    ``error`` are removed, so the result may be empty, (0, 3).
+    colors are preserved, except in connected parts (by vertices, or by edges with coinciding ends) of so few triangles
+    that seams prevent more. Eight pictures from all sides, in cells of two pixels, measure the change. Parts may be
+    removed, so the result may be empty, (0, 3).
 
     The bytes are the same on any number of threads. Another kind of processor may round differently, because
-    ``meshopt``, which orders the collapses, is C++. Raises ``LeafcloudError`` as :class:`Foliage` does, and for an
-    ``error`` that is not above 0 and finite.
+    ``meshopt``, which orders the collapses, is C++. Raises ``LeafcloudError`` as :class:`Foliage` does, and for a
+    ``pixel``, ``change`` or ``most`` out of range.
     """
 
 class BlendOrder:
@@ -800,6 +842,23 @@ def render(
     ``samples``: along each side of a pixel, in [1, 16].
     ``filtered``: filter textures over the distance between samples, which is smooth with few samples. False: sample
     textures at points, with the renderers' interpolation between texels, which is accurate with many samples."""
+
+class DrawingCost(TypedDict):
+    triangles: int
+    area: float
+    """Area of all sides that are drawn, world units squared: a double-sided triangle counts twice. So a pair of a front
+    and a back billboard has the area of one double-sided billboard."""
+    fragments: float
+    """Fragments in quads of 2 × 2 pixels, without an early depth test, as the mean over six views."""
+    layers: float
+    """Mean number of triangles that cover a pixel, over the pixels that any triangle covers; 0 without such pixels."""
+    total: float
+    """``fragments`` + ``FRAGMENTS_PER_TRIANGLE`` · ``triangles``."""
+
+def drawing_cost(parts: Sequence[Foliage], scale: float, *, up: Sequence[float] = (0.0, 0.0, 1.0)) -> DrawingCost:
+    """Count what a graphics card draws of ``parts`` together, where a length of 1 in the world covers ``scale`` pixels.
+
+    Backs of single-sided triangles are culled. Ctrl-C interrupts the call."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use leafcloud::atlas::Billboard;
 use leafcloud::geometry::{Frame, Plane};
-use leafcloud::lod::{Chain, Level, share_page};
+use leafcloud::lod::{Chain, LeftOut, Level, share_page};
 use leafcloud::{Cloud, Error};
 use leafcloud_curve::{Offer, Stages};
 use leafcloud_flip::image_error;
@@ -16,6 +16,7 @@ use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
 use crate::foliage::PyFoliage;
 use crate::ktx2;
+use crate::tools::cost_dict;
 use crate::work::{guard, interruptible};
 
 /// A cloud with its frame, for values in the tree's own coordinates.
@@ -101,6 +102,20 @@ impl PyChain {
     }
 
     #[getter]
+    fn left_out<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let row = |each: &LeftOut| {
+            let dict = PyDict::new(py);
+            dict.set_item("method", each.method)?;
+            dict.set_item("epsilon", each.epsilon)?;
+            dict.set_item("crown_pixels", 2.0 * each.radius_pixels)?;
+            dict.set_item("cost", cost_dict(py, &each.cost)?)?;
+            dict.set_item("before", cost_dict(py, &each.before)?)?;
+            Ok(dict)
+        };
+        self.chain.left_out.iter().map(row).collect()
+    }
+
+    #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         self.chain.ranks.clone().into_pyarray(py)
     }
@@ -150,9 +165,11 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { ranks, pivots, growth, contrast, kept, measuring_seconds, prepare_seconds, .. } = chain.as_ref();
+        let Chain { left_out, ranks, pivots, growth, contrast, kept, measuring_seconds, prepare_seconds, .. } =
+            chain.as_ref();
         Chain {
             levels: Vec::new(),
+            left_out: left_out.clone(),
             ranks: ranks.clone(),
             pivots: pivots.clone(),
             growth: *growth,
@@ -208,18 +225,41 @@ impl PyLevel {
     }
 
     #[getter]
-    fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (frame, atlas) = (self.level().frame, &self.level().atlas);
-        let corners = atlas.billboards.iter().flat_map(Billboard::outline_corners).map(|p| frame.to_tree(p));
-        let flat: Vec<f64> = corners.flat_map(|p| p.to_array()).collect();
-        flat.into_pyarray(py).reshape([atlas.billboards.len(), atlas.outline_corners(), 3])
+        vector_rows(py, atlas.billboards.iter().flat_map(Billboard::drawn_corners).map(|p| frame.to_tree(p)))
     }
 
     #[getter]
-    fn uvs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    fn uvs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let atlas = &self.level().atlas;
         let flat: Vec<f32> = atlas.billboards.iter().flat_map(|b| atlas.uvs(b)).flatten().collect();
-        flat.into_pyarray(py).reshape([atlas.billboards.len(), atlas.outline_corners(), 2])
+        let count = flat.len() / 2;
+        flat.into_pyarray(py).reshape([count, 2])
+    }
+
+    #[getter]
+    fn polygon_sizes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let polygons = self.level().atlas.billboards.iter().flat_map(|b| &b.polygons);
+        polygons.map(|polygon| polygon.len() as u32).collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    #[getter]
+    fn polygon_billboards<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let numbered = (0u32..).zip(&self.level().atlas.billboards);
+        let owners = numbered.flat_map(|(number, b)| b.polygons.iter().map(move |_| number));
+        owners.collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    #[getter]
+    fn triangles(&self) -> usize {
+        self.level().atlas.triangles()
+    }
+
+    fn plane_pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let level = self.level();
+        let pivots = guard(|| level.plane_pivots())?;
+        vector_rows(py, pivots.into_iter())
     }
 
     #[getter]

@@ -46,6 +46,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(trunk::simplify, module)?)?;
     module.add_function(wrap_pyfunction!(blend::blend_order, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::drawing_cost, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_ids, module)?)?;

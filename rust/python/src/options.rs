@@ -84,10 +84,12 @@ impl<'py> Options<'py> {
         self.take(name, |v| read(v, name, "True or False"), default)
     }
 
-    fn texture_size(&self, default: PageSize) -> PyResult<PageSize> {
-        let width = self.count("texture_size", default.width)?;
-        let height = self.some("texture_height", "a whole number between 0 and 2^64 - 1, or None")?;
-        Ok(PageSize { width, height: height.unwrap_or(width) })
+    /// Returns the page of level 1, and whether it may be made smaller: only if no size is given.
+    fn texture_size(&self, default: PageSize) -> PyResult<(PageSize, bool)> {
+        let side = |name| self.some(name, "a whole number between 0 and 2^64 - 1, or None");
+        let (given, height) = (side("texture_size")?, side("texture_height")?);
+        let width = given.unwrap_or(default.width);
+        Ok((PageSize { width, height: height.unwrap_or(width) }, given.is_none() && height.is_none()))
     }
 
     pub fn fit(&self) -> PyResult<FitSettings> {
@@ -112,7 +114,6 @@ impl<'py> Options<'py> {
             max_texels: self.some("max_texels", count)?,
             max_size: self.some("max_size", "a number or None")?,
             compact: self.some("compact", "a number or None")?,
-            max_corners: self.count("max_corners", default.max_corners)?,
             trim: self.flag("trim", default.trim)?,
             penalty: self.number("penalty", default.penalty)?,
             preference: self.preference(up)?,
@@ -136,12 +137,17 @@ impl<'py> Options<'py> {
         let default = ChainSettings::default();
         let sides = |v: &Bound<'py, PyAny>| read(v, "back_sides", "True, False or None");
         let up = self.up()?;
+        let (texture_size, fitting_pages) = self.texture_size(default.texture_size)?;
         Ok(ChainSettings {
             fit: self.fit_with(up)?,
             levels: self.count("levels", default.levels)?,
             cross: self.flag("cross", default.cross)?,
+            every_level: self.flag("every_level", default.every_level)?,
             up,
-            texture_size: self.texture_size(default.texture_size)?,
+            triangles: self.some("triangles", "a whole number between 0 and 2^64 - 1, or None")?,
+            max_corners: self.count("max_corners", default.max_corners)?,
+            texture_size,
+            fitting_pages,
             samples: self.take("samples", arrays::samples, default.samples)?,
             channels: Channels {
                 normal: self.some("normals", "the fraction in [0, 1] by which normals bend, or None")?,

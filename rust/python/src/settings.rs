@@ -3,6 +3,7 @@
 use leafcloud::fit::FitSettings;
 use leafcloud::limits::{self, Limits};
 use leafcloud::lod::{ChainSettings, EPSILON_STEP, PruneSettings};
+use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
 use leafcloud_curve::{IMAGE_ERROR, SECONDS};
 use pyo3::prelude::*;
@@ -32,6 +33,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySetting>()?;
     module.add("SETTINGS", PyMappingProxy::new(module.py(), settings.as_mapping()))?;
     module.add("EPSILON_STEP", EPSILON_STEP)?;
+    module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;
     module.add("HAND_OVER", transition::HAND_OVER)?;
     module.add("RAMP", prune::RAMP)
 }
@@ -51,7 +53,6 @@ fn fit_settings() -> Vec<Named> {
         count("max_texels", limits::MAX_TEXELS, fit.max_texels.map(|most| most as u64)),
         real("max_size", limits::MAX_SIZE, fit.max_size),
         real("compact", limits::COMPACT, fit.compact),
-        count("max_corners", limits::MAX_CORNERS, Some(fit.max_corners as u64)),
         real("penalty", limits::PENALTY, Some(fit.penalty)),
         count("views", limits::VIEWS, Some(fit.preference.views.len() as u64)),
         real("facing_views", limits::FACING_VIEWS, Some(fit.preference.facing_views)),
@@ -65,6 +66,8 @@ fn chain_settings() -> Vec<Named> {
     let (chain, pruning) = (ChainSettings::default(), PruneSettings::default());
     vec![
         count("levels", limits::LEVELS, Some(chain.levels as u64)),
+        count("triangles", limits::TRIANGLES, chain.triangles.map(|most| most as u64)),
+        count("max_corners", limits::MAX_CORNERS, Some(chain.max_corners as u64)),
         count("texture_size", limits::TEXTURE_SIZE, Some(chain.texture_size.width as u64)),
         count("texture_height", limits::TEXTURE_SIZE, None),
         count("samples", limits::SAMPLES, Some(chain.samples.side() as u64)),

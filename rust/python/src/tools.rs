@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use leafcloud::limits;
-use leafcloud::metrics::{self, View};
+use leafcloud::metrics::{self, DrawingCost, View};
 use leafcloud::textures::Samples;
 use leafcloud::textures::image::write_png as core_write_png;
 use leafcloud::{gltf, prune, transition as laws};
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayLike1};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::{read, refuse};
@@ -40,13 +41,45 @@ pub fn render<'py>(
         size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
         samples: if filtered { samples } else { samples.unfiltered() },
     };
-    let parts: Vec<Bound<'py, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
-    let parts: Vec<_> = parts.iter().map(|p| Arc::clone(&p.get().0)).collect();
+    let parts = foliages(parts)?;
     let image = interruptible(py, move |progress| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
         metrics::render_watched(&parts, &view, progress)
     })?;
     arrays::image_array(py, &image)
+}
+
+#[pyfunction]
+#[pyo3(signature = (parts, scale, *, up = None))]
+pub fn drawing_cost<'py>(
+    py: Python<'py>,
+    parts: &Bound<'py, PyAny>,
+    scale: &Bound<'py, PyAny>,
+    up: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let parts = foliages(parts)?;
+    let scale = read(scale, "scale", "a number of pixels above 0")?;
+    let up = up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))?;
+    let cost = interruptible(py, move |progress| {
+        let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
+        metrics::drawing_cost(&parts, scale, up, progress)
+    })?;
+    cost_dict(py, &cost)
+}
+
+pub fn cost_dict<'py>(py: Python<'py>, cost: &DrawingCost) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("triangles", cost.triangles)?;
+    dict.set_item("area", cost.area)?;
+    dict.set_item("fragments", cost.fragments)?;
+    dict.set_item("layers", cost.layers)?;
+    dict.set_item("total", cost.total())?;
+    Ok(dict)
+}
+
+fn foliages(parts: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<leafcloud::Foliage>>> {
+    let parts: Vec<Bound<'_, PyFoliage>> = read(parts, "parts", "a list of Foliage")?;
+    Ok(parts.iter().map(|part| Arc::clone(&part.get().0)).collect())
 }
 
 #[pyfunction]

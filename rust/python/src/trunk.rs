@@ -1,13 +1,17 @@
 //! `simplify`: trunks and branches with fewer triangles.
 
+use std::sync::Arc;
+
+use glam::DVec3;
 use leafcloud::groups::number_by_appearance;
 use leafcloud::{Attributes, Foliage, Material};
-use leafcloud_trunk::Simplified;
+use leafcloud_trunk::{Sight, Simplified};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::errors::read;
+use crate::foliage::PyFoliage;
 use crate::work::interruptible;
 
 #[pyclass(name = "Simplified", module = "leafcloud", frozen)]
@@ -22,25 +26,31 @@ impl PySimplified {
     }
 
     #[getter]
-    fn error(&self) -> f64 {
-        self.0.error
+    fn change(&self) -> f64 {
+        self.0.change
     }
 }
 
 #[pyfunction]
-#[pyo3(signature = (positions, triangles, *, error, uvs = None, normals = None, colors = None, material_ids = None))]
+#[pyo3(signature = (positions, triangles, *, leaves = None, pixel, change, most = None, uvs = None, normals = None, colors = None, material_ids = None))]
 #[allow(clippy::too_many_arguments)] // the Python signature
 pub fn simplify(
     py: Python<'_>,
     positions: &Bound<'_, PyAny>,
     triangles: &Bound<'_, PyAny>,
-    error: &Bound<'_, PyAny>,
+    leaves: Option<&Bound<'_, PyFoliage>>,
+    pixel: &Bound<'_, PyAny>,
+    change: &Bound<'_, PyAny>,
+    most: Option<&Bound<'_, PyAny>>,
     uvs: Option<&Bound<'_, PyAny>>,
     normals: Option<&Bound<'_, PyAny>>,
     colors: Option<&Bound<'_, PyAny>>,
     material_ids: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<PySimplified> {
-    let error = read(error, "error", "a length above 0, in the units of the positions")?;
+    let pixel = read(pixel, "pixel", "a length above 0, in the units of the positions")?;
+    let change = read(change, "change", "a share between 0 and 1")?;
+    let most = most.map_or(Ok(usize::MAX), |value| read(value, "most", "a whole number of triangles"))?;
+    let leaves = leaves.map(|leaves| Arc::clone(&leaves.get().0));
     let positions = arrays::points(positions, "positions")?;
     let triangles = arrays::triangles(triangles)?;
     let ids = material_ids.map_or(Ok(Vec::new()), |v| arrays::identifiers(v, "material_ids"))?;
@@ -56,7 +66,8 @@ pub fn simplify(
     };
     let simplified = interruptible(py, move |progress| {
         let trunk = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
-        leafcloud_trunk::simplify(&trunk, error, progress)
+        let sight = Sight { leaves: leaves.as_deref(), pixel, up: DVec3::Z };
+        leafcloud_trunk::simplify(&trunk, sight, change, most, progress)
     })?;
     Ok(PySimplified(simplified))
 }

@@ -19,6 +19,8 @@ pub struct Vertices {
     pub attributes: Vec<[f32; ATTRIBUTES]>,
     /// (v) whether texture coordinates, colors or materials differ at its position.
     pub on_seam: Vec<bool>,
+    /// (v) whether materials differ at its position.
+    pub on_border: Vec<bool>,
 }
 
 /// A corner of the trunk: index of the triangle, and 0 to 2 for its corner.
@@ -37,10 +39,13 @@ impl Vertices {
         let corners = first_of_each(&of_corner, count);
         let of_vertex = || corners.iter().map(|&corner| corner as usize);
         let seams: Vec<_> = of_vertex().map(|corner| seam(trunk, in_trunk(corner))).collect();
+        let materials: Vec<u32> = of_vertex().map(|corner| material(trunk, in_trunk(corner))).collect();
+        let place_bits = || of_vertex().map(|corner| bits(place(corner)));
         Self {
             places: of_vertex().map(place).collect(),
             attributes: of_vertex().map(|corner| attributes_of(trunk, in_trunk(corner))).collect(),
-            on_seam: differing(of_vertex().map(|corner| bits(place(corner))), &seams),
+            on_seam: differing(place_bits(), &seams),
+            on_border: differing(place_bits(), &materials),
             corners,
             of_corner,
         }

@@ -1,8 +1,8 @@
-//! Simplified meshes stay within the error. Measured here with random points and closed forms, independent of the crate.
+//! Simplified meshes look like the whole ones. Measured here with rays and closed forms, independent of the crate.
 
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_trunk::{Simplified, simplify};
+use leafcloud_trunk::{Sight, Simplified, simplify};
 
 /// Positions, triangles, and attributes of the corners.
 #[derive(Clone, Default)]
@@ -54,11 +54,20 @@ impl Mesh {
         self
     }
 
-    fn simplified(&self, error: f64) -> Simplified {
+    fn foliage(&self) -> Foliage {
         let materials = vec![Material::default(); self.materials];
-        let trunk =
-            Foliage::new(&self.positions, self.triangles.clone(), self.attributes.clone(), materials).expect("a mesh");
-        simplify(&trunk, error, Progress::silent()).expect("an error above 0")
+        Foliage::new(&self.positions, self.triangles.clone(), self.attributes.clone(), materials).expect("a mesh")
+    }
+
+    /// Simplifies without leaves and without a limit of triangles.
+    fn simplified(&self, pixel: f64, change: f64) -> Simplified {
+        self.behind(None, pixel, change, usize::MAX)
+    }
+
+    fn behind(&self, leaves: Option<&Self>, pixel: f64, change: f64, most: usize) -> Simplified {
+        let leaves = leaves.map(Self::foliage);
+        let sight = Sight { leaves: leaves.as_ref(), pixel, up: DVec3::Z };
+        simplify(&self.foliage(), sight, change, most, Progress::silent()).expect("valid arguments")
     }
 
     fn corner(&self, corner: u32) -> DVec3 {
@@ -74,109 +83,118 @@ impl Mesh {
     }
 }
 
-/// Returns the greatest distance from 4,000 random points on `from` to `to`, by comparing all triangles.
-fn distance(from: &[[DVec3; 3]], to: &[[DVec3; 3]]) -> f64 {
-    let mut state = 1u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64
-    };
-    let mut greatest = 0.0_f64;
-    for i in 0..4_000 {
-        let [a, b, c] = from[i % from.len()];
-        let (mut s, mut t) = (random(), random());
-        if s + t > 1.0 {
-            (s, t) = (1.0 - s, 1.0 - t);
-        }
-        let p = a + (b - a) * s + (c - a) * t;
-        greatest = greatest.max(to.iter().map(|t| to_triangle(p, *t)).fold(f64::INFINITY, f64::min));
-    }
-    greatest
+/// Returns the area that parallel rays along `direction` see of a surface within `radius` of the origin, by a grid of rays against all
+/// triangles.
+fn seen_area(surface: &[[DVec3; 3]], direction: DVec3, radius: f64) -> f64 {
+    const SIDE: usize = 160;
+    let (u, v) = direction.normalize().any_orthonormal_pair();
+    let flat: Vec<[DVec2; 3]> = surface.iter().map(|t| t.map(|p| DVec2::new(u.dot(p), v.dot(p)))).collect();
+    let cell = 2.0 * radius / SIDE as f64;
+    let place = |i: usize| (i as f64 + 0.5) * cell - radius;
+    let hit = |p: DVec2| flat.iter().any(|t| inside(*t, p));
+    let hits = (0..SIDE * SIDE).filter(|i| hit(DVec2::new(place(i % SIDE), place(i / SIDE)))).count();
+    hits as f64 * cell * cell
 }
 
-/// Returns the distance from a point to a triangle, by the inverse of the matrix of its edges and its normal.
-fn to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = [(a, b), (b, c), (c, a)];
-    let to_edge = |(a, b): (DVec3, DVec3)| {
-        let t = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-        (p - a - (b - a) * t).length()
-    };
-    let nearest_edge = edges.map(to_edge).into_iter().fold(f64::INFINITY, f64::min);
-    // Above the inside, the foot of the perpendicular has no negative weight.
-    let matrix = DMat3::from_cols(b - a, c - a, (b - a).cross(c - a));
-    let weights = matrix.inverse() * (p - a);
-    let above = weights.x >= 0.0 && weights.y >= 0.0 && weights.x + weights.y <= 1.0;
-    if above { weights.z.abs() * (b - a).cross(c - a).length() } else { nearest_edge }
+fn inside([a, b, c]: [DVec2; 3], p: DVec2) -> bool {
+    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
+    sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0)
 }
+
+/// Directions that are not among the crate's views.
+const DIRECTIONS: [DVec3; 3] = [DVec3::new(1.0, 0.3, 0.1), DVec3::new(-0.4, 1.0, 0.2), DVec3::new(0.5, -0.7, 0.6)];
 
 #[test]
 fn a_finely_tessellated_square_becomes_two_triangles() {
     let square = Mesh::grid(20, 20, |u, v| DVec3::new(u, v, 0.0));
-    let simplified = square.simplified(1e-3);
+    let simplified = square.simplified(0.01, 0.0);
     assert_eq!(simplified.corners.len(), 2);
-    assert!(simplified.error < 1e-6, "{}", simplified.error);
+    assert_eq!(simplified.change, 0.0);
     let area: f64 = square.surface_of(&simplified).iter().map(|[a, b, c]| (b - a).cross(c - a).z / 2.0).sum();
     assert!((area - 1.0).abs() < 1e-12, "{area}: all of it, and wound as before");
 }
 
-/// On a circle of radius r, the chord of an arc of angle α lies r (1 − cos α/2) below the arc.
+/// Coarser pixels and a larger change give fewer triangles, and what is seen from other directions hardly changes.
 #[test]
-fn a_tube_keeps_as_many_sides_as_the_error_requires() {
+fn a_tube_keeps_its_outline() {
     let tube = Mesh::tube(1.0, 10.0, 64, 40);
-    let counts = [0.005, 0.02, 0.1].map(|error| {
-        let simplified = tube.simplified(error);
-        assert!(simplified.error <= error);
-        let left = tube.surface_of(&simplified);
-        let whole = tube.surface();
-        assert!(distance(&whole, &left) <= error, "lost at {error}");
-        assert!(distance(&left, &whole) <= error, "added at {error}");
-        let sides = std::f64::consts::PI / (1.0 - error).acos();
-        let triangles = simplified.corners.len() as f64;
-        assert!(triangles < 8.0 * sides && triangles >= sides, "{triangles} where {sides} sides are enough");
+    let whole: Vec<f64> = DIRECTIONS.iter().map(|d| seen_area(&tube.surface(), *d, 11.0)).collect();
+    let counts = [(0.02, 0.002), (0.1, 0.01), (0.5, 0.05)].map(|(pixel, change)| {
+        let simplified = tube.simplified(pixel, change);
+        assert!(simplified.change <= change);
+        for (direction, whole) in DIRECTIONS.iter().zip(&whole) {
+            let left = seen_area(&tube.surface_of(&simplified), *direction, 11.0);
+            assert!((left / whole - 1.0).abs() < 2.0 * change + 0.01, "{left} of {whole} at {change}");
+        }
         simplified.corners.len()
     });
     assert!(counts.is_sorted_by(|a, b| a > b), "{counts:?}");
+    assert!(counts[0] < 5120 / 2, "{counts:?}");
 }
 
-/// The tips of thin branches weigh nothing in a mean over area, so the distance must be measured.
+/// Each twig of a shrub is thinner than half a pixel, but together they are the picture.
 #[test]
-fn thin_branches_keep_their_length() {
-    let branch = Mesh::tube(0.05, 10.0, 8, 30).moved(|p| p + DVec3::X * (p.z / 4.0).sin());
-    for error in [0.02, 0.1, 0.5, 2.0] {
-        let simplified = branch.simplified(error);
-        let left = branch.surface_of(&simplified);
-        assert!(simplified.corners.len() < 480, "{error}");
-        assert!(distance(&branch.surface(), &left) <= error.max(simplified.error));
-        assert!(simplified.error <= error);
+fn thin_branches_that_are_the_picture_stay() {
+    let twig = |i: u32| {
+        let turn = DMat3::from_rotation_z(2.4 * f64::from(i)) * DMat3::from_rotation_x(0.1 + 0.03 * f64::from(i));
+        Mesh::tube(0.02, 10.0, 6, 10).moved(move |p| turn * (p + DVec3::Z))
+    };
+    let shrub = (1..40).fold(twig(0), |shrub, i| shrub.with(&twig(i)));
+    let simplified = shrub.simplified(0.1, 0.02);
+    assert!(simplified.corners.len() < shrub.triangles.len() / 4, "{}", simplified.corners.len());
+    let left: std::collections::HashSet<u32> = simplified.corners.iter().map(|t| t[0] / (3 * 120)).collect();
+    assert!(left.len() >= 38, "{} of 40 twigs are left", left.len());
+}
+
+/// A closed box around `centre`.
+fn box_around(centre: DVec3, half: f64) -> Mesh {
+    let side = |turn: DMat3| {
+        Mesh::grid(1, 1, |u, v| DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 1.0)).moved(move |p| turn * p * half + centre)
+    };
+    let turns = (1..4).map(|i| DMat3::from_rotation_x(f64::from(i) * std::f64::consts::FRAC_PI_2));
+    let ends = [-1.0, 1.0].map(|i| DMat3::from_rotation_y(i * std::f64::consts::FRAC_PI_2));
+    turns.chain(ends).fold(side(DMat3::IDENTITY), |all, turn| all.with(&side(turn)))
+}
+
+#[test]
+fn branches_hidden_by_leaves_go_first() {
+    let branch = |x: f64| Mesh::tube(0.2, 4.0, 12, 12).moved(|p| p + DVec3::X * x);
+    let trunk = branch(0.0).with(&branch(10.0));
+    let leaves = box_around(DVec3::new(10.0, 0.0, 2.0), 2.5);
+    let of_hidden = |s: &Simplified| s.corners.iter().flatten().filter(|&&c| c >= 3 * 288).count();
+    let hidden = trunk.behind(Some(&leaves), 0.05, 0.0, usize::MAX);
+    assert_eq!(of_hidden(&hidden), 0, "nobody sees it");
+    assert_eq!(hidden.change, 0.0);
+    assert!(!hidden.corners.is_empty());
+    assert!(of_hidden(&trunk.behind(None, 0.05, 0.0, usize::MAX)) > 0);
+}
+
+/// The limit comes before the change: thick branches are left, thin ones go.
+#[test]
+fn the_limit_of_triangles_holds() {
+    let thin = |i: u32| Mesh::tube(0.01, 3.0, 6, 4).moved(|p| p + DVec3::X * f64::from(i + 2));
+    let tree = (0..8).fold(Mesh::tube(1.0, 10.0, 24, 20), |tree, i| tree.with(&thin(i)));
+    for most in [0, 1, 7, 40, 200, 700] {
+        let simplified = tree.behind(None, 0.1, 0.0, most);
+        assert!(simplified.corners.len() <= most, "{} of {most}", simplified.corners.len());
+        let thick = simplified.corners.iter().filter(|t| t[0] < 3 * 960).count();
+        assert!(most < 40 || 2 * thick >= simplified.corners.len(), "{thick} of {}", simplified.corners.len());
     }
-}
-
-#[test]
-fn parts_smaller_than_the_error_are_removed() {
-    let twig = Mesh::tube(0.01, 0.5, 6, 4).moved(|p| p + DVec3::X * 3.0);
-    let tree = Mesh::tube(1.0, 10.0, 12, 10).with(&twig);
-    let of_twig = |s: &Simplified| s.corners.iter().flatten().filter(|&&c| c >= 3 * 240).count();
-    assert!(of_twig(&tree.simplified(0.2)) > 0, "its sphere has the radius 0.25");
-    let without = tree.simplified(0.26);
-    assert_eq!(of_twig(&without), 0);
-    assert!(!without.corners.is_empty());
-    assert!(without.error >= 0.25, "{}: removed parts count", without.error);
-    assert_eq!(tree.simplified(6.0).corners.len(), 0);
+    let free = tree.behind(None, 0.1, 0.0, usize::MAX);
+    assert!(tree.behind(None, 0.1, 0.0, 40).change > free.change);
 }
 
 #[test]
 fn size_and_place_change_nothing() {
     let tube = Mesh::tube(1.0, 10.0, 24, 20);
-    let simplified = tube.simplified(0.05);
+    let simplified = tube.simplified(0.05, 0.01);
     for scale in [0.125, 1024.0] {
-        let scaled = tube.clone().moved(|p| p * scale).simplified(0.05 * scale);
-        assert_eq!(scaled.corners, simplified.corners);
-        assert!((scaled.error / scale - simplified.error).abs() < 1e-12);
+        assert_eq!(tube.clone().moved(|p| p * scale).simplified(0.05 * scale, 0.01), simplified);
     }
     // Integers and a shift by a power of two: no coordinate is rounded.
     let block = Mesh::grid(8, 8, |u, v| DVec3::new(8.0 * u, 8.0 * v, (8.0 * u * v).floor()));
     let far = DVec3::new(f64::from(1 << 20), -f64::from(1 << 20), 0.0);
-    assert_eq!(block.simplified(0.7).corners, block.clone().moved(|p| p + far).simplified(0.7).corners);
+    assert_eq!(block.simplified(0.2, 0.01), block.clone().moved(|p| p + far).simplified(0.2, 0.01));
 }
 
 #[test]
@@ -188,7 +206,7 @@ fn materials_do_not_mix_and_their_border_stays() {
         .iter()
         .map(|t| u32::from(t.iter().map(|&v| square.positions[v as usize].x).sum::<f64>() > 1.5))
         .collect();
-    let simplified = square.simplified(0.01);
+    let simplified = square.simplified(0.01, 0.0);
     assert!(simplified.corners.len() <= 8, "{}", simplified.corners.len());
     for corners in &simplified.corners {
         let material = square.attributes.material_ids[corners[0] as usize / 3];
@@ -203,7 +221,7 @@ fn materials_do_not_mix_and_their_border_stays() {
 #[test]
 fn texture_seams_stay_closed() {
     let tube = Mesh::tube(1.0, 10.0, 24, 20);
-    let simplified = tube.simplified(0.1);
+    let simplified = tube.simplified(0.02, 0.02);
     for corners in &simplified.corners {
         let u = corners.map(|c| tube.attributes.uvs[c as usize / 3][c as usize % 3].x);
         let angle = corners.map(|c| tube.corner(c)).map(|p| p.y.atan2(p.x) / std::f64::consts::TAU);
@@ -218,13 +236,25 @@ fn texture_seams_stay_closed() {
     }
 }
 
+/// Each square of the bark has a texture of its own, so every vertex is on a seam. A limit must not remove all of it.
+#[test]
+fn seams_everywhere_do_not_prevent_few_triangles() {
+    let mut tube = Mesh::tube(1.0, 10.0, 24, 20);
+    for (t, uvs) in tube.attributes.uvs.iter_mut().enumerate() {
+        *uvs = uvs.map(|uv| uv + Vec2::X * (t / 2) as f32);
+    }
+    let simplified = tube.behind(None, 0.1, 0.0, 60);
+    assert!(simplified.corners.len() <= 60);
+    assert!(simplified.change < 0.1, "{}", simplified.change);
+}
+
 /// Flat shading splits the normals at every vertex; that must not prevent collapses.
 #[test]
 fn flat_shading_is_simplified() {
     let mut square = Mesh::grid(12, 12, |u, v| DVec3::new(u, v, 1e-4 * (40.0 * u).sin()));
     square.attributes.normals =
         square.surface().into_iter().map(|[a, b, c]| [(b - a).cross(c - a).normalize().as_vec3(); 3]).collect();
-    assert!(square.simplified(0.01).corners.len() <= 8);
+    assert!(square.simplified(0.01, 0.001).corners.len() <= 8);
 }
 
 #[test]
@@ -246,16 +276,16 @@ fn broken_meshes_give_sane_ones() {
     ]);
     broken.attributes = Attributes::default();
     let count = 3 * broken.triangles.len() as u32;
-    for error in [1e-9, 0.05, 0.5, 1e3] {
-        let simplified = broken.simplified(error);
+    for change in [0.0, 0.05, 0.5, 1.0] {
+        let simplified = broken.simplified(0.02, change);
         assert!(simplified.corners.len() <= broken.triangles.len());
         assert!(simplified.corners.iter().flatten().all(|&c| c < count));
-        assert!(simplified.error <= error);
+        assert!(simplified.change <= change);
     }
     let points = Mesh { positions: vec![DVec3::ONE; 3], triangles: vec![[0, 1, 2]], ..Mesh::default() };
     let mut all = tube.with(&points);
     all.attributes = Attributes::default();
-    assert!(all.simplified(0.1).corners.iter().flatten().all(|&c| c < 3 * 128), "a point shows nothing");
+    assert!(all.simplified(0.1, 0.01).corners.iter().flatten().all(|&c| c < 3 * 128), "a point shows nothing");
 }
 
 #[test]
@@ -266,7 +296,7 @@ fn one_triangle_stays() {
         materials: 1,
         ..Mesh::default()
     };
-    assert_eq!(one.simplified(0.1), Simplified { corners: vec![[0, 1, 2]], error: 0.0 });
+    assert_eq!(one.simplified(0.1, 0.0), Simplified { corners: vec![[0, 1, 2]], change: 0.0 });
 }
 
 #[test]
@@ -279,17 +309,23 @@ fn threads_change_nothing() {
     }
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| forest.simplified(0.1))
+        pool.install(|| forest.simplified(0.1, 0.01))
     };
     assert_eq!(on(1), on(7));
 }
 
 #[test]
-fn an_error_that_is_no_length_is_refused() {
-    let trunk =
-        Foliage::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], Attributes::default(), vec![]).unwrap();
-    for error in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(simplify(&trunk, error, Progress::silent()).unwrap_err().to_string().contains("a length above 0"));
+fn arguments_out_of_range_are_refused() {
+    let trunk = Mesh::tube(1.0, 4.0, 8, 8).foliage();
+    let refused = |pixel: f64, change: f64| {
+        let sight = Sight { leaves: None, pixel, up: DVec3::Z };
+        simplify(&trunk, sight, change, usize::MAX, Progress::silent()).unwrap_err().to_string()
+    };
+    for pixel in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(refused(pixel, 0.1).contains("a length above 0"));
+    }
+    for change in [-0.1, 1.1, f64::NAN] {
+        assert!(refused(0.1, change).contains("between 0 and 1"));
     }
 }
 
@@ -297,5 +333,5 @@ fn an_error_that_is_no_length_is_refused() {
 fn zero_normals_are_accepted() {
     let mut square = Mesh::grid(4, 4, |u, v| DVec3::new(u, v, 0.0));
     square.attributes.normals = vec![[Vec3::ZERO; 3]; square.triangles.len()];
-    assert_eq!(square.simplified(0.01).corners.len(), 2);
+    assert_eq!(square.simplified(0.01, 0.0).corners.len(), 2);
 }

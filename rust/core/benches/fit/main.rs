@@ -16,7 +16,7 @@ use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, fit};
 use leafcloud::foliage::{Attributes, Opacity};
 use leafcloud::geometry::Plane;
-use leafcloud::outlines::{OutlineSettings, outlines};
+use leafcloud::outlines::outlines;
 use leafcloud::{Cloud, Foliage, Progress, gltf};
 use report::{Figure, Report};
 
@@ -24,9 +24,6 @@ const SEEDS: std::ops::Range<u64> = 0..5;
 
 /// Most triangles for the literal search; it takes minutes on more.
 const LITERAL_LIMIT: usize = 200_000;
-
-/// Corners of the outlines for measuring overdraw.
-const CORNERS: usize = 8;
 
 /// Number of copies of the largest tree in the largest fit.
 const COPIES: usize = 10;
@@ -61,31 +58,31 @@ fn kept_share(foliage: &Foliage, cloud: &Cloud) -> f64 {
 
 /// Returns the area of all outlines in R². Averaged over all views, half of it is drawn. The covered area is that of the crown, the same
 /// for all clouds, so the ratio of two outline areas is the ratio of their overdraws.
-fn drawn(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> f64 {
+fn drawn(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity) -> f64 {
     let onto = |t: usize| foliage.corners(t).map(|p| cloud.planes[cloud.parents[t] as usize].project(p));
-    let shapes = outlines(&cloud.planes, &cloud.parents, onto, opacity, OutlineSettings { corners });
+    let shapes = outlines(&cloud.planes, &cloud.parents, onto, opacity);
     shapes.iter().map(leafcloud::geometry::Outline::area).sum()
 }
 
 /// Returns billboards, seconds, share of area kept, mean deviation as a share of ε, and area of the outlines, as means over the seeds.
-fn measure(foliage: &Foliage, opacity: &Opacity, corners: usize, run: impl Fn(u64) -> (Cloud, f64)) -> Figure {
+fn measure(foliage: &Foliage, opacity: &Opacity, run: impl Fn(u64) -> (Cloud, f64)) -> Figure {
     let mut figure = Figure::default();
     for seed in SEEDS {
         let (cloud, seconds) = run(seed);
-        figure.add(&Figure { seconds, ..measure_one(foliage, &cloud, opacity, corners) });
+        figure.add(&Figure { seconds, ..measure_one(foliage, &cloud, opacity) });
     }
     figure.over((SEEDS.end - SEEDS.start) as f64)
 }
 
 /// Returns the same figures of one cloud, without the seconds.
-fn measure_one(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity, corners: usize) -> Figure {
+fn measure_one(foliage: &Foliage, cloud: &Cloud, opacity: &Opacity) -> Figure {
     let scale = foliage.frame().radius * FitSettings::default().epsilon;
     Figure {
         billboards: cloud.planes.len() as f64,
         seconds: 0.0,
         kept: kept_share(foliage, cloud),
         deviation: cloud.mean_deviation(foliage) / scale,
-        drawn: drawn(foliage, cloud, opacity, corners),
+        drawn: drawn(foliage, cloud, opacity),
     }
 }
 
@@ -94,35 +91,32 @@ fn compare(name: &str, foliage: &Foliage, report: &mut Report) {
     let FitSettings { epsilon, candidates, .. } = FitSettings::default();
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     let (seen, whole) = (Opacity::of(foliage), Opacity::ignored());
-    let literal = measure(foliage, &whole, 4, |seed| {
+    let literal = measure(foliage, &whole, |seed| {
         let started = Instant::now();
         let planes = common::literal::search(foliage, epsilon, candidates, seed);
         (captured(foliage, planes, epsilon), started.elapsed().as_secs_f64())
     });
     let with = |effort| move |seed| fitted(foliage, &settings(seed, effort));
     let row = report.row(name, foliage.triangle_count(), literal);
-    row.push(
-        "default, one thread",
-        measure(foliage, &seen, CORNERS, |seed| one.install(|| with(Effort::Default)(seed))),
-    );
-    row.push("default", measure(foliage, &seen, CORNERS, with(Effort::Default)));
-    row.push("final", measure(foliage, &seen, CORNERS, with(Effort::Final)));
+    row.push("default, one thread", measure(foliage, &seen, |seed| one.install(|| with(Effort::Default)(seed))));
+    row.push("default", measure(foliage, &seen, with(Effort::Default)));
+    row.push("final", measure(foliage, &seen, with(Effort::Final)));
     row.push(
         "whole leaves",
-        measure(foliage, &seen, CORNERS, |seed| {
+        measure(foliage, &seen, |seed| {
             fitted(foliage, &FitSettings { whole_leaves: true, ..settings(seed, Effort::Default) })
         }),
     );
     row.push(
         "gather 4",
-        measure(foliage, &seen, CORNERS, |seed| {
+        measure(foliage, &seen, |seed| {
             fitted(foliage, &FitSettings { gather: 4.0, ..settings(seed, Effort::Default) })
         }),
     );
     let count = literal.billboards.round() as usize;
     row.push(
         "at literal's count, nearest planes",
-        measure(foliage, &seen, CORNERS, |seed| {
+        measure(foliage, &seen, |seed| {
             let tight = FitSettings { max_billboards: Some(count), extra_error: 0.0, ..settings(seed, Effort::Final) };
             fitted(foliage, &FitSettings { facing: 0.0, ..tight })
         }),
@@ -136,25 +130,22 @@ fn transparency(name: &str, foliage: &Foliage, report: &mut Report) {
     let FitSettings { epsilon, candidates, .. } = FitSettings::default();
     let (seen, whole) = (Opacity::of(foliage), Opacity::ignored());
     let planes = common::literal::search(foliage, epsilon, candidates, 0);
-    let literal = measure_one(foliage, &captured(foliage, planes, epsilon), &whole, 4);
+    let literal = measure_one(foliage, &captured(foliage, planes, epsilon), &whole);
     let plain = settings(0, Effort::Default);
-    let mut add = |what: &str, corners: usize, opacity: &Opacity, settings: &FitSettings| {
-        let figure = measure_one(foliage, &fitted(foliage, settings).0, opacity, corners);
+    let mut add = |what: &str, opacity: &Opacity, settings: &FitSettings| {
+        let figure = measure_one(foliage, &fitted(foliage, settings).0, opacity);
         report.transparency(name, what, figure, literal);
     };
-    add("rectangles around everything", 4, &whole, &plain);
-    add("rectangles around opaque parts", 4, &seen, &plain);
-    add("5 corners", 5, &seen, &plain);
-    add("8 corners", 8, &seen, &plain);
-    add("16 corners", 16, &seen, &plain);
+    add("rectangles around everything", &whole, &plain);
+    add("rectangles around opaque parts", &seen, &plain);
     for gather in [1.0, 2.0, 4.0] {
-        add(&format!("8 corners, gather {gather}"), 8, &seen, &FitSettings { gather, ..plain.clone() });
+        add(&format!("gather {gather}"), &seen, &FitSettings { gather, ..plain.clone() });
     }
     for gap in [0.3, 0.1] {
-        add(&format!("8 corners, compact {gap}"), 8, &seen, &FitSettings { compact: Some(gap), ..plain.clone() });
+        add(&format!("compact {gap}"), &seen, &FitSettings { compact: Some(gap), ..plain.clone() });
     }
     for size in [0.7, 0.4] {
-        add(&format!("8 corners, max_size {size}"), 8, &seen, &FitSettings { max_size: Some(size), ..plain.clone() });
+        add(&format!("max_size {size}"), &seen, &FitSettings { max_size: Some(size), ..plain.clone() });
     }
 }
 

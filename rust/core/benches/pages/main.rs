@@ -9,12 +9,12 @@ use std::time::Instant;
 
 use glam::DVec3;
 use leafcloud::atlas::{Atlas, AtlasSettings, Region};
-use leafcloud::fit::{FitSettings, fit};
+use leafcloud::fit::fit;
 use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
-use leafcloud::lod::settled_size;
+use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
-use leafcloud::outlines::{OutlineSettings, outlines};
+use leafcloud::outlines::outlines;
 use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, for_plain_means, mips};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
@@ -50,13 +50,12 @@ struct Level {
 
 impl Level {
     fn of(foliage: Foliage) -> Self {
-        let fitting = settled_size(&FitSettings::default(), &foliage, Progress::silent());
+        let fitting = settled_fit(&ChainSettings::default(), &foliage, None, Progress::silent());
         let cloud = fitting.and_then(|fitting| fit(&foliage, &fitting, Progress::silent()));
         let cloud = cloud.expect("the settings fit any foliage");
         let projection = Projection::new(&foliage, &cloud, 1.25);
-        let shape = OutlineSettings { corners: 4 };
         let seen = Opacity::of(&foliage);
-        let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &seen, shape);
+        let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &seen);
         let settings = AtlasSettings::of_size(SIDE, true);
         let (atlas, packing) = timed(|| Atlas::pack(&cloud.planes, &found, settings).expect("they fit"));
         Self { foliage, cloud, projection, atlas, packing }

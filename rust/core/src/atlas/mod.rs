@@ -5,8 +5,10 @@
 //! billboards are packed on shelves.
 
 mod rectangles;
+mod smallest;
 mod tightest;
 
+pub use smallest::PageChoice;
 pub use tightest::tightest;
 
 use glam::{DVec2, DVec3};
@@ -128,7 +130,7 @@ impl Region {
     }
 }
 
-/// A plane's outline and its place on the page.
+/// A plane's rectangle, its place on the page, and the polygons that are drawn of it.
 #[derive(Clone, Debug)]
 pub struct Billboard {
     /// The plane of the cloud.
@@ -137,8 +139,9 @@ pub struct Billboard {
     pub back: bool,
     /// Corners of the region, local frame: lower left, lower right, upper right, upper left; counter-clockwise seen from the shown side.
     pub corners: [DVec3; 4],
-    /// The outline's corners within the region, counter-clockwise seen from the shown side: (0, 0) lower left, (1, 1) upper right.
-    pub outline: Vec<DVec2>,
+    /// The convex polygons that are drawn, within the region: (0, 0) lower left, (1, 1) upper right. Corners are counter-clockwise seen from
+    /// the shown side. A new layout has the whole region.
+    pub polygons: Vec<Vec<DVec2>>,
     /// Place of its texture on the page.
     pub region: Region,
 }
@@ -198,13 +201,13 @@ impl Atlas {
         let billboards = packed.iter().map(|p| {
             let plane = planes[p.plane as usize];
             let outline = &outlines[p.plane as usize];
-            let outline = if p.turned { outline.turned() } else { outline.clone() };
+            let outline = if p.turned { outline.turned() } else { *outline };
             let corners = corners(&plane, &outline, p.region, density);
             let front = Billboard {
                 plane: p.plane,
                 back: false,
                 corners,
-                outline: within_region(&outline, p.region, density),
+                polygons: vec![vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y]],
                 region: p.region,
             };
             if p.back { front.mirrored() } else { front }
@@ -238,42 +241,62 @@ impl Atlas {
         a.distance(b) / self.billboards[0].region.width as f64
     }
 
-    /// Returns the texture coordinates of a billboard's outline: origin in the page's lower left corner, v up.
+    /// Returns the texture coordinates of a billboard's corners, polygon after polygon: origin in the page's lower left corner, v up.
     pub fn uvs(&self, billboard: &Billboard) -> impl Iterator<Item = [f32; 2]> {
         let Region { x, y, width, height } = billboard.region;
         let (columns, rows) = (self.size.width as f64, self.size.height as f64);
-        billboard.outline.iter().map(move |p| {
+        billboard.polygons.iter().flatten().map(move |p| {
             let column = x as f64 + p.x * width as f64;
             let row = (y + height) as f64 - p.y * height as f64;
             [(column / columns) as f32, (1.0 - row / rows) as f32]
         })
     }
 
-    /// Returns the number of corners of each outline, the same for all billboards of a layout.
+    /// Returns the number of triangles that all billboards draw.
     #[must_use]
-    pub fn outline_corners(&self) -> usize {
-        self.billboards[0].outline.len()
+    pub fn triangles(&self) -> usize {
+        self.billboards.iter().map(Billboard::triangles).sum()
     }
 }
 
 impl Billboard {
-    /// Returns the corners of the outline, local frame.
-    pub fn outline_corners(&self) -> impl Iterator<Item = DVec3> {
+    /// Returns the corners of all polygons, one after another, local frame.
+    pub fn drawn_corners(&self) -> impl Iterator<Item = DVec3> {
+        self.polygons.iter().flatten().map(|p| self.lifted(*p))
+    }
+
+    /// Returns the number of triangles that it draws.
+    #[must_use]
+    pub fn triangles(&self) -> usize {
+        self.polygons.iter().map(|polygon| polygon.len() - 2).sum()
+    }
+
+    /// Returns a point of the region in space, local frame.
+    #[must_use]
+    pub fn lifted(&self, p: DVec2) -> DVec3 {
         let [origin, right, _, up] = self.corners;
-        self.outline.iter().map(move |p| origin + (right - origin) * p.x + (up - origin) * p.y)
+        origin + (right - origin) * p.x + (up - origin) * p.y
+    }
+
+    /// Returns a point of the billboard's plane within the region; the inverse of [`Self::lifted`].
+    #[must_use]
+    pub fn lowered(&self, p: DVec3) -> DVec2 {
+        let [origin, right, _, up] = self.corners;
+        let along = |side: DVec3| (p - origin).dot(side) / side.length_squared();
+        DVec2::new(along(right - origin), along(up - origin))
     }
 
     /// Returns the same billboard seen from its other side.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let [a, b, c, d] = self.corners;
-        let outline = self.outline.iter().map(|p| DVec2::new(1.0 - p.x, p.y));
-        // A rectangle's corners begin at the lower left again, the former lower right. Other outlines keep their first corner: fans start
-        // there because it is not next to a cut edge.
-        let mut outline: Vec<DVec2> = outline.rev().collect();
-        let turn = if outline.len() == 4 { 2 } else { 1 };
-        outline.rotate_right(turn);
-        Self { back: !self.back, corners: [b, a, d, c], outline, ..self.clone() }
+        let mirrored = |polygon: &Vec<DVec2>| {
+            let mut mirrored: Vec<DVec2> = polygon.iter().rev().map(|p| DVec2::new(1.0 - p.x, p.y)).collect();
+            mirrored.rotate_right(2); // A rectangle begins in its lower left corner again.
+            mirrored
+        };
+        let polygons = self.polygons.iter().map(mirrored).collect();
+        Self { back: !self.back, corners: [b, a, d, c], polygons, ..self.clone() }
     }
 }
 
@@ -367,17 +390,6 @@ fn corners(plane: &Plane, outline: &Outline, region: Region, density: f64) -> [D
     let across = outline.x * (region.width as f64 / density / 2.0);
     let up = outline.x.perp() * (region.height as f64 / density / 2.0);
     [centre - across - up, centre + across - up, centre + across + up, centre - across + up].map(lift)
-}
-
-/// Returns the outline's corners in a region of whole texels centered on its rectangle.
-fn within_region(outline: &Outline, region: Region, density: f64) -> Vec<DVec2> {
-    let middle = (outline.low + outline.high) / 2.0;
-    let size = DVec2::new(region.width as f64, region.height as f64);
-    if outline.corners.len() == 4 {
-        return vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y]; // the region itself
-    }
-    let inside = |p: &DVec2| ((*p - middle) * density / size + 0.5).clamp(DVec2::ZERO, DVec2::ONE);
-    outline.corners.iter().map(inside).collect()
 }
 
 #[cfg(test)]

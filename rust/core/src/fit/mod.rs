@@ -30,7 +30,7 @@ use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
 use crate::limits;
-use crate::outlines::{OutlineSettings, outlines};
+use crate::outlines::outlines;
 use crate::progress::Progress;
 
 use assign::ParentCost;
@@ -336,8 +336,7 @@ impl Task<'_> {
             let plane = cloud.planes[cloud.parents[t] as usize];
             self.foliage.corners(t).map(|p| plane.project(p))
         };
-        let shape = OutlineSettings { corners: self.settings.max_corners };
-        let outlines = outlines(&cloud.planes, &cloud.parents, onto, self.opacity, shape);
+        let outlines = outlines(&cloud.planes, &cloud.parents, onto, self.opacity);
         outlines.iter().map(|o| o.size().x * o.size().y).sum::<f64>() / (texel * texel)
     }
 

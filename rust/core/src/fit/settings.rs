@@ -140,8 +140,6 @@ pub struct FitSettings {
     pub max_size: Option<f64>,
     /// Least gap, as a share of R, that splits a billboard into several. `None`: no splits.
     pub compact: Option<f64>,
-    /// Corners of an outline; 4 gives rectangles, other numbers convex polygons.
-    pub max_corners: usize,
     /// Fit outlines to the opaque parts of leaves, and weigh leaves by their opaque area.
     pub trim: bool,
     /// For the density method: score that a leaf subtracts from planes that just miss it, relative to the score that it adds to planes that
@@ -172,7 +170,6 @@ impl Default for FitSettings {
             max_texels: None,
             max_size: None,
             compact: None,
-            max_corners: 4,
             trim: true,
             penalty: 0.5,
             preference: Preference::default(),
@@ -197,7 +194,6 @@ impl FitSettings {
         limits::CANDIDATES.check("candidates", self.candidates as f64)?;
         limits::FACING.check("facing", self.facing)?;
         limits::GATHER.check("gather", self.gather)?;
-        limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;
         limits::EXTRA_ERROR.check("extra_error", self.extra_error)?;
         limits::PENALTY.check("penalty", self.penalty)?;
         if let Some(count) = self.max_billboards {

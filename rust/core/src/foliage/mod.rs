@@ -248,6 +248,21 @@ impl Foliage {
         Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved }.at(self.frame.placement))
     }
 
+    /// Returns whether any triangle shows on one side only.
+    #[must_use]
+    pub fn is_single_sided(&self) -> bool {
+        (0..self.triangle_count()).any(|t| !self.material(t).double_sided)
+    }
+
+    /// Returns whether any triangle has a texture with transparent parts.
+    #[must_use]
+    pub fn has_cutouts(&self) -> bool {
+        (0..self.triangle_count()).any(|t| {
+            let material = self.material(t);
+            material.image.is_some() && material.alpha_mode != AlphaMode::Opaque
+        })
+    }
+
     /// Returns the same leaves with double-sided materials.
     #[must_use]
     pub fn double_sided(&self) -> Self {

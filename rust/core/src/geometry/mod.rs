@@ -6,6 +6,6 @@ pub mod placement;
 pub mod plane;
 
 pub use frame::Frame;
-pub use outline::{Outline, convex_hull, convex_outline, minimum_rectangle};
+pub use outline::{Outline, convex_hull, minimum_rectangle};
 pub use placement::Placement;
 pub use plane::{Plane, least_direction};

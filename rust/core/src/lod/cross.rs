@@ -8,11 +8,11 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use super::billboards::{billboard_ranks, billboards};
-use super::level::{Level, Seconds};
+use super::level::{Level, Seconds, engine_page, tightened};
 use super::references::References;
 use super::settings::ChainSettings;
 use super::tune;
-use crate::atlas::{Atlas, AtlasSettings, PageSize};
+use crate::atlas::{Atlas, PageChoice, PageSize};
 use crate::error::Result;
 use crate::foliage::{Foliage, area_vector};
 use crate::geometry::{Frame, Outline, Plane};
@@ -33,8 +33,7 @@ pub(super) fn build(
     let leaves = parts[0];
     let frame = *leaves.frame();
     // Front and back differ, but not visibly at the distance of a cross impostor: one texture serves both, unless leaves are single-sided.
-    let one_sided = || (0..leaves.triangle_count()).any(|t| !leaves.material(t).double_sided);
-    let two_sided = settings.back_sides.unwrap_or_else(one_sided);
+    let two_sided = settings.back_sides.unwrap_or_else(|| leaves.is_single_sided());
     let shown: Vec<Foliage> =
         parts.iter().map(|part| if two_sided { (*part).clone() } else { part.double_sided() }).collect();
     let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
@@ -44,7 +43,8 @@ pub(super) fn build(
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
     let texel = farthest / settings.pixels / TEXELS_PER_PIXEL;
-    let atlas = fitting(&planes, &outlines, most, texel, two_sided)?;
+    let choice = PageChoice { most, texel, back_sides: two_sided, tight: true };
+    let atlas = Atlas::pack_smallest(&planes, &outlines, choice)?;
     let packed = Instant::now();
 
     let baking = progress.part(0.2, 0.8);
@@ -69,6 +69,8 @@ pub(super) fn build(
         if settings.blended { 0.0 } else { tune::cutoff(&atlas, &page, &frame, !two_sided, &references.tuning)? };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
+    let engine = engine_page(&page, alpha_cutoff, true);
+    let atlas = tightened(atlas, &page, alpha_cutoff, &engine, farthest, usize::MAX, settings);
     let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
@@ -97,30 +99,12 @@ pub(super) fn build(
             metrics: baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
-        engine: OnceLock::new(),
+        engine: OnceLock::from(engine),
     })
 }
 
 /// Least number of texels along a pixel where the cross impostor takes over.
 const TEXELS_PER_PIXEL: f64 = 2.0;
-
-/// Least side of an atlas page, a multiple of 2 to the power of the mip levels that keep coverage.
-const LEAST_SIDE: usize = 64;
-
-/// Packs the outlines on the smallest page with power-of-two sides and texels at most `texel` wide. If there is none, packs them on the
-/// largest page within `most`.
-fn fitting(planes: &[Plane], outlines: &[Outline], most: PageSize, texel: f64, two_sided: bool) -> Result<Atlas> {
-    let (mut width, mut height) = (LEAST_SIDE, LEAST_SIDE);
-    loop {
-        let atlas = Atlas::pack(planes, outlines, AtlasSettings::of_size(PageSize { width, height }, two_sided))?;
-        let (wider, higher) = (2 * width <= most.width, 2 * height <= most.height);
-        if atlas.texel() <= texel || !(wider || higher) {
-            return Ok(atlas);
-        }
-        width *= if wider { 2 } else { 1 };
-        height *= if higher { 2 } else { 1 };
-    }
-}
 
 /// Returns the samples with which the page has as many in all as a page of the size `most`, within the limit for a texel. The leaves are
 /// the same on a smaller page, so each texel needs more samples.

@@ -70,7 +70,7 @@ mod tests {
     use super::*;
     use crate::atlas::{Atlas, AtlasSettings};
     use crate::foliage::{Attributes, Material, Opacity};
-    use crate::outlines::{OutlineSettings, outlines};
+    use crate::outlines::outlines;
     use crate::textures::{Channels, Samples, bake};
 
     const EPSILON: f64 = 0.25;
@@ -96,8 +96,7 @@ mod tests {
         let cloud = Cloud::new(&foliage, planes, vec![0, 0, 0, 0, 1, 1], EPSILON);
         let projection = Projection::new(&foliage, &cloud, 1.0);
         let opacity = Opacity::of(&foliage);
-        let settings = OutlineSettings { corners: 4 };
-        let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity, settings);
+        let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity);
         let atlas = Atlas::pack(&cloud.planes, &outlines, AtlasSettings::of_size(256, false)).unwrap();
         let channels = (&Channels::default(), None);
         let page = if close_gaps {

@@ -7,21 +7,26 @@ use std::time::Instant;
 use super::billboards::{billboard_ranks, billboards};
 use super::references::References;
 use super::settings::ChainSettings;
-use super::{drawn, sides, size, tune};
-use crate::atlas::{Atlas, AtlasSettings, PageSize, Region};
+use super::size::{self, Fitted, is_published};
+use super::tight::{Shown, with_polygons};
+use super::{budget, drawn, tune};
+use glam::DVec3;
+
+use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
 use crate::cloud::Cloud;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Foliage, Image, Opacity};
 use crate::geometry::Frame;
 use crate::metrics::{Comparison, Reference};
-use crate::outlines::{OutlineSettings, outlines};
+use crate::outlines::outlines;
+use crate::polygons::{PolygonSettings, Scale};
 use crate::progress::Progress;
 use crate::textures::mips::PagePart;
 use crate::textures::{
     CASCADE_LEVELS, ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, keeping_area, mips,
 };
-use crate::transition::{HAND_OVER, Projection};
+use crate::transition::{HAND_OVER, Projection, leaf_pivots};
 
 /// Seconds for each stage of a level.
 #[derive(Clone, Copy, Debug, Default)]
@@ -97,6 +102,10 @@ pub(super) struct Step<'a> {
     pub radius: f64,
     /// Fit settings; ε as a share of `radius`.
     pub fit: FitSettings,
+    /// Budget of triangles.
+    pub triangles: usize,
+    /// Whether the budget is a wish: then it holds whatever ε.
+    pub is_wish: bool,
     /// Deviation of the level before from the leaves.
     pub deviation: f64,
     /// Size of the atlas page.
@@ -119,52 +128,41 @@ struct Layout {
     seconds: [f64; 2],
 }
 
-/// Returns the layout. A default size limit doubles until it no longer limits, while the level has more than half of the triangles of
-/// the level before it or more billboards than the atlas page holds.
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
-    let by_default = settings.fit.max_size.is_none();
-    let mut fit = step.fit.clone();
-    let mut done = 0.0;
-    loop {
-        let limited = by_default && fit.max_size.is_some();
-        let rest = progress.part(done, if limited { 0.5 * (1.0 + done) } else { 1.0 });
-        let found = layout_of(step, &fit, settings, limited, rest);
-        match found {
-            Ok(None) | Err(Error::Invalid(_)) if limited => fit.max_size = size::larger(fit.max_size),
-            Ok(found) => return Ok(found.expect("any number of triangles will do without a limit")),
-            Err(error) => return Err(error),
-        }
-        done = 0.5 * (1.0 + done);
-    }
-}
-
-/// Returns the layout for one size limit; `None` if `counted` is set and the level has too many triangles.
-fn layout_of(
-    step: &Step,
-    fit: &FitSettings,
-    settings: &ChainSettings,
-    counted: bool,
-    progress: Progress,
-) -> Result<Option<Layout>> {
-    let (started, finer, opacity) = (Instant::now(), step.finer, &step.opacity);
-    let cloud = fit_within(finer, opacity, fit, fit.epsilon * step.radius, progress.part(0.0, 0.6), None)?;
-    if counted && !size::is_worth(cloud.planes.len() * (fit.max_corners - 2), finer.triangle_count()) {
-        return Ok(None);
-    }
+    let (started, finer) = (Instant::now(), step.finer);
+    let two_sided = settings.back_sides.unwrap_or_else(|| finer.is_single_sided());
+    let cloud = fitted(step, two_sided, settings.pixels, progress.part(0.0, 0.6))?;
     let fitted = Instant::now();
     progress.tell("pack", 0.6)?;
     let projection = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
-    let shape = OutlineSettings { corners: settings.fit.max_corners };
-    let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], opacity, shape);
-    let two_sided = match settings.back_sides {
-        Some(wish) => wish,
-        None => sides::differ(finer, &cloud, &projection, &outlines)?,
-    };
-    let pack = if settings.tight_pages { Atlas::pack } else { Atlas::pack_loosely };
-    let atlas = pack(&cloud.planes, &outlines, AtlasSettings::of_size(step.page, two_sided))?;
+    let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
+    let deviation = (step.deviation + cloud.max_deviation()) / finer.frame().radius;
+    let texel = if settings.fitting_pages { deviation / settings.pixels } else { 0.0 };
+    let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
+    let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
     let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());
-    Ok(Some(Layout { cloud, projection, atlas, two_sided, seconds }))
+    Ok(Layout { cloud, projection, atlas, two_sided, seconds })
+}
+
+/// Returns the planes within ε. A wished number of triangles is met by a larger ε if small billboards alone do not meet it.
+fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Result<Cloud> {
+    let copies = if two_sided { 2 } else { 1 };
+    let room = AtlasSettings::of_size(step.page, two_sided).room();
+    let layer = budget::of_a_layer(step.deviation / step.radius + step.fit.epsilon, pixels);
+    let fitted = Fitted {
+        finer: step.finer,
+        opacity: &step.opacity,
+        bound: step.fit.epsilon * step.radius,
+        most: size::billboards_within(step.triangles.min(layer), copies).min(room),
+    };
+    let (_, cloud) = fitted.cloud(&step.fit, progress.part(0.0, 0.8))?;
+    let most = step.triangles / (2 * copies);
+    if !step.is_wish || cloud.planes.len() <= most || is_published(step.fit.method, step.fit.effort) {
+        return Ok(cloud);
+    }
+    let fewer = FitSettings { max_billboards: Some(most.max(1)), ..step.fit.clone() };
+    fit_within(step.finer, &step.opacity, &fewer, fitted.bound, progress.part(0.8, 1.0), None)
 }
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
@@ -203,6 +201,10 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
     tuning(0.98)?;
+    let engine = engine_page(&page, alpha_cutoff, false);
+    let deviation = step.deviation + cloud.max_deviation();
+    let atlas =
+        tightened(atlas, &page, alpha_cutoff, &engine, deviation / finer.frame().radius, step.triangles, settings);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
@@ -216,7 +218,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         ranks,
         mean_deviation: cloud.mean_deviation(finer),
         in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
-        max_deviation_leaves: step.deviation + cloud.max_deviation(),
+        max_deviation_leaves: deviation,
         coverage,
         pictures,
         cloud: Some(cloud),
@@ -231,8 +233,35 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             metrics: stretch + baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
-        engine: OnceLock::new(),
+        engine: OnceLock::from(engine),
     })
+}
+
+/// Returns base color and cutoff for engines that make mip levels themselves.
+pub(super) fn engine_page(page: &Page, alpha_cutoff: f32, is_cross: bool) -> (Image, f32) {
+    match alpha_cutoff {
+        0.0 => (page.base_color.clone(), 0.0), // Box filtering keeps coverage.
+        cutoff if is_cross => keeping_area(&page.base_color, cutoff),
+        cutoff => for_plain_means(&page.base_color, cutoff),
+    }
+}
+
+/// Returns the layout with tight polygons, for the distance at which the level takes over: its deviation (local units) appears `pixels` large
+/// there, and its texels at most a pixel.
+pub(super) fn tightened(
+    atlas: Atlas,
+    page: &Page,
+    alpha_cutoff: f32,
+    (engine, engine_cutoff): &(Image, f32),
+    deviation: f64,
+    triangles: usize,
+    settings: &ChainSettings,
+) -> Atlas {
+    let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
+    let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
+    let scale = Scale { pixels_per_texel, copies };
+    let shown = Shown::new(&page.base_color, alpha_cutoff, engine, *engine_cutoff);
+    with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }
 
 impl Level {
@@ -250,11 +279,7 @@ impl Level {
     /// Returns base color and cutoff for engines that make mip levels themselves, computed on the first call. Do not call it on a rayon
     /// worker: a thread that waits for the result does no other work.
     pub fn for_engines(&self) -> &(Image, f32) {
-        self.engine.get_or_init(|| match self.alpha_cutoff {
-            0.0 => (self.page.base_color.clone(), 0.0), // Box filtering keeps coverage.
-            cutoff if self.is_cross() => keeping_area(&self.page.base_color, cutoff),
-            cutoff => for_plain_means(&self.page.base_color, cutoff),
-        })
+        self.engine.get_or_init(|| engine_page(&self.page, self.alpha_cutoff, self.is_cross()))
     }
 
     /// Returns the mip levels of a channel; base color as engines draw it. `None` for a missing channel and for label textures.
@@ -295,7 +320,17 @@ impl Level {
         if all > 0.0 { self.atlas.texels() as f64 / all } else { 1.0 }
     }
 
-    /// Returns the billboards as foliage: each is a fan of triangles (0, 1, 2), (0, 2, 3) and so on. A pair is one leaf.
+    /// Returns the area centroid of what is drawn on each plane, in the tree's own coordinates: the pivot about which a billboard moves as a
+    /// leaf of the next level.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn plane_pivots(&self) -> Result<Vec<DVec3>> {
+        let foliage = self.foliage()?;
+        Ok(leaf_pivots(&foliage).into_iter().map(|pivot| foliage.frame().to_tree(pivot)).collect())
+    }
+
+    /// Returns the billboards as foliage: each polygon is a fan of triangles (0, 1, 2), (0, 2, 3) and so on. A pair is one leaf.
     ///
     /// # Errors
     /// No billboard has an area.

@@ -2,6 +2,7 @@
 //! The last level is the cross impostor.
 
 mod billboards;
+mod budget;
 mod cross;
 mod drawn;
 mod level;
@@ -9,21 +10,25 @@ pub mod prune_trends;
 mod references;
 mod settings;
 mod shared;
-mod sides;
 mod size;
+mod tight;
 mod tune;
+mod worth;
 
 pub use billboards::billboards;
 pub use level::{Level, Seconds};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
-pub use size::{is_published, settled as settled_size};
+pub use size::is_published;
+pub use worth::LeftOut;
 
 use std::time::Instant;
 
 use glam::DVec3;
 
 use self::references::References;
+use self::size::Fitted;
+use self::worth::Made;
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
 use crate::foliage::Foliage;
@@ -60,6 +65,8 @@ fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
 pub struct Chain {
     /// The billboard clouds, then the cross impostor.
     pub levels: Vec<Level>,
+    /// The levels that were not made, because they save too little of the cost of drawing the level before.
+    pub left_out: Vec<LeftOut>,
     /// Each leaf's rank in the pruning order, see [`prune::order`].
     pub ranks: Vec<f32>,
     /// The pivot of each triangle's leaf, in the tree's own coordinates.
@@ -129,12 +136,16 @@ pub fn build_chain(
         let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
         progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
     };
-    let mut levels: Vec<Level> = Vec::with_capacity(count);
+    let mut made = Made::default();
+    // ε grows from candidate to candidate, whether they are made or not.
+    let mut epsilon = None;
     for index in 0..settings.levels {
-        let finer = levels.last().map(Level::foliage).transpose()?;
-        let finer = finer.as_ref().unwrap_or(foliage);
-        let fit = settings.fit_of(index, levels.last().and_then(|finer| finer.epsilon));
-        let fit = FitSettings { max_size: size::limit(&fit, finer), ..fit };
+        let before = made.levels.last().map(Level::foliage).transpose()?;
+        let finer = before.as_ref().unwrap_or(foliage);
+        let of_leaves = before.is_none();
+        let fit = settings.fit_of(index, epsilon);
+        let whole_leaves = if of_leaves { settings.fit.whole_leaves } else { fit.whole_leaves };
+        let fit = FitSettings { whole_leaves, ..fit };
         let opacity = fit.opacity(finer);
         if index == 0 && opacity.shows_nothing() {
             return Err(Error::invalid(
@@ -147,20 +158,53 @@ pub fn build_chain(
             opacity,
             radius: frame.radius,
             fit,
-            deviation: levels.last().map_or(0.0, |l| l.max_deviation_leaves),
+            triangles: made.levels.last().map_or_else(
+                || budget::of_first(settings, whole, trunk.as_ref()),
+                |finer| budget::of_next(finer.atlas.triangles()),
+            ),
+            is_wish: index == 0 && settings.triangles.is_some(),
+            deviation: made.levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
-            channels: if index == 0 { channels } else { channels.of_billboards() },
+            channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
             references: &references,
         };
-        levels.push(level::build(&step, settings, share(index))?);
+        let level = level::build(&step, settings, share(index))?;
+        epsilon = level.epsilon;
+        made.add(level, finer, trunk.as_ref(), index + 1 == count, settings, share(index).part(1.0, 1.0))?;
     }
     if settings.cross {
         let page = settings.page(settings.levels);
-        levels.push(cross::build(&parts, page, (&channels, sky.as_ref()), settings, share(settings.levels))?);
+        let rest = share(settings.levels);
+        let cross = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
+        let before = made.levels.last().map(Level::foliage).transpose()?;
+        made.add(cross, before.as_ref().unwrap_or(foliage), trunk.as_ref(), true, settings, rest.part(1.0, 1.0))?;
     }
+    let Made { levels, left_out } = made;
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
+    Ok(Chain { levels, left_out, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
+}
+
+/// Returns the fit settings with the size limit that level 1 of `foliage` gets. Fits that are compared with one another need the same limit.
+///
+/// # Errors
+/// The errors of a fit.
+pub fn settled_fit(
+    settings: &ChainSettings,
+    foliage: &Foliage,
+    trunk: Option<&Foliage>,
+    progress: Progress,
+) -> Result<FitSettings> {
+    let (fit, copies) =
+        (&settings.fit, if settings.back_sides.unwrap_or_else(|| foliage.is_single_sided()) { 2 } else { 1 });
+    let fitted = Fitted {
+        finer: foliage,
+        opacity: &fit.opacity(foliage),
+        bound: fit.epsilon * foliage.frame().radius,
+        most: size::billboards_within(budget::of_first(settings, foliage, trunk), copies),
+    };
+    let (max_size, _) = fitted.cloud(fit, progress)?;
+    Ok(FitSettings { max_size, ..fit.clone() })
 }
 
 /// Returns the pivot of each triangle's leaf, in the tree's own coordinates.

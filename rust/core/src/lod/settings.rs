@@ -55,10 +55,20 @@ pub struct ChainSettings {
     pub levels: usize,
     /// Adds the cross impostor as the last level.
     pub cross: bool,
+    /// Makes every level. Otherwise a level is left out if it saves less than a tenth of the cost of drawing the level before it, where it
+    /// takes over.
+    pub every_level: bool,
     /// Up direction; the planes of the cross impostor contain it.
     pub up: DVec3,
-    /// Atlas size of level 1, halved from level to level.
+    /// Most triangles of level 1, trunk included. With `None`, a share of the tree's; ε may then lead to more.
+    pub triangles: Option<usize>,
+    /// Most corners of a polygon of a billboard.
+    pub max_corners: usize,
+    /// Largest atlas page of level 1, halved from level to level.
     pub texture_size: PageSize,
+    /// Makes pages as small as their texels allow: a texel is at most a pixel where its level takes over. The page of the cross impostor
+    /// is always made that small.
+    pub fitting_pages: bool,
     /// Sub-samples for baking the textures.
     pub samples: Samples,
     /// Channels of the atlas beside base color.
@@ -124,8 +134,12 @@ impl Default for ChainSettings {
             fit: FitSettings::default(),
             levels: 2,
             cross: true,
+            every_level: true,
             up: DVec3::Z,
+            triangles: None,
+            max_corners: 5,
             texture_size: 2048.into(),
+            fitting_pages: true,
             samples: Samples::default(),
             channels: Channels::default(),
             back_sides: None,
@@ -158,6 +172,8 @@ impl ChainSettings {
         if !self.up.is_finite() || self.up.try_normalize().is_none() {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
+        self.triangles.map_or(Ok(()), |count| limits::TRIANGLES.check("triangles", count as f64))?;
+        limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;
         limits::PIXELS.check("pixels", self.pixels)?;
         limits::TEXTURE_SIZE.check("texture_size", self.texture_size.width as f64)?;
         limits::TEXTURE_SIZE.check("texture_height", self.texture_size.height as f64)

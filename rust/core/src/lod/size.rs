@@ -1,18 +1,20 @@
-//! The default size limit of a level's billboards.
+//! The default size limit of a level's billboards: as small as the level's budget of triangles allows.
 //!
 //! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws two to eight times
-//! the fragments of its leaves. Billboards a fifth of R across draw a third to a quarter of that, for a few hundred triangles more
-//! (`docs/bench/size.md`). That size would tear large leaves, so billboards have room for leaves twice as wide as the mean leaf. Level 2 is
-//! built from the billboards of level 1, and so on, so its billboards are larger in turn. If leaves are few and far apart, a billboard of
-//! that size holds a single leaf and the level saves no triangles: then the limit grows.
+//! the fragments of its leaves. Small billboards are mostly full. At the same number of triangles they draw fewer fragments than tight
+//! polygons of larger ones (`docs/decisions/polygons.md`), so rectangles get most of the budget ([`SHARE`]). A billboard has room for leaves
+//! twice as wide as the mean leaf: smaller ones would tear large leaves. Level 2 is built from the billboards of level 1, and so on, so its
+//! billboards are larger in turn.
 
+use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{Effort, FitSettings, Method, fit_within};
-use crate::foliage::{Foliage, area_vector};
+use crate::foliage::{Foliage, Opacity, area_vector};
 use crate::progress::Progress;
 
-/// The least limit, as a share of R.
-const LEAST_SIZE: f64 = 0.2;
+/// The least limit, and the first that is tried, as shares of R.
+const LEAST_SIZE: f64 = 0.1;
+const FIRST_SIZE: f64 = 0.2;
 
 /// Least limit, as a multiple of the leaves' mean radius.
 const LEAVES: f64 = 2.0;
@@ -20,53 +22,88 @@ const LEAVES: f64 = 2.0;
 /// A limit without effect, as a share of R: no two leaves are farther apart.
 const WHOLE: f64 = 2.0;
 
-/// Returns the size limit for a fit of `finer`, as a share of R: the limit of `fit`, at least its ε, or the default.
-///
-/// Returns `None`, no limit, if a billboard count is given, because a default limit would conflict with it. The published methods have no
-/// size limit either.
-pub fn limit(fit: &FitSettings, finer: &Foliage) -> Option<f64> {
-    let default = || LEAST_SIZE.max(LEAVES * mean_radius(finer));
-    let size =
-        fit.max_size.or_else(|| (fit.max_billboards.is_none() && !is_published(fit.method, fit.effort)).then(default));
-    size.map(|size| size.max(fit.epsilon).min(WHOLE))
+/// Least factor by which the number of billboards grows from one limit to the next smaller one: 1.3 to 1.7 on the measured trees.
+const MORE_PER_STEP: f64 = 1.27;
+
+/// Share of the budget of triangles for the rectangles of all billboards; the rest makes polygons tighter.
+const SHARE: f64 = 0.8;
+
+/// Returns the number of billboards of two triangles, times `copies`, for a budget of triangles.
+pub fn billboards_within(triangles: usize, copies: usize) -> usize {
+    (SHARE * triangles as f64 / (2 * copies) as f64) as usize
+}
+
+/// What a fit of a level starts from.
+pub struct Fitted<'a> {
+    /// The level before.
+    pub finer: &'a Foliage,
+    /// Its opaque parts.
+    pub opacity: &'a Opacity,
+    /// ε, in the caller's units.
+    pub bound: f64,
+    /// Most billboards that a default size limit may lead to.
+    pub most: usize,
+}
+
+impl Fitted<'_> {
+    /// Returns the cloud with the size limit of `fit`, or with the smallest default limit that leads to few enough billboards; without a
+    /// limit if none does. Also returns that limit.
+    ///
+    /// # Errors
+    /// The errors of a fit.
+    pub fn cloud(&self, fit: &FitSettings, progress: Progress) -> Result<(Option<f64>, Cloud)> {
+        let mut done = 0.0;
+        let mut with = |max_size: Option<f64>| {
+            let rest = progress.part(done, 0.5 * (1.0 + done));
+            done = 0.5 * (1.0 + done);
+            let fit = FitSettings { max_size, ..fit.clone() };
+            fit_within(self.finer, self.opacity, &fit, self.bound, rest, None).map(|cloud| (max_size, cloud))
+        };
+        if fit.max_size.is_some() || fit.max_billboards.is_some() || is_published(fit.method, fit.effort) {
+            return with(fit.max_size.map(|size| size.max(fit.epsilon).min(WHOLE)));
+        }
+        let sizes = sizes(LEAST_SIZE.max(fit.epsilon).max(LEAVES * mean_radius(self.finer)));
+        let first = sizes.iter().position(|size| size.is_none_or(|size| size >= FIRST_SIZE)).unwrap_or(0);
+        let fits = |cloud: &Cloud| cloud.planes.len() <= self.most;
+        let found = with(sizes[first])?;
+        if !fits(&found.1) {
+            return first_that(&sizes[first + 1..], fits, found, &mut with);
+        }
+        // Smaller billboards are more: one fit that tells how many steps are left saves most of the fits between.
+        let left = self.most as f64 / found.1.planes.len().max(1) as f64;
+        let steps = (libm::log(left) / libm::log(MORE_PER_STEP)) as usize;
+        let next = first_that(&sizes[first.saturating_sub(steps)..first], fits, found.clone(), &mut with)?;
+        Ok(if fits(&next.1) { next } else { found })
+    }
+}
+
+/// Returns the cloud of the first limit whose cloud `fits`; else that of the last limit, or `other` without limits.
+fn first_that(
+    sizes: &[Option<f64>],
+    fits: impl Fn(&Cloud) -> bool,
+    other: (Option<f64>, Cloud),
+    mut with: impl FnMut(Option<f64>) -> Result<(Option<f64>, Cloud)>,
+) -> Result<(Option<f64>, Cloud)> {
+    let mut last = other;
+    for &size in sizes {
+        last = with(size)?;
+        if fits(&last.1) {
+            break;
+        }
+    }
+    Ok(last)
+}
+
+/// Returns the limits to choose from, ascending by √2 from `least`; the last is none.
+fn sizes(least: f64) -> Vec<Option<f64>> {
+    let steps = std::iter::successors(Some(least), |size| Some(size * std::f64::consts::SQRT_2));
+    steps.take_while(|size| *size < WHOLE).map(Some).chain([None]).collect()
 }
 
 /// Returns whether a method runs as published, without a size limit.
 #[must_use]
 pub fn is_published(method: Method, effort: Effort) -> bool {
     method != Method::Stochastic || effort == Effort::Literal
-}
-
-/// Returns the settings with the final size limit of level 1 of `foliage`, found by fits at their ε. Fits that are compared with one
-/// another need the same limit.
-///
-/// # Errors
-/// The errors of a fit.
-pub fn settled(fit: &FitSettings, foliage: &Foliage, progress: Progress) -> Result<FitSettings> {
-    let with = |max_size| FitSettings { max_size, ..fit.clone() };
-    let mut size = limit(fit, foliage);
-    if fit.max_size.is_some() || size.is_none() {
-        return Ok(with(size));
-    }
-    let (opacity, bound) = (fit.opacity(foliage), fit.epsilon * foliage.frame().radius);
-    while size.is_some() {
-        let cloud = fit_within(foliage, &opacity, &with(size), bound, progress, None)?;
-        if is_worth(cloud.planes.len() * (fit.max_corners - 2), foliage.triangle_count()) {
-            return Ok(with(size));
-        }
-        size = larger(size);
-    }
-    Ok(with(Some(WHOLE)))
-}
-
-/// Returns the limit to try after `size`; `None`, no limit, once it spans the whole crown.
-pub fn larger(size: Option<f64>) -> Option<f64> {
-    size.map(|size| 2.0 * size).filter(|size| *size < WHOLE)
-}
-
-/// Returns whether a level of `triangles` is worth drawing in place of `finer` triangles: it must have at most half.
-pub fn is_worth(triangles: usize, finer: usize) -> bool {
-    2 * triangles <= finer
 }
 
 /// Returns the area-weighted mean radius of the leaves, local frame. A leaf's radius is the distance of its farthest corner from the mean
@@ -90,53 +127,64 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::foliage::{Attributes, Foliage};
+    use crate::foliage::Attributes;
 
-    /// Two square leaves with this side at the ends of a line from −1 to 1. R is half the diagonal of their box.
-    fn two_leaves(side: f64) -> Foliage {
-        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y * side, z * side);
-        let leaf = |x: f64| [corner(x, -0.5, -0.5), corner(x, 0.5, -0.5), corner(x, 0.5, 0.5), corner(x, -0.5, 0.5)];
-        let positions = [leaf(-1.0), leaf(1.0)].concat();
-        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-        Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+    /// Square leaves of the side 0.02 on a grid of n³ places in a cube of side 2.
+    fn crown(n: usize) -> Foliage {
+        let place = |i: usize| 2.0 * (i as f64 + 0.5) / n as f64 - 1.0;
+        let places = (0..n).flat_map(|x| (0..n).flat_map(move |y| (0..n).map(move |z| [x, y, z].map(place))));
+        let square = |[x, y, z]: [f64; 3]| {
+            [[-0.01, -0.01], [0.01, -0.01], [0.01, 0.01], [-0.01, 0.01]].map(|[u, v]| DVec3::new(x + u, y + v, z))
+        };
+        let positions: Vec<DVec3> = places.flat_map(square).collect();
+        let triangles =
+            (0..positions.len() as u32 / 4).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)));
+        Foliage::new(&positions, triangles.collect(), Attributes::default(), vec![]).unwrap()
+    }
+
+    fn found(fit: &FitSettings, most: usize) -> (Option<f64>, usize) {
+        let finer = crown(6);
+        let opacity = fit.opacity(&finer);
+        let fitted = Fitted { finer: &finer, opacity: &opacity, bound: fit.epsilon * finer.frame().radius, most };
+        let (size, cloud) = fitted.cloud(fit, Progress::silent()).unwrap();
+        (size, cloud.planes.len())
     }
 
     #[test]
-    fn billboards_have_room_for_large_leaves() {
-        for side in [0.01, 0.1, 0.5] {
-            let foliage = two_leaves(side);
-            let radius = side * 0.5f64.sqrt() / foliage.frame().radius;
-            let expected = (2.0 * radius).max(0.2);
-            let found = limit(&FitSettings::default(), &foliage).unwrap();
-            assert!((found - expected).abs() < 1e-12, "side {side}: {found}, {expected} expected");
-        }
-    }
-
-    #[test]
-    fn limits_grow_to_the_whole_crown() {
-        let limits: Vec<f64> = std::iter::successors(Some(0.2), |size| larger(Some(*size))).collect();
-        assert_eq!(limits, [0.2, 0.4, 0.8, 1.6]);
-        assert!(is_worth(300, 600) && !is_worth(301, 600));
+    fn billboards_are_as_small_as_the_budget_allows() {
+        let fit = FitSettings::default();
+        let sizes: Vec<Option<f64>> = sizes(LEAST_SIZE);
+        let counted: Vec<usize> = [1000, 100, 30, 1]
+            .into_iter()
+            .map(|most| {
+                let (size, count) = found(&fit, most);
+                assert!(sizes.contains(&size) && (count <= most || size.is_none()));
+                count
+            })
+            .collect();
+        assert!(counted.is_sorted_by(|a, b| a >= b) && counted[0] > 2 * counted[3], "{counted:?}");
     }
 
     #[test]
     fn a_limit_that_is_set_is_kept_and_at_least_epsilon() {
-        let foliage = two_leaves(0.1);
-        let set = |max_size, epsilon| limit(&FitSettings { epsilon, max_size, ..FitSettings::default() }, &foliage);
-        assert_eq!(set(Some(0.1), 0.04), Some(0.1));
-        assert_eq!(set(Some(0.1), 0.25), Some(0.25));
-        assert_eq!(set(None, 0.25), Some(0.25));
+        let set = |max_size, epsilon| FitSettings { epsilon, max_size: Some(max_size), ..FitSettings::default() };
+        assert_eq!(found(&set(0.3, 0.04), 1).0, Some(0.3));
+        assert_eq!(found(&set(0.1, 0.25), 1).0, Some(0.25));
     }
 
     #[test]
     fn a_number_of_billboards_and_the_published_methods_have_no_default() {
-        let foliage = two_leaves(0.1);
         let plain = FitSettings::default();
         let settings = [
             FitSettings { max_billboards: Some(9), ..plain.clone() },
             FitSettings { effort: Effort::Literal, ..plain.clone() },
             FitSettings { method: Method::Density, ..plain },
         ];
-        assert!(settings.iter().all(|settings| limit(settings, &foliage).is_none()));
+        assert!(settings.iter().all(|fit| found(fit, 1000).0.is_none()));
+    }
+
+    #[test]
+    fn a_billboard_has_two_triangles_and_some_are_left() {
+        assert_eq!((billboards_within(1000, 1), billboards_within(1000, 2)), (400, 200));
     }
 }

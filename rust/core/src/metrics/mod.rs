@@ -1,12 +1,15 @@
 //! Renderer for metrics: compares a level with the leaves in flat-lit views. The image error (FLIP) of the pictures is measured in a crate
-//! of its own, `leafcloud-flip`.
+//! of its own, `leafcloud-flip`. `drawing` counts the cost of drawing.
 
+mod drawing;
+mod fragments;
 mod measure;
 mod render;
 mod visibility;
 
+pub use drawing::{DrawingCost, drawing_cost};
 use render::silhouette;
-pub use render::{View, render, render_watched};
+pub use render::{View, render, render_watched, seen_behind};
 pub use visibility::visibility;
 
 use std::sync::Arc;
@@ -47,7 +50,7 @@ impl Views {
     }
 
     /// Returns the views, sized to the sphere of `frame`.
-    fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
+    pub fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
         let (centre, radius) = (frame.centre, frame.radius * 1.025);
         let Self { size, samples, up, .. } = self;
         self.directions().collect::<Vec<_>>().into_iter().map(move |direction| View {

@@ -6,7 +6,9 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::progress::Progress;
-use crate::textures::{Channel, Samples, ScreenTriangle, Window, count_seen, rasterise_timed};
+use crate::textures::{
+    Channel, Samples, ScreenTriangle, SeenTriangles, Window, count_seen, rasterise_timed, seen_among,
+};
 
 /// An orthographic camera.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +25,14 @@ pub struct View {
     pub size: usize,
     /// Sub-samples along each side of a pixel.
     pub samples: Samples,
+}
+
+impl View {
+    /// Returns the directions to the right and up in the image; `eye` is `direction` with the length 1.
+    pub(super) fn axes(&self, eye: DVec3) -> [DVec3; 2] {
+        let right = self.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
+        [right, eye.cross(right)]
+    }
 }
 
 /// Renders all parts into one image; uncovered pixels are transparent.
@@ -62,7 +72,17 @@ fn rendered(parts: &[&Foliage], view: &View, channel: Channel, progress: Progres
 /// # Errors
 /// Those of [`render()`].
 pub fn seen_samples(foliage: &Foliage, view: &View) -> Result<Vec<u32>> {
-    Ok(count_seen(&on_screen(&[foliage], view)?, view.size, view.size, view.samples))
+    Ok(count_seen(on_screen(&[foliage], view)?, view.size, view.size, view.samples))
+}
+
+/// Draws a picture of each item of `parts`, all behind the same `leaves` if given. Returns the triangles of each part that are visible.
+///
+/// # Errors
+/// Those of [`render()`].
+pub fn seen_behind(leaves: Option<&Foliage>, parts: &[&Foliage], view: &View) -> Result<Vec<SeenTriangles>> {
+    let leaves = leaves.map_or(Ok(Vec::new()), |leaves| on_screen(&[leaves], view))?;
+    let parts = parts.iter().map(|part| on_screen(&[part], view)).collect::<Result<Vec<_>>>()?;
+    Ok(seen_among(&leaves, &parts, view.size, view.size, view.samples))
 }
 
 /// Returns all triangles in screen coordinates.
@@ -81,8 +101,7 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
         )));
     }
     check_place(parts, view)?;
-    let right = view.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
-    let up = eye.cross(right);
+    let [right, up] = view.axes(eye);
     let half = view.size as f64 / 2.0;
     let to_screen = |p: DVec3| {
         let q = (p - view.centre) / view.radius;

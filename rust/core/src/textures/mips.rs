@@ -21,9 +21,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::channels::Channel;
-use super::dilate;
 use super::halves::{Owned, half_size, halved, smaller, texels};
 use super::raster::Canvas;
+use super::{dilate, plain};
 use crate::atlas::{Atlas, Region};
 use crate::color::quantise;
 use crate::foliage::{Image, mask};
@@ -133,6 +133,12 @@ pub fn means(image: &Image) -> Levels {
         levels.push(filled(&means));
     }
     levels
+}
+
+/// Returns alpha and width of the first `levels` box-filtered mip levels after the image itself, fewer for a small image.
+pub(crate) fn alpha_means(image: &Image, levels: usize) -> Vec<(Vec<u8>, usize)> {
+    let smaller = |(alpha, width): &(Vec<u8>, usize)| (alpha.len() > 1).then(|| plain::halved(alpha, *width));
+    std::iter::successors(smaller(&(image.alpha(), image.width())), smaller).take(levels).collect()
 }
 
 /// Returns the mip levels of linear values such as occlusion, roughness and metallic: means of their codes.

@@ -25,7 +25,9 @@ pub(crate) use dilate::fill_gaps;
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
 pub(crate) use raster::rasterise_timed;
-pub use raster::{Canvas, ScreenTriangle, Seen, Shader, Window, count_seen, rasterise};
+pub use raster::{
+    Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
+};
 pub use samples::Samples;
 pub use sky::{Outlook, Sky};
 

@@ -8,8 +8,10 @@
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
+mod seen;
+
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -20,6 +22,8 @@ use super::samples::{Edges, Samples, TILE, Thresholds};
 use crate::error::Result;
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
 use crate::progress::Progress;
+
+pub use seen::{SeenInPixel, SeenTriangles, count_seen, seen_among};
 
 /// A triangle in pixels: x to the right, y down from the upper left corner, z toward the viewer.
 #[derive(Clone)]
@@ -170,27 +174,6 @@ pub(crate) fn rasterise_timed<'a>(
     Ok((canvases, spent[1..].iter().map(|each| each * share).collect()))
 }
 
-/// Returns the number of samples at which each triangle is visible on a canvas of `width` × `height` pixels.
-#[must_use]
-pub fn count_seen<'a>(triangles: &[ScreenTriangle<'a>], width: usize, height: usize, samples: Samples) -> Vec<u32> {
-    let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
-    let lists = tiles.lists(triangles);
-    // Integer sums are the same in any order.
-    let counts: Vec<AtomicU32> = triangles.iter().map(|_| AtomicU32::new(0)).collect();
-    let count = |tile: &mut Tile<'a>, (index, list): (usize, &Vec<u32>)| {
-        let origin = tiles.origin(index);
-        tile.draw(triangles, list, origin);
-        // Triangles that reach beyond the canvas are drawn on whole tiles.
-        let (columns, rows) = (width - origin.x as usize, height - origin.y as usize);
-        for piece in tile.pieces.iter().filter(|p| p.pixel % TILE < columns && p.pixel / TILE < rows) {
-            let triangle = tile.drawn[piece.fragment as usize].index;
-            counts[triangle as usize].fetch_add(piece.count, Ordering::Relaxed);
-        }
-    };
-    lists.par_iter().enumerate().for_each_init(|| Tile::new(samples), count);
-    counts.into_iter().map(AtomicU32::into_inner).collect()
-}
-
 struct Tiles {
     columns: usize,
     rows: usize,
@@ -308,11 +291,27 @@ impl<'a> Tile<'a> {
         if list.is_empty() {
             return;
         }
+        self.clear();
+        self.add_all(triangles, list, origin);
+        self.gather_all();
+    }
+
+    fn clear(&mut self) {
         self.depths.fill(f32::NEG_INFINITY);
         self.seen.fill(NOTHING);
         self.drawn.clear();
+        self.pieces.clear();
+    }
+
+    fn add_all(&mut self, triangles: &[ScreenTriangle<'a>], list: &[u32], origin: Vec2) {
         for &index in list {
             self.add(&triangles[index as usize], index, origin);
+        }
+    }
+
+    fn gather_all(&mut self) {
+        if self.drawn.is_empty() {
+            return;
         }
         for pixel in 0..TILE * TILE {
             self.gather(pixel);

@@ -252,3 +252,26 @@ fn covered_pixels(triangle: &ScreenTriangle) -> std::collections::HashSet<(usize
     let drawn = canvas.pixels.iter().enumerate().filter(|(_, p)| p.w > 0.0);
     drawn.map(|(i, _)| (i % width, i / width + first)).collect()
 }
+
+#[test]
+fn common_triangles_hide_others_and_each_picture_has_its_own() {
+    let white = square(0.0, Material::default());
+    let (wall, [near, far]) = (screen(&white, 40.0, 1.0), [2.0, 0.0].map(|z| screen(&white, 50.0, z)));
+    let pictures = seen_among(&wall, &[near, far.clone(), Vec::new()], 60, 60, samples(2));
+    let seen = |picture: &SeenTriangles| picture.pieces.iter().map(|piece| piece.count).sum::<u32>();
+    assert_eq!(pictures.iter().map(seen).collect::<Vec<_>>(), [4 * 2500, 4 * (2500 - 1600), 0]);
+    assert_eq!(pictures.iter().map(|p| p.covered).collect::<Vec<_>>(), [4 * 2500, 4 * 2500, 4 * 1600]);
+    assert!(
+        pictures[1].pieces.iter().all(|piece| piece.pixel % 60 >= 40 || piece.pixel / 60 >= 40),
+        "not through the wall"
+    );
+    assert_eq!(seen_among(&wall, &[far], 60, 60, samples(2))[0], pictures[1]);
+}
+
+#[test]
+fn the_canvas_ends_inside_a_tile() {
+    let white = square(0.0, Material::default());
+    let pictures = seen_among(&[], &[screen(&white, 100.0, 0.0)], 37, 35, samples(4));
+    assert_eq!(pictures[0].covered, 16 * 37 * 35);
+    assert_eq!(count_seen(screen(&white, 100.0, 0.0), 37, 35, samples(4)).iter().sum::<u32>(), 16 * 37 * 35);
+}

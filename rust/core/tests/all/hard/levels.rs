@@ -6,7 +6,7 @@ use leafcloud::foliage::{AlphaMode, Attributes, Material, Opacity};
 use leafcloud::geometry::Plane;
 use leafcloud::lod::{Chain, ChainSettings, build_chain};
 use leafcloud::metrics::{View, render};
-use leafcloud::outlines::{OutlineSettings, outlines};
+use leafcloud::outlines::outlines;
 use leafcloud::textures::{Channels, Drawn, Samples, bake};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Foliage, Progress};
@@ -278,8 +278,7 @@ fn a_plane_for_each_of_65_537_triangles() {
     let count = foliage.triangle_count();
     let cloud = Cloud::new(&foliage, (0..count).map(plane).collect(), (0..count as u32).collect(), 1.0);
     let projection = Projection::new(&foliage, &cloud, 1.0);
-    let shape = OutlineSettings { corners: 4 };
-    let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage), shape);
+    let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage));
     let atlas =
         Atlas::pack(&cloud.planes, &found, AtlasSettings { size: 4096.into(), gutter: 2, back_sides: false }).unwrap();
     let page = bake(&atlas, Samples::new(4).unwrap(), (&Channels::default(), None), |p| {

@@ -1,0 +1,28 @@
+"""How many triangles the trunk of a level may have, and how much of a level's picture it may change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+CHANGE = 0.01
+"""A simplified trunk may change this fraction of the area that shows leaves or trunk, where its level appears."""
+
+FAR_TRIANGLES = 250
+"""Trunk triangles that each level may always have: with fewer, branches seem to vanish."""
+
+MOST_TRIANGLES, MOST_SHARE = 3000, 0.15
+"""Most triangles of level 1 with its trunk, if none are wished: a number, and a fraction of LOD 0's triangles."""
+
+
+def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int | None = None) -> tuple[int, ...]:
+    """Return the maximum number of trunk triangles of each cloud.
+
+    `leaf_triangles`: triangles of each cloud without its trunk. `tree_triangles`: of LOD 0, with its trunk. `wished`:
+    most triangles of level 1 (the setting `triangles`). Level 1's trunk has what its leaves leave of them: the core
+    makes billboards for three quarters, so that a quarter is left.
+    """
+    if not leaf_triangles:
+        return ()
+    most = round(min(MOST_TRIANGLES, MOST_SHARE * tree_triangles)) if wished is None else wished
+    least = FAR_TRIANGLES if wished is None else 1
+    return max(most - leaf_triangles[0], least), *(FAR_TRIANGLES for _ in leaf_triangles[1:])
