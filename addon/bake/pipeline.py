@@ -181,6 +181,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decisi
         "cross": cross,
         "triangles": settings.triangles,
         "max_corners": settings.max_corners,
+        "min_visibility": settings.min_visibility,
         "texture_size": settings.texture_size,
         "texture_height": settings.texture_height,
         "samples": settings.samples,

@@ -1,4 +1,4 @@
-"""Back sides: a second texture for the back of each billboard, on levels with two different sides."""
+"""Back sides: a second texture for the back of each billboard, on levels of single-sided leaves."""
 
 from __future__ import annotations
 

@@ -52,6 +52,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], g
             "dropped": list(prepared.tree.dropped),
         },
         "levels": levels,
+        "hidden_triangles": _hidden_triangles(baked),
         "left_out": _left_out(baked),
         "needs_no_levels": needs_no_levels(costs),
         "predicted": _predicted(baked),
@@ -153,6 +154,16 @@ def _drawing(cost: LevelDrawing) -> dict[str, Any]:
         "area": cost.own["area"] / cost.leaves["area"],
         "cheaper": cost.cheaper,
     }
+
+
+def _hidden_triangles(baked: Baked) -> int:
+    """Return the number of LOD 0's triangles that are in no other level, because the crown hides their leaves."""
+    kept = baked.chain.kept
+    if kept is None:
+        return 0
+    triangles, growth = kept
+    is_pruned = bool((growth != 1.0).any())
+    return 0 if is_pruned else baked.prepared.foliage.triangle_count - len(triangles)
 
 
 def _left_out(baked: Baked) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 NO_BILLBOARD = -1
-"""Billboard number of leaves that are pruned before the first cloud takes over."""
+"""Billboard number of leaves that are not on the first cloud: pruned before it takes over, or hidden by the crown."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float32]) -> LeafMove
     """Return the moves of leaves with `corners` (t, 3, 3) onto the chain's first level, a cloud.
 
     Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
-    coincide with the cloud. Leaves that are pruned earlier stay in place.
+    coincide with the cloud. Leaves without a billboard shrink into their pivots.
     """
     level = chain.levels[0]
     assert level.cloud is not None
@@ -36,7 +36,8 @@ def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float32]) -> LeafMove
         return LeafMoves(parents, level.targets, level.pivot_targets)
     kept, growth = chain.kept
     billboards = np.full(len(corners), NO_BILLBOARD, np.int32)
-    targets, pivot_targets = corners.astype(np.float64), chain.pivots
+    pivot_targets = chain.pivots
+    targets = np.broadcast_to(pivot_targets[:, None], corners.shape).copy()
     pivots = level.pivot_targets[:, None]
     billboards[kept] = parents
     targets[kept] = pivots + (level.targets - pivots) / growth[:, None, None]

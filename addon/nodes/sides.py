@@ -1,6 +1,6 @@
 """The node group *Leafcloud Sides*. It moves front and back billboards apart along their normals.
 
-If the two sides of a level differ, each billboard is a pair: a front and a back billboard in the same place.
+If front and back have textures of their own, each billboard is a pair: a front and a back billboard in the same place.
 Rasterizers draw the one that faces the viewer. A ray tracer's ray hits both. When it passes the transparent back of
 one, it also passes the other one at exactly the same distance.
 

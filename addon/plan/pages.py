@@ -1,4 +1,4 @@
-"""Sizes of the atlas pages, known before the bake."""
+"""Largest sizes of the atlas pages, known before the bake."""
 
 from __future__ import annotations
 

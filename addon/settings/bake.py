@@ -127,7 +127,8 @@ class BakeSettings:
             "which leaves fewer empty pixels; if it is too small for `epsilon`, the error bound grows",
             "COUNT",
             _range("triangles"),
-            unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000",
+            unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000; at most "
+            "three quarters of the leaves'",
         ),
     ] = None
     max_billboards: Annotated[
@@ -166,7 +167,7 @@ class BakeSettings:
             "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
             "FRACTION",
             _range("max_size"),
-            unset="as small as the triangles allow, but with room for leaves twice as wide as the mean leaf; no limit "
+            unset="cheapest to draw within the triangles, with room for leaves twice as wide as the mean leaf; no limit "
             "with `max_billboards`",
         ),
     ] = None
@@ -196,6 +197,15 @@ class BakeSettings:
             _range("max_corners"),
         ),
     ] = _default("max_corners")
+    min_visibility: Annotated[
+        float,
+        Setting(
+            "Leave out leaves of which less than this fraction is seen from outside the crown; they are in no level but "
+            "0. 0 keeps all",
+            "FRACTION",
+            _range("min_visibility"),
+        ),
+    ] = _default("min_visibility")
     whole_leaves: Annotated[
         bool,
         Setting(
@@ -241,7 +251,7 @@ class BakeSettings:
             "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
             "TEXELS",
             _range("texture_size"),
-            unset=f"a texel for each pixel where a level takes over, at most {LARGEST_TEXTURE} for level 1",
+            unset=f"one texel per pixel where a level takes over, at most {LARGEST_TEXTURE} for level 1",
         ),
     ] = None
     texture_height: Annotated[

@@ -40,7 +40,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
             for name in ("prune_pixels", "prune_half"):
                 column.prop(settings, name)
         column = layout.column(align=True)
-        for name in ("effort", "max_billboards", "max_corners", "candidates", "bend_normals", "seed"):
+        for name in ("effort", "max_billboards", "max_corners", "min_visibility", "candidates", "bend_normals", "seed"):
             column.prop(settings, name)
         column = layout.column(align=True)
         for name in ("viewer", "unlit"):

@@ -75,6 +75,7 @@ _SHOWN = {
     "effort": _Shown("Effort"),
     "max_billboards": _Shown("Max Billboards", slider=1000),
     "max_corners": _Shown("Corners"),
+    "min_visibility": _Shown("Min Visibility", digits=3),
     "candidates": _Shown("Candidates", slider=2000),
     "bend_normals": _Shown("Bend Normals"),
     "seed": _Shown("Seed"),

@@ -8,7 +8,8 @@ use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_fit};
 use leafcloud::metrics::{View, render, visibility};
 use leafcloud::textures::Samples;
-use leafcloud::{Foliage, Progress, prune};
+use leafcloud::foliage::{Foliage, Opacity};
+use leafcloud::{Progress, prune};
 use leafcloud_flip::image_error;
 
 use crate::choice::Choice;
@@ -159,8 +160,10 @@ impl Rest {
 fn order_seconds(foliage: &Foliage, settings: &ChainSettings) -> Result<f64> {
     let all = settings.views.order;
     let few = all.div_ceil(8);
-    visibility(foliage, settings.up, few.min(1), Progress::silent())?; // The first view builds the texture pyramids.
-    let (_, seconds) = timed(|| visibility(foliage, settings.up, few, Progress::silent()))?;
+    let opacity = Opacity::of(foliage);
+    let measure = |count| visibility(foliage, &opacity, settings.up, count, Progress::silent());
+    measure(few.min(1))?; // The first view builds the texture pyramids.
+    let (_, seconds) = timed(|| measure(few))?;
     Ok(seconds * all as f64 / few.max(1) as f64)
 }
 

@@ -201,7 +201,9 @@ class BakeSeconds(TypedDict):
 
 class LookSeconds(TypedDict):
     order: float
-    """Measuring how much of each leaf is visible."""
+    """Measuring how much of each leaf is visible, for the pruning order."""
+    hidden: float
+    """Finding the leaves that the crown hides."""
     sky: float
     """Measuring how much of the sky each place sees."""
     growth: float
@@ -391,8 +393,9 @@ class Chain:
         without a wish."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
-        """With a ``keep`` below 1: (t′,) indices of the kept triangles that the first level is made of, and (t′,) their
-        linear growth factors. The first level's parents, targets and pivots have one row per kept triangle.
+        """(t′,) indices of the triangles that the first level is made of, and (t′,) their linear growth factors, 1
+        without pruning; ``None`` if these are all triangles. The first level's parents, targets and pivots have one row
+        per kept triangle.
         """
 
 class CurveSettings(TypedDict):
@@ -561,6 +564,7 @@ class LevelOptions(FitOptions, total=False):
     every_level: bool  # True
     triangles: int | None  # None
     max_corners: int  # 5
+    min_visibility: float  # 0.05
     texture_size: int | None  # None
     texture_height: int | None  # None
     samples: int  # 4
@@ -620,7 +624,7 @@ def fit(
     Shape:
     ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R,
     at least ε; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is the
-    smallest distance whose billboards take four fifths of the level's triangles, at least 0.1 and twice the mean radius
+    distance whose billboards are cheapest to draw with four fifths of the level's triangles, at least 0.1 and twice the mean radius
     of the leaves (after level 1: of the previous billboards), but any distance with ``max_billboards`` and for the
     published methods (``density``, ``kmeans``, effort ``literal``).
     ``compact``: minimum gap, fraction of R, at which a billboard is split.
@@ -659,6 +663,8 @@ def build_chain(
     texture), between 500 and 3000, at most three quarters of the leaves'; ε stays, and may need more. A later level has
     at most a third of the triangles of the level before it, unless its ε needs more.
     ``max_corners``: maximum number of corners of a billboard's polygons.
+    ``min_visibility``: leaves of which less than this fraction is seen from outside are in no level (``Chain.kept``);
+    0 keeps all. No effect with ``keep``. The cross impostor shows all leaves.
     ``texture_size``: columns of level 1's page, and rows unless ``texture_height`` is given. The page of level i has
     1/2^(i−1) of that. ``None``: pages are as small as texels of a pixel, where the level takes over, allow, and level
     1's has at most 2048 columns.

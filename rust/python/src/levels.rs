@@ -140,6 +140,7 @@ impl PyChain {
         let seconds = self.chain.measuring_seconds;
         let dict = PyDict::new(py);
         dict.set_item("order", seconds.order)?;
+        dict.set_item("hidden", seconds.hidden)?;
         dict.set_item("sky", seconds.sky)?;
         dict.set_item("growth", seconds.growth)?;
         dict.set_item("contrast", seconds.contrast)?;

@@ -146,6 +146,7 @@ impl<'py> Options<'py> {
             up,
             triangles: self.some("triangles", "a whole number between 0 and 2^64 - 1, or None")?,
             max_corners: self.count("max_corners", default.max_corners)?,
+            min_visibility: self.number("min_visibility", default.min_visibility)?,
             texture_size,
             fitting_pages,
             samples: self.take("samples", arrays::samples, default.samples)?,

@@ -68,6 +68,7 @@ fn chain_settings() -> Vec<Named> {
         count("levels", limits::LEVELS, Some(chain.levels as u64)),
         count("triangles", limits::TRIANGLES, chain.triangles.map(|most| most as u64)),
         count("max_corners", limits::MAX_CORNERS, Some(chain.max_corners as u64)),
+        real("min_visibility", limits::MIN_VISIBILITY, Some(chain.min_visibility)),
         count("texture_size", limits::TEXTURE_SIZE, Some(chain.texture_size.width as u64)),
         count("texture_height", limits::TEXTURE_SIZE, None),
         count("samples", limits::SAMPLES, Some(chain.samples.side() as u64)),

@@ -5,7 +5,7 @@ mod common;
 
 use glam::{DVec3, Vec3, Vec4};
 use leafcloud::Progress;
-use leafcloud::foliage::{Foliage, Image, Material};
+use leafcloud::foliage::{Foliage, Image, Material, Opacity};
 use leafcloud::gltf;
 use leafcloud::lod::{PruneSettings, prune_trends};
 use leafcloud::metrics::{Reference, View, Views, render, visibility};
@@ -46,7 +46,7 @@ fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let reference = reference(foliage, views());
     let seen = |foliage: &Foliage| reference.agreement(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
-    let visible = visibility(foliage, DVec3::Z, 16, Progress::silent()).expect("pixels");
+    let visible = visibility(foliage, &Opacity::of(foliage), DVec3::Z, 16, Progress::silent()).expect("pixels");
     for seed in 0..SEEDS {
         let ranks = order(foliage, &visible, seed);
         let growth = prune_trends::growth(foliage, &ranks, DVec3::Z, Progress::silent()).expect("pixels");
@@ -140,7 +140,7 @@ fn main() {
             println!("| {name} | {size} | | its leaves have one color | |");
             continue;
         }
-        let seen = visibility(foliage, DVec3::Z, 16, Progress::silent()).expect("pixels");
+        let seen = visibility(foliage, &Opacity::of(foliage), DVec3::Z, 16, Progress::silent()).expect("pixels");
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
                 let ranks = order(foliage, &seen, seed);

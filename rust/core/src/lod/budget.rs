@@ -1,10 +1,9 @@
 //! Triangles of the levels.
 //!
-//! Few triangles are the point of a level, and a renderer draws small ones badly: each costs its vertices, and the fragments of its edges twice.
+//! A level needs few triangles: each costs a renderer its vertices, and on edges between two triangles fragments are shaded twice.
 
 use super::settings::ChainSettings;
 use crate::foliage::Foliage;
-use crate::polygons::FRAGMENTS_PER_TRIANGLE;
 
 /// Most triangles of level 1 by default, trunk included.
 const MOST: usize = 3000;
@@ -37,11 +36,4 @@ pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Folia
 /// Returns the budget for the level after one that draws `finer` triangles.
 pub fn of_next(finer: usize) -> usize {
     finer / STEP
-}
-
-/// Returns the number of triangles that cost as much as a layer of fragments over the crown, where a deviation (a share of R) appears this
-/// many pixels large. A level that takes over near the horizon gains nothing from small billboards.
-pub fn of_a_layer(deviation: f64, pixels: f64) -> usize {
-    let radius = pixels / deviation;
-    (std::f64::consts::PI * radius * radius / FRAGMENTS_PER_TRIANGLE) as usize
 }

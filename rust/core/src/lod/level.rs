@@ -9,7 +9,7 @@ use super::references::References;
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
-use super::{budget, drawn, tune};
+use super::{drawn, tune};
 use glam::DVec3;
 
 use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
@@ -37,7 +37,7 @@ pub struct Seconds {
     pub pack: f64,
     /// Textures.
     pub bake: f64,
-    /// Metrics: stretch limit, alpha cutoff, tone, report.
+    /// Stretch limit, alpha cutoff, tone, polygons, report.
     pub metrics: f64,
 }
 
@@ -149,12 +149,13 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
 fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Result<Cloud> {
     let copies = if two_sided { 2 } else { 1 };
     let room = AtlasSettings::of_size(step.page, two_sided).room();
-    let layer = budget::of_a_layer(step.deviation / step.radius + step.fit.epsilon, pixels);
+    let scale = Scale { pixels_per_unit: pixels / (step.deviation / step.radius + step.fit.epsilon), copies };
     let fitted = Fitted {
         finer: step.finer,
         opacity: &step.opacity,
         bound: step.fit.epsilon * step.radius,
-        most: size::billboards_within(step.triangles.min(layer), copies).min(room),
+        most: size::billboards_within(step.triangles, copies).min(room),
+        scale,
     };
     let (_, cloud) = fitted.cloud(&step.fit, progress.part(0.0, 0.8))?;
     let most = step.triangles / (2 * copies);
@@ -259,7 +260,7 @@ pub(super) fn tightened(
 ) -> Atlas {
     let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
-    let scale = Scale { pixels_per_texel, copies };
+    let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
     let shown = Shown::new(&page.base_color, alpha_cutoff, engine, *engine_cutoff);
     with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }

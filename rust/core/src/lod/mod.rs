@@ -5,6 +5,7 @@ mod billboards;
 mod budget;
 mod cross;
 mod drawn;
+mod hidden;
 mod level;
 pub mod prune_trends;
 mod references;
@@ -31,9 +32,10 @@ use self::size::Fitted;
 use self::worth::Made;
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
-use crate::foliage::Foliage;
+use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Frame;
 use crate::metrics::visibility;
+use crate::polygons::Scale;
 use crate::progress::Progress;
 use crate::prune::{self, Kept, Pruned, Trend};
 use crate::textures::Sky;
@@ -42,8 +44,10 @@ use crate::transition::leaf_pivots;
 /// Seconds of the measurements before the first level; 0 for steps that were not requested.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeasuringSeconds {
-    /// Measuring the visible share of each leaf.
+    /// Measuring the visible share of each leaf, for the pruning order.
     pub order: f64,
+    /// Finding the leaves that the crown hides.
+    pub hidden: f64,
     /// Measuring sky visibility.
     pub sky: f64,
     /// Measuring the growth of pruned leaves.
@@ -75,7 +79,7 @@ pub struct Chain {
     pub growth: Trend,
     /// κ: factor on the distance of pruned leaves' colors from their mean.
     pub contrast: Trend,
-    /// The leaves' triangles that level 1 is built from; `None` for all triangles, unchanged.
+    /// The leaves' triangles that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
     /// Seconds of the measurements for optional effects.
     pub measuring_seconds: MeasuringSeconds,
@@ -103,7 +107,9 @@ pub fn build_chain(
     // The measurements stay at the fraction 0; they report to be cancelled.
     let measuring = progress.part(0.0, 0.0);
     if settings.views.order > 0 {
-        seen = timed(&mut seconds.order, || visibility(foliage, settings.up, settings.views.order, measuring))?;
+        let opacity = Opacity::of(foliage);
+        let measure = || visibility(foliage, &opacity, settings.up, settings.views.order, measuring);
+        seen = timed(&mut seconds.order, measure)?;
     }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
     let pivots = pivots(foliage);
@@ -116,17 +122,22 @@ pub fn build_chain(
         }
     }
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
-    let pruned = keep.map(|keep| prune::pruned(foliage, &ranks, keep, growth.factor(keep))).transpose()?;
+    let pruned = match keep {
+        Some(keep) => Some(prune::pruned(foliage, &ranks, keep, growth.factor(keep))?),
+        None => timed(&mut seconds.hidden, || hidden::without_hidden(foliage, settings.min_visibility, settings.up, measuring))?,
+    };
     let whole = foliage;
     let (foliage, kept) = match &pruned {
         Some(Pruned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
     };
+    // Leaves that are hidden are still seen a little and shade the others; pruned ones are gone.
+    let shown = if keep.is_some() { foliage } else { whole };
     measuring.tell("measure", 0.0)?;
-    let references = References::new(&[foliage], &[whole], &frame, settings)?;
+    let references = References::new(&[shown], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
-    let parts: Vec<&Foliage> = std::iter::once(foliage).chain(&trunk).collect();
+    let parts: Vec<&Foliage> = std::iter::once(shown).chain(&trunk).collect();
     measuring.tell("measure", 0.0)?;
     let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
     let prepare_seconds = started.elapsed().as_secs_f64();
@@ -202,6 +213,7 @@ pub fn settled_fit(
         opacity: &fit.opacity(foliage),
         bound: fit.epsilon * foliage.frame().radius,
         most: size::billboards_within(budget::of_first(settings, foliage, trunk), copies),
+        scale: Scale { pixels_per_unit: settings.pixels / fit.epsilon, copies },
     };
     let (max_size, _) = fitted.cloud(fit, progress)?;
     Ok(FitSettings { max_size, ..fit.clone() })

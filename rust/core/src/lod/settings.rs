@@ -64,6 +64,9 @@ pub struct ChainSettings {
     pub triangles: Option<usize>,
     /// Most corners of a polygon of a billboard.
     pub max_corners: usize,
+    /// Leaves of which less than this share is seen from outside are left out of all levels. With 0, no leaf is; nor with pruning, which
+    /// already prefers visible leaves.
+    pub min_visibility: f64,
     /// Largest atlas page of level 1, halved from level to level.
     pub texture_size: PageSize,
     /// Makes pages as small as their texels allow: a texel is at most a pixel where its level takes over. The page of the cross impostor
@@ -73,7 +76,7 @@ pub struct ChainSettings {
     pub samples: Samples,
     /// Channels of the atlas beside base color.
     pub channels: Channels,
-    /// Separate textures for front and back. With `None`, each level bakes both sides small and compares them.
+    /// Separate textures for front and back. With `None`, only where leaves are single-sided: from behind they are not drawn.
     pub back_sides: Option<bool>,
     /// Pruning of the leaves before level 1 takes over; `None` keeps all leaves.
     pub pruning: Option<PruneSettings>,
@@ -138,6 +141,7 @@ impl Default for ChainSettings {
             up: DVec3::Z,
             triangles: None,
             max_corners: 5,
+            min_visibility: 0.05,
             texture_size: 2048.into(),
             fitting_pages: true,
             samples: Samples::default(),
@@ -173,6 +177,7 @@ impl ChainSettings {
             return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
         }
         self.triangles.map_or(Ok(()), |count| limits::TRIANGLES.check("triangles", count as f64))?;
+        limits::MIN_VISIBILITY.check("min_visibility", self.min_visibility)?;
         limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;
         limits::PIXELS.check("pixels", self.pixels)?;
         limits::TEXTURE_SIZE.check("texture_size", self.texture_size.width as f64)?;

@@ -1,15 +1,18 @@
-//! The default size limit of a level's billboards: as small as the level's budget of triangles allows.
+//! The default size limit of a level's billboards: the cheapest to draw that the level's budget of triangles allows.
 //!
-//! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws two to eight times
+//! A fit without a limit finds the fewest planes, and each is as wide as the crown and mostly empty: level 1 then draws one to nine times
 //! the fragments of its leaves. Small billboards are mostly full. At the same number of triangles they draw fewer fragments than tight
-//! polygons of larger ones (`docs/decisions/polygons.md`), so rectangles get most of the budget ([`SHARE`]). A billboard has room for leaves
-//! twice as wide as the mean leaf: smaller ones would tear large leaves. Level 2 is built from the billboards of level 1, and so on, so its
-//! billboards are larger in turn.
+//! polygons of larger ones (`docs/decisions/polygons.md`), so rectangles get most of the budget ([`SHARE`]). Where a level takes over at a
+//! small size, triangles cost more than fragments, and larger billboards are cheaper. A billboard has room for leaves twice as wide as the
+//! mean leaf: smaller ones would tear large leaves. Level 2 is built from the billboards of level 1, and so on, so its billboards are larger
+//! in turn.
 
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{Effort, FitSettings, Method, fit_within};
 use crate::foliage::{Foliage, Opacity, area_vector};
+use crate::outlines::outlines;
+use crate::polygons::Scale;
 use crate::progress::Progress;
 
 /// The least limit, and the first that is tried, as shares of R.
@@ -43,11 +46,12 @@ pub struct Fitted<'a> {
     pub bound: f64,
     /// Most billboards that a default size limit may lead to.
     pub most: usize,
+    /// The size at which the level takes over, as pixels along R.
+    pub scale: Scale,
 }
 
 impl Fitted<'_> {
-    /// Returns the cloud with the size limit of `fit`, or with the smallest default limit that leads to few enough billboards; without a
-    /// limit if none does. Also returns that limit.
+    /// Returns the cloud with the size limit of `fit`, or with the default limit that is cheapest to draw. Also returns that limit.
     ///
     /// # Errors
     /// The errors of a fit.
@@ -64,34 +68,40 @@ impl Fitted<'_> {
         }
         let sizes = sizes(LEAST_SIZE.max(fit.epsilon).max(LEAVES * mean_radius(self.finer)));
         let first = sizes.iter().position(|size| size.is_none_or(|size| size >= FIRST_SIZE)).unwrap_or(0);
-        let fits = |cloud: &Cloud| cloud.planes.len() <= self.most;
         let found = with(sizes[first])?;
-        if !fits(&found.1) {
-            return first_that(&sizes[first + 1..], fits, found, &mut with);
-        }
         // Smaller billboards are more: one fit that tells how many steps are left saves most of the fits between.
         let left = self.most as f64 / found.1.planes.len().max(1) as f64;
-        let steps = (libm::log(left) / libm::log(MORE_PER_STEP)) as usize;
-        let next = first_that(&sizes[first.saturating_sub(steps)..first], fits, found.clone(), &mut with)?;
-        Ok(if fits(&next.1) { next } else { found })
+        let steps = (libm::log(left) / libm::log(MORE_PER_STEP)).max(0.0) as usize;
+        self.cheapest(&sizes[first.saturating_sub(steps)..], found, with)
     }
-}
 
-/// Returns the cloud of the first limit whose cloud `fits`; else that of the last limit, or `other` without limits.
-fn first_that(
-    sizes: &[Option<f64>],
-    fits: impl Fn(&Cloud) -> bool,
-    other: (Option<f64>, Cloud),
-    mut with: impl FnMut(Option<f64>) -> Result<(Option<f64>, Cloud)>,
-) -> Result<(Option<f64>, Cloud)> {
-    let mut last = other;
-    for &size in sizes {
-        last = with(size)?;
-        if fits(&last.1) {
-            break;
+    /// Returns the cloud of the first limit that fits and is cheaper to draw than the next one; of the last limit if none fits.
+    /// `known` is a limit with its cloud.
+    fn cheapest(
+        &self,
+        sizes: &[Option<f64>],
+        known: (Option<f64>, Cloud),
+        mut with: impl FnMut(Option<f64>) -> Result<(Option<f64>, Cloud)>,
+    ) -> Result<(Option<f64>, Cloud)> {
+        let mut best = known.clone();
+        let mut least = f64::INFINITY;
+        for &size in sizes {
+            let next = if size == known.0 { known.clone() } else { with(size)? };
+            let fits = next.1.planes.len() <= self.most;
+            let cost = if fits { self.cost(&next.1) } else { f64::INFINITY };
+            if least < cost {
+                break;
+            }
+            (best, least) = (next, cost);
         }
+        Ok(best)
     }
-    Ok(last)
+
+    /// Returns the cost of drawing the rectangles of all billboards, in fragments.
+    fn cost(&self, cloud: &Cloud) -> f64 {
+        let outlines = outlines(&cloud.planes, &cloud.parents, |t| self.finer.corners(t), self.opacity);
+        outlines.iter().map(|outline| self.scale.rectangle(outline.size())).sum()
+    }
 }
 
 /// Returns the limits to choose from, ascending by √2 from `least`; the last is none.
@@ -143,9 +153,15 @@ mod tests {
     }
 
     fn found(fit: &FitSettings, most: usize) -> (Option<f64>, usize) {
+        found_at(fit, most, 1e4)
+    }
+
+    fn found_at(fit: &FitSettings, most: usize, pixels_per_unit: f64) -> (Option<f64>, usize) {
         let finer = crown(6);
         let opacity = fit.opacity(&finer);
-        let fitted = Fitted { finer: &finer, opacity: &opacity, bound: fit.epsilon * finer.frame().radius, most };
+        let bound = fit.epsilon * finer.frame().radius;
+        let scale = Scale { pixels_per_unit, copies: 1 };
+        let fitted = Fitted { finer: &finer, opacity: &opacity, bound, most, scale };
         let (size, cloud) = fitted.cloud(fit, Progress::silent()).unwrap();
         (size, cloud.planes.len())
     }
@@ -163,6 +179,13 @@ mod tests {
             })
             .collect();
         assert!(counted.is_sorted_by(|a, b| a >= b) && counted[0] > 2 * counted[3], "{counted:?}");
+    }
+
+    #[test]
+    fn billboards_are_larger_where_the_level_takes_over_at_a_smaller_size() {
+        let counted: Vec<usize> =
+            [1e4, 60.0, 2.0].map(|pixels| found_at(&FitSettings::default(), 1000, pixels).1).to_vec();
+        assert!(counted.is_sorted_by(|a, b| a >= b) && counted[0] > 2 * counted[2], "{counted:?}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::polygons::{Cells, Polygon, PolygonSettings, tight};
 use crate::textures::mips::alpha_means;
 
 /// Mip levels after the page itself whose visible texels are drawn. Texels are a pixel at most where a level takes over, and the next level
-/// takes over at 2.5 times that distance.
+/// takes over at some 3.5 times that distance.
 const MIPS: usize = 3;
 
 /// Alpha codes below this are not drawn on blended billboards.

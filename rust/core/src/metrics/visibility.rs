@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{Views, render};
 use crate::error::Result;
-use crate::foliage::Foliage;
+use crate::foliage::{Foliage, Opacity};
 use crate::progress::Progress;
 use crate::textures::Samples;
 
@@ -12,12 +12,18 @@ use crate::textures::Samples;
 const SIZE: usize = 128;
 
 /// Returns the visible share of each leaf, in [0, 1], as the mean over `count` directions all around; an empty list for a count of 0. The
-/// share is the number of samples that see the leaf, over the samples of its area as it faces the eye. Parts that the texture cuts out
-/// never count as visible, so only ratios between leaves are meaningful. Counts are the same on any machine.
+/// share is the number of samples that see the leaf, over the samples of its opaque area as it faces the eye. Counts are the same on any
+/// machine.
 ///
 /// # Errors
 /// An `up` without a finite length above 0; [`crate::Error::Cancelled`].
-pub fn visibility(foliage: &Foliage, up: DVec3, count: usize, progress: Progress) -> Result<Vec<f64>> {
+pub fn visibility(
+    foliage: &Foliage,
+    opacity: &Opacity,
+    up: DVec3,
+    count: usize,
+    progress: Progress,
+) -> Result<Vec<f64>> {
     if count == 0 {
         return Ok(Vec::new());
     }
@@ -31,7 +37,7 @@ pub fn visibility(foliage: &Foliage, up: DVec3, count: usize, progress: Progress
         let per_area = (side * foliage.frame().radius / (2.0 * view.radius)).powi(2);
         for (triangle, (&leaf, &count)) in foliage.leaf_ids().iter().zip(&samples).enumerate() {
             seen[leaf as usize] += f64::from(count);
-            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs() * per_area;
+            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs() * per_area * f64::from(opacity.get(triangle).share);
         }
     }
     let share = |(seen, facing): (&f64, f64)| if facing > 0.0 { (seen / facing).min(1.0) } else { 0.0 };
@@ -56,12 +62,14 @@ mod tests {
         Foliage::new(&positions, triangles.collect(), Attributes { leaf_ids, ..Attributes::default() }, vec![]).unwrap()
     }
 
+    fn shares(places: &[(DVec3, usize, f64)]) -> Vec<f64> {
+        visibility(&squares(places), &Opacity::ignored(), DVec3::Z, 16, Progress::silent()).unwrap()
+    }
+
     #[test]
     fn a_leaf_alone_is_seen_whole_from_everywhere() {
         for across in 0..3 {
-            let seen =
-                visibility(&squares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]), DVec3::Z, 16, Progress::silent())
-                    .unwrap();
+            let seen = shares(&[(DVec3::new(3.0, -5.0, 1.0), across, 0.7)]);
             assert!((seen[0] - 1.0).abs() < 0.01, "{seen:?}");
         }
     }
@@ -73,9 +81,9 @@ mod tests {
             (if i < 3 { axis } else { -axis }, i % 3, 2.0)
         });
         let mut places: Vec<_> = sides.collect();
-        let outside = visibility(&squares(&places), DVec3::Z, 16, Progress::silent()).unwrap();
+        let outside = shares(&places);
         places.push((DVec3::ZERO, 0, 0.5));
-        let seen = visibility(&squares(&places), DVec3::Z, 16, Progress::silent()).unwrap();
+        let seen = shares(&places);
         assert_eq!(seen[6], 0.0);
         assert_eq!(seen[..6], outside);
         // One of two opposite sides is visible from anywhere.

@@ -6,7 +6,7 @@
 //! each tree is pruned from its leaves upward, so the area saved by a further triangle is the same everywhere. If that is more than the
 //! budget of triangles, the price rises until they fit.
 //!
-//! The price is what a triangle costs to draw ([`Scale`]). Greedy cuts are not the best ones: tables in `docs/decisions/polygons.md`.
+//! The price is what a triangle costs to draw ([`Scale`]). Cuts are chosen one after another, so they are not the best set of cuts.
 //! O(cells · depth) for each billboard; billboards are independent.
 
 mod cells;
@@ -35,22 +35,30 @@ pub const FRAGMENTS_PER_TRIANGLE: f64 = 8.0;
 /// half of the triangle's own area, and X + Y half of its own perimeter (Cauchy).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Pixels along a texel, above 0.
-    pub pixels_per_texel: f64,
+    /// Pixels along a unit of length, above 0. The unit of polygons is a texel.
+    pub pixels_per_unit: f64,
     /// Triangles drawn for each triangle of a polygon: 2 for pairs of front and back billboards, else 1.
     pub copies: usize,
 }
 
 impl Scale {
-    /// Returns the area of texels that costs as much as an edge of one texel.
-    fn edge(self) -> f64 {
-        1.0 / self.pixels_per_texel
+    /// Returns the cost of a rectangle of this size, drawn as two triangles, in fragments.
+    #[must_use]
+    pub fn rectangle(self, size: DVec2) -> f64 {
+        let (area, edges) = (size.element_product(), 2.0 * (size.element_sum() + size.length()));
+        let fragments = 0.5 * self.pixels_per_unit * self.pixels_per_unit;
+        fragments * (area + self.edge() * edges + 2.0 * self.triangle())
     }
 
-    /// Returns the area of texels that costs as much as a triangle of no size.
+    /// Returns the area that costs as much as an edge of length 1.
+    fn edge(self) -> f64 {
+        1.0 / self.pixels_per_unit
+    }
+
+    /// Returns the area that costs as much as a triangle of no size.
     fn triangle(self) -> f64 {
         let fragments = 1.0 + FRAGMENTS_PER_TRIANGLE * self.copies as f64;
-        2.0 * fragments / (self.pixels_per_texel * self.pixels_per_texel)
+        2.0 * fragments / (self.pixels_per_unit * self.pixels_per_unit)
     }
 }
 

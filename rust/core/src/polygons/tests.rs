@@ -3,8 +3,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Texels of a pixel, and triangles that are nearly free.
-const SHARP: Scale = Scale { pixels_per_texel: 8.0, copies: 1 };
+/// Eight pixels along a texel: triangles are nearly free.
+const SHARP: Scale = Scale { pixels_per_unit: 8.0, copies: 1 };
 
 fn settings(triangles: usize, scale: Scale) -> PolygonSettings {
     PolygonSettings { corners: 5, triangles, scale }
@@ -64,14 +64,14 @@ fn area_goes_where_a_triangle_saves_most() {
 #[test]
 fn triangles_that_cost_more_than_they_save_are_not_drawn() {
     let ring = || Cells::new(30, 30, |x, y| x.abs_diff(15).max(y.abs_diff(15)) > 10);
-    let count = |pixels_per_texel| {
-        let scale = Scale { pixels_per_texel, copies: 1 };
+    let count = |pixels_per_unit| {
+        let scale = Scale { pixels_per_unit, copies: 1 };
         triangles(&tight(&[ring()], settings(10_000, scale)))
     };
     // The hole is 441 texels: at a tenth of a pixel each, they are fewer fragments than one triangle costs.
     assert_eq!(count(0.1), 2);
     assert!(count(8.0) >= 8);
-    let pairs = Scale { pixels_per_texel: 1.0, copies: 2 };
+    let pairs = Scale { pixels_per_unit: 1.0, copies: 2 };
     assert!(triangles(&tight(&[ring()], settings(10_000, pairs))) <= count(1.0));
 }
 
