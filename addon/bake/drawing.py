@@ -88,10 +88,10 @@ def left_out_reasons(chain: leafcloud.Chain) -> list[str]:
 
 
 def needs_no_levels(costs: list[LevelDrawing]) -> str | None:
-    """Return a note if no level is cheaper to draw than the leaves, else None. `costs`: those of every level."""
-    if any(each.cheaper > 1.0 for each in costs[1:]):
+    """Return a note if no level saves enough of the cost of drawing the leaves, else None. `costs`: of every level."""
+    if any(each.cheaper * (1.0 - leafcloud.LEAST_SAVING) > 1.0 for each in costs[1:]):
         return None
-    return "the tree needs no levels: its leaves cost less to draw than any level at the level's distance"
+    return "the tree needs no levels: no level saves a tenth of the cost of drawing its leaves"
 
 
 def _total(leaves: leafcloud.DrawingCost, trunk: leafcloud.DrawingCost | None) -> float:

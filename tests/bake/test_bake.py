@@ -33,7 +33,7 @@ LEVEL_KEYS = {
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """Folder and report of a bake of the shrub with the default effects and with pruning."""
     out = tmp_path_factory.mktemp("shrub")
-    return out, bake_apart(shrub, out, "--texture-size", 256, "--effects=+pruning")
+    return out, bake_apart(shrub, out, "--texture-size", 256, "--effects=+pruning", "--every-level")
 
 
 # Files
@@ -42,8 +42,9 @@ def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
 def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[str, Any]]) -> None:
     _, report = baked
     facts = {"leafcloud", "blender", "input", "predicted", "effects", "files", "warnings"}
-    assert set(report) == {*facts, "levels", "left_out", "needs_no_levels"}
-    assert (report["left_out"], report["needs_no_levels"]) == ([], None), "every level is cheaper to draw"
+    assert set(report) == {*facts, "levels", "hidden_triangles", "left_out", "needs_no_levels"}
+    assert (report["left_out"], report["needs_no_levels"]) == ([], None)
+    assert report["hidden_triangles"] == 0, "pruning keeps the visible leaves"
     assert report["predicted"] is None, "no cost curve was measured"
     assert set(report["input"]) == {"triangles", "leaves", "radius", "dropped", "choice", "materials"}
     assert (report["input"]["leaves"], report["input"]["materials"]) == (672, ["leaves"])
@@ -253,13 +254,13 @@ def test_the_fitters_options_reach_the_files(
     shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     fit = ("--max-billboards", 20, "--effort", "final", "--max-corners", 6, "--compact", 0.5)
-    report = bake(shrub, tmp_path, "--texture-size", 256, *fit)
+    report = bake(shrub, tmp_path, "--texture-size", 256, "--every-level", *fit)
     first, second = report["levels"][1:3]
     assert first["epsilon"] > 0.04
     assert second["epsilon"] == pytest.approx(2.5 * first["epsilon"])
-    # A polygon of six corners is four triangles.
-    for level in (first, second):
-        assert level["triangles"] >= 2 * level["billboards"]
+    for number in (1, 2):
+        polygons = bpy.data.objects[f"shrub_LOD{number}"].data.polygons
+        assert max(len(polygon.vertices) for polygon in polygons) == 6
     nodes = read_glb(tmp_path / "shrub.glb")
     radius = report["input"]["radius"]
     for number, level in [(0, first), (1, second)]:

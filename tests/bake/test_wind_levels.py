@@ -94,10 +94,11 @@ def corners_of_billboards(leaves: bpy.types.Mesh, cloud: bpy.types.Mesh) -> dict
         assert np.ptp(carriers[held], axis=0).max() == 0.0
         off = np.linalg.norm(pivots - carriers[held][0], axis=1)
         corners = np.flatnonzero(off < 1e-6)
-        assert len(corners) >= 4
+        assert len(corners) >= 3
         assert off[off >= 1e-6].min(initial=1.0) > 1e-3
         assert heights(rest[corners], targets[held]).max() < 1e-4
         found[number] = corners.tolist()
+    assert sum(map(len, found.values())) == len(rest), "each corner is one billboard's"
     return found
 
 

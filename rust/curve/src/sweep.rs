@@ -5,10 +5,10 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
+use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_fit};
 use leafcloud::metrics::{View, render, visibility};
 use leafcloud::textures::Samples;
-use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::{Progress, prune};
 use leafcloud_flip::image_error;
 

@@ -49,6 +49,8 @@ FRAGMENTS_PER_TRIANGLE: float
 """Price of a triangle in fragments, for its vertices and its set-up; see :func:`drawing_cost`."""
 HAND_OVER: float
 """The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
+LEAST_SAVING: float
+"""Fraction of the cost of drawing the level before that a level must save; see ``every_level`` in :func:`build_chain`."""
 RAMP: float
 """Maximum fraction of the drawn leaves that is growing in or out; see :func:`leaf_scale`."""
 
@@ -564,7 +566,7 @@ class LevelOptions(FitOptions, total=False):
     every_level: bool  # True
     triangles: int | None  # None
     max_corners: int  # 5
-    min_visibility: float  # 0.05
+    min_visibility: float  # 0.02
     texture_size: int | None  # None
     texture_height: int | None  # None
     samples: int  # 4

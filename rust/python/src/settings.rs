@@ -2,7 +2,7 @@
 
 use leafcloud::fit::FitSettings;
 use leafcloud::limits::{self, Limits};
-use leafcloud::lod::{ChainSettings, EPSILON_STEP, PruneSettings};
+use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
 use leafcloud_curve::{IMAGE_ERROR, SECONDS};
@@ -33,6 +33,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySetting>()?;
     module.add("SETTINGS", PyMappingProxy::new(module.py(), settings.as_mapping()))?;
     module.add("EPSILON_STEP", EPSILON_STEP)?;
+    module.add("LEAST_SAVING", LEAST_SAVING)?;
     module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;
     module.add("HAND_OVER", transition::HAND_OVER)?;
     module.add("RAMP", prune::RAMP)

@@ -21,7 +21,7 @@ pub use level::{Level, Seconds};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;
-pub use worth::LeftOut;
+pub use worth::{LEAST_SAVING, LeftOut};
 
 use std::time::Instant;
 
@@ -124,7 +124,9 @@ pub fn build_chain(
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
     let pruned = match keep {
         Some(keep) => Some(prune::pruned(foliage, &ranks, keep, growth.factor(keep))?),
-        None => timed(&mut seconds.hidden, || hidden::without_hidden(foliage, settings.min_visibility, settings.up, measuring))?,
+        None => timed(&mut seconds.hidden, || {
+            hidden::without_hidden(foliage, settings.min_visibility, settings.up, measuring)
+        })?,
     };
     let whole = foliage;
     let (foliage, kept) = match &pruned {

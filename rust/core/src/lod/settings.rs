@@ -141,7 +141,7 @@ impl Default for ChainSettings {
             up: DVec3::Z,
             triangles: None,
             max_corners: 5,
-            min_visibility: 0.05,
+            min_visibility: 0.02,
             texture_size: 2048.into(),
             fitting_pages: true,
             samples: Samples::default(),

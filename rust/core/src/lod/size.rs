@@ -31,6 +31,9 @@ const MORE_PER_STEP: f64 = 1.27;
 /// Share of the budget of triangles for the rectangles of all billboards; the rest makes polygons tighter.
 const SHARE: f64 = 0.8;
 
+/// Greatest share by which a smaller limit may cost more than the cheapest: smaller billboards look better.
+const TOLERANCE: f64 = 0.3;
+
 /// Returns the number of billboards of two triangles, times `copies`, for a budget of triangles.
 pub fn billboards_within(triangles: usize, copies: usize) -> usize {
     (SHARE * triangles as f64 / (2 * copies) as f64) as usize
@@ -75,26 +78,29 @@ impl Fitted<'_> {
         self.cheapest(&sizes[first.saturating_sub(steps)..], found, with)
     }
 
-    /// Returns the cloud of the first limit that fits and is cheaper to draw than the next one; of the last limit if none fits.
-    /// `known` is a limit with its cloud.
+    /// Returns the cloud of the smallest limit that fits and costs at most [`TOLERANCE`] more than the cheapest one; of the last limit if
+    /// none fits. `known` is a limit with its cloud.
     fn cheapest(
         &self,
         sizes: &[Option<f64>],
         known: (Option<f64>, Cloud),
         mut with: impl FnMut(Option<f64>) -> Result<(Option<f64>, Cloud)>,
     ) -> Result<(Option<f64>, Cloud)> {
-        let mut best = known.clone();
-        let mut least = f64::INFINITY;
+        let mut last = known.clone();
+        let mut fitting: Vec<(f64, (Option<f64>, Cloud))> = Vec::new();
         for &size in sizes {
-            let next = if size == known.0 { known.clone() } else { with(size)? };
-            let fits = next.1.planes.len() <= self.most;
-            let cost = if fits { self.cost(&next.1) } else { f64::INFINITY };
-            if least < cost {
-                break;
+            last = if size == known.0 { known.clone() } else { with(size)? };
+            if last.1.planes.len() <= self.most {
+                let cost = self.cost(&last.1);
+                if fitting.last().is_some_and(|(before, _)| *before < cost) {
+                    break;
+                }
+                fitting.push((cost, last.clone()));
             }
-            (best, least) = (next, cost);
         }
-        Ok(best)
+        let least = fitting.last().map_or(0.0, |(cost, _)| *cost);
+        let chosen = fitting.into_iter().find(|(cost, _)| *cost <= (1.0 + TOLERANCE) * least);
+        Ok(chosen.map_or(last, |(_, found)| found))
     }
 
     /// Returns the cost of drawing the rectangles of all billboards, in fragments.

@@ -37,7 +37,9 @@ pub fn visibility(
         let per_area = (side * foliage.frame().radius / (2.0 * view.radius)).powi(2);
         for (triangle, (&leaf, &count)) in foliage.leaf_ids().iter().zip(&samples).enumerate() {
             seen[leaf as usize] += f64::from(count);
-            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs() * per_area * f64::from(opacity.get(triangle).share);
+            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs()
+                * per_area
+                * f64::from(opacity.get(triangle).share);
         }
     }
     let share = |(seen, facing): (&f64, f64)| if facing > 0.0 { (seen / facing).min(1.0) } else { 0.0 };

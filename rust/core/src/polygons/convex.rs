@@ -69,8 +69,20 @@ pub(super) fn clipped(polygon: &[DVec2], line: HalfPlane) -> Vec<DVec2> {
 const STEEP: f64 = 0.1;
 
 /// Returns a convex polygon with its edge on `line` moved outward by a distance: its neighbors get longer. Corners that would leave the
-/// half-planes of `frame` stay, and so do those of neighbors nearly parallel to the line.
-pub(super) fn widened(mut polygon: Vec<DVec2>, line: HalfPlane, by: f64, frame: &[HalfPlane]) -> Vec<DVec2> {
+/// half-planes of `frame` stay, and so do those of neighbors nearly parallel to the line. A polygon that would not be convex stays as it is.
+pub(super) fn widened(polygon: Vec<DVec2>, line: HalfPlane, by: f64, frame: &[HalfPlane]) -> Vec<DVec2> {
+    let wider = moved_outward(polygon.clone(), line, by, frame);
+    if is_convex(&wider) { wider } else { polygon }
+}
+
+fn is_convex(polygon: &[DVec2]) -> bool {
+    (0..polygon.len()).all(|i| {
+        let [a, b, c] = [0, 1, 2].map(|k| polygon[(i + k) % polygon.len()]);
+        (b - a).perp_dot(c - b) >= -SAME
+    })
+}
+
+fn moved_outward(mut polygon: Vec<DVec2>, line: HalfPlane, by: f64, frame: &[HalfPlane]) -> Vec<DVec2> {
     let count = polygon.len();
     let on_line = |p: DVec2| line.height(p).abs() <= ON_LINE;
     let Some(at) = (0..count).find(|&i| on_line(polygon[i]) && on_line(polygon[(i + 1) % count])) else {
