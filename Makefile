@@ -108,6 +108,10 @@ bench-trunk: setup ## measure the trunk of each level: triangles, error, coverag
 	@mkdir -p docs/bench
 	.venv/bin/python bench/trunk.py $(ARGS)
 
+.PHONY: bench-materials
+bench-materials: setup ## time level 1 in Cycles with pairs of billboards, with one polygon for each pair, and without alpha test
+	.venv/bin/python bench/materials.py $(ARGS)
+
 .PHONY: bench-plan
 bench-plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)
 	@mkdir -p docs/bench

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-InputValue: TypeAlias = bool | int | float | Sequence[float] | bpy.types.Object
+InputValue: TypeAlias = bool | int | float | Sequence[float] | bpy.types.Object | bpy.types.Material
 
 _FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 

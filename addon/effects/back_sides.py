@@ -50,14 +50,15 @@ class BackSidesEffect(Effect):
         return sum(level.texels // 2 for level in chain.levels if level.two_sided) * BYTES_PER_TEXEL
 
     def add_to_cloud(self, built: BuiltLevel, level: leafcloud.Level, build: Build) -> BuiltLevel:
-        """Move front and back apart in Blender, where a ray tracer's rays meet both."""
-        from ..nodes.sides import add_side_modifier, apart
+        """Draw each pair as one polygon in Blender, where a ray tracer's rays would meet both."""
+        from ..levels.sides import two_sided_material
+        from ..nodes.sides import add_side_modifier
 
         if not level.two_sided:
             return built
-        offset = apart(level.corners, built.number)
-        add_side_modifier(built.object, offset)
-        return replace(built, apart=offset)
+        material = two_sided_material(built.object.data.materials[0])
+        add_side_modifier(built.object, material)
+        return replace(built, two_sided=material)
 
 
 EFFECT = BackSidesEffect()

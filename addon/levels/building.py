@@ -139,8 +139,7 @@ class BuiltLevel:
 
     triangles: triangles of the object, without the trunk.
     trunk_change: fraction of the level's picture that the trunk's simplification changes (see `Trunk`).
-    apart: offset of front and back billboards along their normals (`nodes.sides`), in the object's own units; 0 without
-    such pairs.
+    two_sided: material of both sides, for pairs of front and back billboards (`nodes.sides`); None without pairs.
     trunk_corners: kept corners of LOD 0's trunk, as `Trunk.corners`.
     """
 
@@ -150,7 +149,7 @@ class BuiltLevel:
     triangles: int
     trunk_triangles: int = 0
     trunk_change: float = 0.0
-    apart: float = 0.0
+    two_sided: bpy.types.Material | None = None
     trunk_corners: NDArray[np.integer[Any]] | None = field(default=None, repr=False, compare=False)
 
 

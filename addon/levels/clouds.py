@@ -13,8 +13,9 @@ import leafcloud
 from .baked_light import unlit_material
 from .building import Build, own_bytes
 from .material import Page, atlas_image, atlas_material
-from .mesh import create_mesh, polygon_faces, polygon_surface
+from .mesh import PolygonFaces, create_mesh, polygon_faces, polygon_surface
 from .shape import Shape, object_of, pruning_of, transition_of
+from .sides import add_sides
 from .wind import cloud_wind_attributes
 
 
@@ -24,8 +25,10 @@ def cloud_object(
     """Create the object of the level `number`. `following`: the next level, None after the last."""
     name, schedule = f"{build.name}_LOD{number}", build.schedule
     material = _material(name, level, number, build)
-    shape = _shape(level, _cloud_or_none(following), build)
+    shape, faces = _shape(level, _cloud_or_none(following), build)
     mesh = create_mesh(name, shape.surface, [material])
+    if level.two_sided:
+        add_sides(mesh, level, faces)
     extras = {
         "level": number,
         "switch_distance": schedule.switch_distances[number],
@@ -60,7 +63,9 @@ def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
     return page
 
 
-def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Build) -> Shape:
+def _shape(
+    level: leafcloud.Level, following: leafcloud.Level | None, build: Build
+) -> tuple[Shape, PolygonFaces]:
     """Return the polygons sorted by the ranks of their billboards. `following`: the cloud that they morph to."""
     morphs = following is not None and build.has("transitions")
     ranks = level.ranks[level.polygon_billboards]
@@ -73,18 +78,19 @@ def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Bui
     parents = keys[faces.triangles]
     wind = cloud_wind_attributes(level, following, level.polygon_billboards[faces.vertex_polygons], parents, build)
     if following is None:
-        return Shape(surface, ranks[faces.polygons], wind=wind)
+        return Shape(surface, ranks[faces.polygons], wind=wind), faces
     transition = None
     if morphs:
         targets = following.targets[faces.triangles, faces.places]
         transition = transition_of(parents, targets, following.pivot_targets[faces.triangles])
-    return Shape(
+    shape = Shape(
         surface=surface,
         ranks=ranks[faces.polygons],
         pruning=pruning_of(ranks[faces.vertex_polygons], following.pivots[faces.triangles], build),
         transition=transition,
         wind=wind,
     )
+    return shape, faces
 
 
 def _parents(level: leafcloud.Level) -> NDArray[np.int32]:

@@ -113,8 +113,8 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
         obj = bpy.data.objects.new(member, data)
         obj.matrix_basis = turn.to_4x4()
         variant.objects.link(obj)
-        if level.apart > 0.0 and data is mesh:
-            add_side_modifier(obj, level.apart)
+        if level.two_sided is not None and data is mesh:
+            add_side_modifier(obj, level.two_sided)
 
 
 def pruned_mesh(

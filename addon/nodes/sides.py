@@ -1,43 +1,28 @@
-"""The node group *Leafcloud Sides*. It moves front and back billboards apart along their normals.
+"""The node group *Leafcloud Sides*. It draws each pair of a front and a back billboard as one polygon.
 
-If front and back have textures of their own, each billboard is a pair: a front and a back billboard in the same place.
-Rasterizers draw the one that faces the viewer. A ray tracer's ray hits both. When it passes the transparent back of
-one, it also passes the other one at exactly the same distance.
-
-So the pairs are moved apart, only in Blender, where Cycles needs it. The modifier follows all others that move the
-billboards, because a level that morphs onto the next would bring its own pairs together again. Meshes and exported
-files stay exactly on the planes that other levels morph to.
+If front and back have textures of their own, each billboard is a pair in the same place. Rasterizers cull the one that
+faces away. A ray tracer cannot: a ray meets both, and tests twice as many triangles. So in Blender the group removes
+the backs and gives the fronts a material with both textures (`levels.sides`). Meshes and files keep the pairs, which
+engines draw in one call with one texture.
 """
 
 from __future__ import annotations
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from .builder import Section
-from .laws import LENGTH, add_modifier, declare, group_of_layout
+from .laws import add_modifier, declare, group_of_layout
 
 GROUP_NAME = "Leafcloud Sides"
+BACK = "leaf_back"
+"""Name of the face attribute: whether a face is the back of a pair."""
 _LAYOUT_KEY = "leafcloud_sides_layout"
-_LAYOUT = 1
-
-_SHARE = 1.0 / 16384.0
-"""Offset as a fraction of the level's extent: about 30 ulp of the distance to a camera at 60 radii."""
+_LAYOUT = 2
 
 
-def apart(corners: NDArray[np.float64], number: int) -> float:
-    """Return the offset of each billboard of the level `number` ≥ 1, in the unit of its `corners` (c, 3).
-
-    The offset grows with the number. So each level lies in front of the one that has morphed to it, and stays lit while
-    the two cross-fade.
-    """
-    return number * float(np.ptp(corners, axis=0).max()) * _SHARE
-
-
-def add_side_modifier(obj: bpy.types.Object, apart: float) -> bpy.types.NodesModifier:
-    """Add the modifier that moves every face of `obj` along its normal by `apart` > 0, in the object's own units."""
-    return add_modifier(obj, GROUP_NAME, side_group(), {"Apart": apart})
+def add_side_modifier(obj: bpy.types.Object, material: bpy.types.Material) -> bpy.types.NodesModifier:
+    """Add the modifier that removes the backs of `obj` and draws the fronts with the two-sided `material`."""
+    return add_modifier(obj, GROUP_NAME, side_group(), {"Material": material})
 
 
 def side_group() -> bpy.types.NodeTree:
@@ -48,9 +33,9 @@ def side_group() -> bpy.types.NodeTree:
 def _fill(tree: bpy.types.NodeTree) -> None:
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    declare(tree, "Apart", "Float", "Offset of each billboard along its normal", default_value=0.0, **LENGTH)
-    section = Section(tree, "Offset along the normal", (0.0, 0.0))
-    normal = section.result("GeometryNodeInputNormal")
-    step = section.vector("SCALE", normal, section.group_input("Apart"), label="Step")
-    moved = section.result("GeometryNodeSetPosition", section.group_input("Geometry"), None, None, step, label="Apart")
-    section.node("NodeGroupOutput", moved)
+    declare(tree, "Material", "Material", "Material of the fronts, with the textures of both sides")
+    section = Section(tree, "One polygon for each pair", (0.0, 0.0))
+    back = section.attribute("BOOLEAN", BACK)
+    fronts = section.result("GeometryNodeDeleteGeometry", section.group_input("Geometry"), back, domain="FACE")
+    drawn = section.result("GeometryNodeSetMaterial", fronts, None, section.group_input("Material"))
+    section.node("NodeGroupOutput", drawn)

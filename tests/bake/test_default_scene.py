@@ -35,7 +35,8 @@ def drawn() -> set[str]:
 
 
 def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> None:
-    bpy.context.scene.leafcloud.texture_size = 256
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.every_level = 256, True
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert all(bpy.data.objects[name].visible_get() for name in LEVELS)

@@ -95,6 +95,7 @@ def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.ty
 
 
 def test_a_bake_of_a_selected_level_bakes_its_sources(sources: list[bpy.types.Object]) -> None:
+    bpy.context.scene.leafcloud.every_level = True
     bpy.ops.leafcloud.bake()
     before = names()
     assert [obj.name for obj in bpy.context.selected_objects] == ["leaves_LOD0"]

@@ -38,6 +38,7 @@ class FakeLevel:
     ranks: NDArray[np.float32]
     cloud: Any
     two_sided: bool = False
+    plane_ids: NDArray[np.uint32] = field(init=False)
     page_share: float = 1.0
     alpha_cutoff: float = 0.375
     max_deviation_leaves: float = 0.05
@@ -59,6 +60,7 @@ class FakeLevel:
         self.uvs = np.tile(unit, (count, 1))
         self.polygon_sizes = np.full(count, 4, np.uint32)
         self.polygon_billboards = np.arange(count, dtype=np.uint32)
+        self.plane_ids = np.arange(count, dtype=np.uint32) // (2 if self.two_sided else 1)
         self.triangles = 2 * count
         self.base_color = np.full((4, 4, 4), (90, 140, 40, 255), np.uint8)
 
@@ -139,11 +141,11 @@ def chain() -> SimpleNamespace:
         cloud=SimpleNamespace(parents=np.array([0, 1, 0, 0], np.uint32)),
     )
     second = FakeLevel(
-        corners=np.array(rectangle(0.5)),
+        corners=np.array(rectangle(0.5) + rectangle(0.5)[::-1]),
         targets=random.random((4, 3, 3)),
         pivots=random.random((4, 3)),
         pivot_targets=random.random((4, 3)),
-        ranks=np.zeros(1, np.float32),
+        ranks=np.zeros(2, np.float32),
         cloud=SimpleNamespace(parents=np.array([0, 1, 2, 2], np.uint32)),
         two_sided=True,
     )
@@ -378,10 +380,10 @@ def test_a_cloud_lies_in_the_trees_coordinates_and_morphs_to_the_next() -> None:
 def test_the_last_cloud_and_the_cross_have_nothing_to_morph_to() -> None:
     for level in build(tree())[2:]:
         mesh = level.object.data
-        assert not [attribute.name for attribute in mesh.attributes if attribute.name.startswith("leaf_")]
+        leaf_data = {attribute.name for attribute in mesh.attributes if attribute.name.startswith("leaf_")}
+        assert leaf_data == ({"leaf_back", "leaf_back_uv"} if level.number == 2 else set()), "level 2 has a pair"
         assert mesh.shape_keys is None
         assert not level.object.vertex_groups
-        assert level.triangles == 2
 
 
 def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:

@@ -162,7 +162,7 @@ def test_seeds_repeat(foliage: Foliage) -> None:
 
 
 def test_chain(foliage: Foliage) -> None:
-    chain = leafcloud.build_chain(foliage, texture_size=256, levels=2)
+    chain = leafcloud.build_chain(foliage, texture_size=256, levels=2, min_visibility=0.0)
     first, second, cross = chain.levels
     assert [level.method for level in chain.levels] == ["stochastic", "stochastic", "cross"]
     assert sorted(chain.ranks) == pytest.approx(np.arange(200) / 200)

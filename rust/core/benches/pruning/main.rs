@@ -8,7 +8,7 @@ use leafcloud::Progress;
 use leafcloud::foliage::{Foliage, Image, Material, Opacity};
 use leafcloud::gltf;
 use leafcloud::lod::{PruneSettings, prune_trends};
-use leafcloud::metrics::{Reference, View, Views, render, visibility};
+use leafcloud::metrics::{LeafSamples, Reference, View, Views, render, visibility};
 use leafcloud::prune::{leaf_scale, order, pruned, toward_mean};
 use leafcloud::textures::Samples;
 use leafcloud::transition::leaf_pivots;
@@ -42,11 +42,17 @@ fn linearly(foliage: &Foliage, ranks: &[f32], keep: f64) -> Foliage {
 }
 
 /// Returns the coverage over that of all leaves for each λ: with area scale and measured growth, with area scale alone, with linear scale.
+/// Returns the visible share of each leaf.
+fn shares(foliage: &Foliage) -> Vec<f64> {
+    let leaves = visibility(foliage, &Opacity::of(foliage), DVec3::Z, 16, Progress::silent()).expect("pixels");
+    leaves.iter().map(LeafSamples::share).collect()
+}
+
 fn coverages(foliage: &Foliage) -> [Vec<f64>; 3] {
     let reference = reference(foliage, views());
     let seen = |foliage: &Foliage| reference.agreement(foliage).expect("pixels").coverage / SEEDS as f64;
     let mut means = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; KEEPS.len()]);
-    let visible = visibility(foliage, &Opacity::of(foliage), DVec3::Z, 16, Progress::silent()).expect("pixels");
+    let visible = shares(foliage);
     for seed in 0..SEEDS {
         let ranks = order(foliage, &visible, seed);
         let growth = prune_trends::growth(foliage, &ranks, DVec3::Z, Progress::silent()).expect("pixels");
@@ -140,7 +146,7 @@ fn main() {
             println!("| {name} | {size} | | its leaves have one color | |");
             continue;
         }
-        let seen = visibility(foliage, &Opacity::of(foliage), DVec3::Z, 16, Progress::silent()).expect("pixels");
+        let seen = shares(foliage);
         let found: Vec<[f64; 3]> = (0..SEEDS)
             .map(|seed| {
                 let ranks = order(foliage, &seen, seed);

@@ -110,6 +110,8 @@ pub(super) struct Step<'a> {
     pub deviation: f64,
     /// Size of the atlas page.
     pub page: PageSize,
+    /// Greatest size of a texel where the level takes over, pixels.
+    pub texel_pixels: f64,
     /// Channels of the atlas page.
     pub channels: Channels,
     /// Sky visibility in leaves and trunk, if a channel depends on it.
@@ -138,7 +140,7 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     let projected = Instant::now();
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
     let deviation = (step.deviation + cloud.max_deviation()) / finer.frame().radius;
-    let texel = if settings.fitting_pages { deviation / settings.pixels } else { 0.0 };
+    let texel = if settings.fitting_pages { step.texel_pixels * deviation / settings.pixels } else { 0.0 };
     let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
     let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
     let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());

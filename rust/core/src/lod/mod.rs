@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::fit::FitSettings;
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Frame;
-use crate::metrics::visibility;
+use crate::metrics::{LeafSamples, visibility};
 use crate::polygons::Scale;
 use crate::progress::Progress;
 use crate::prune::{self, Kept, Pruned, Trend};
@@ -109,7 +109,7 @@ pub fn build_chain(
     if settings.views.order > 0 {
         let opacity = Opacity::of(foliage);
         let measure = || visibility(foliage, &opacity, settings.up, settings.views.order, measuring);
-        seen = timed(&mut seconds.order, measure)?;
+        seen = timed(&mut seconds.order, measure)?.iter().map(LeafSamples::share).collect();
     }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
     let pivots = pivots(foliage);
@@ -178,6 +178,7 @@ pub fn build_chain(
             is_wish: index == 0 && settings.triangles.is_some(),
             deviation: made.levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
+            texel_pixels: if index == 0 { 1.0 } else { LATER_TEXEL },
             channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
             references: &references,
@@ -226,6 +227,10 @@ fn pivots(foliage: &Foliage) -> Vec<DVec3> {
     let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_tree(pivot)).collect();
     foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
 }
+
+/// Greatest size of a texel in pixels, where a level after level 1 takes over. Its leaves are only some pixels large, and texels of a pixel
+/// would blur them.
+const LATER_TEXEL: f64 = 0.5;
 
 /// Greatest distance of the trunk from the center of the leaves, in R of the leaves.
 const TRUNK_REACH: f64 = 1000.0;

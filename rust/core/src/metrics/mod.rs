@@ -10,7 +10,7 @@ mod visibility;
 pub use drawing::{DrawingCost, drawing_cost};
 use render::silhouette;
 pub use render::{View, render, render_watched, seen_behind};
-pub use visibility::visibility;
+pub use visibility::{LeafSamples, visibility};
 
 use std::sync::Arc;
 

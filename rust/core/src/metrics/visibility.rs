@@ -1,4 +1,4 @@
-//! Visible share of each leaf from outside: the crown hides its inner leaves.
+//! Visible part of each leaf from outside: the crown hides its inner leaves.
 
 use glam::DVec3;
 
@@ -11,9 +11,24 @@ use crate::textures::Samples;
 /// Width and height of the images, in pixels: from 16 directions, some hundred samples of a leaf among ten thousand.
 const SIZE: usize = 128;
 
-/// Returns the visible share of each leaf, in [0, 1], as the mean over `count` directions all around; an empty list for a count of 0. The
-/// share is the number of samples that see the leaf, over the samples of its opaque area as it faces the eye. Counts are the same on any
-/// machine.
+/// Samples of a leaf, summed over all directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeafSamples {
+    /// Samples that see the leaf.
+    pub seen: f64,
+    /// Samples of its opaque area as it faces the eye.
+    pub facing: f64,
+}
+
+impl LeafSamples {
+    /// Returns the visible share of the leaf, in [0, 1].
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        if self.facing > 0.0 { (self.seen / self.facing).min(1.0) } else { 0.0 }
+    }
+}
+
+/// Counts the samples of each leaf from `count` directions all around; an empty list for a count of 0. Counts are the same on any machine.
 ///
 /// # Errors
 /// An `up` without a finite length above 0; [`crate::Error::Cancelled`].
@@ -23,27 +38,26 @@ pub fn visibility(
     up: DVec3,
     count: usize,
     progress: Progress,
-) -> Result<Vec<f64>> {
+) -> Result<Vec<LeafSamples>> {
     if count == 0 {
         return Ok(Vec::new());
     }
     let views = Views { count, size: SIZE, samples: Samples::default(), up, turn: 0.25 };
-    let mut seen = vec![0.0; foliage.leaf_count()];
-    let mut facing = seen.clone();
+    let mut leaves = vec![LeafSamples::default(); foliage.leaf_count()];
     for (number, view) in views.around(foliage.frame()).enumerate() {
         progress.tell("measure", number as f64 / count as f64)?;
         let samples = render::seen_samples(foliage, &view)?;
         let side = (view.size * view.samples.side()) as f64;
         let per_area = (side * foliage.frame().radius / (2.0 * view.radius)).powi(2);
         for (triangle, (&leaf, &count)) in foliage.leaf_ids().iter().zip(&samples).enumerate() {
-            seen[leaf as usize] += f64::from(count);
-            facing[leaf as usize] += foliage.area_vector(triangle).dot(view.direction).abs()
+            let leaf = &mut leaves[leaf as usize];
+            leaf.seen += f64::from(count);
+            leaf.facing += foliage.area_vector(triangle).dot(view.direction).abs()
                 * per_area
                 * f64::from(opacity.get(triangle).share);
         }
     }
-    let share = |(seen, facing): (&f64, f64)| if facing > 0.0 { (seen / facing).min(1.0) } else { 0.0 };
-    Ok(seen.iter().zip(facing).map(share).collect())
+    Ok(leaves)
 }
 
 #[cfg(test)]
@@ -65,7 +79,8 @@ mod tests {
     }
 
     fn shares(places: &[(DVec3, usize, f64)]) -> Vec<f64> {
-        visibility(&squares(places), &Opacity::ignored(), DVec3::Z, 16, Progress::silent()).unwrap()
+        let leaves = visibility(&squares(places), &Opacity::ignored(), DVec3::Z, 16, Progress::silent()).unwrap();
+        leaves.iter().map(LeafSamples::share).collect()
     }
 
     #[test]
