@@ -74,7 +74,9 @@ def line(tree: Path, baked: Baked, speeds: list[float]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: maple, oak, pine of ../shared/foliage)")
+    parser.add_argument(
+        "trees", nargs="*", type=Path, help="GLB files (default: maple, oak, pine of ../shared/foliage)"
+    )
     trees = parser.parse_args().trees or [FOLIAGE / f"{name}.glb" for name in TREES]
     for columns, row in (("pairs | one polygon", pair_row), ("alpha tested | opaque", opaque_row)):
         rows = [row(tree) for tree in trees]

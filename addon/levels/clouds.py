@@ -63,9 +63,7 @@ def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
     return page
 
 
-def _shape(
-    level: leafcloud.Level, following: leafcloud.Level | None, build: Build
-) -> tuple[Shape, PolygonFaces]:
+def _shape(level: leafcloud.Level, following: leafcloud.Level | None, build: Build) -> tuple[Shape, PolygonFaces]:
     """Return the polygons sorted by the ranks of their billboards. `following`: the cloud that they morph to."""
     morphs = following is not None and build.has("transitions")
     ranks = level.ranks[level.polygon_billboards]

@@ -167,8 +167,8 @@ class BakeSettings:
             "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
             "FRACTION",
             _range("max_size"),
-            unset="cheapest to draw within the triangles, with room for leaves twice as wide as the mean leaf; no limit "
-            "with `max_billboards`",
+            unset="cheapest to draw within the triangles, with room for leaves twice as wide as the mean leaf; no "
+            "limit with `max_billboards`",
         ),
     ] = None
     compact: Annotated[
@@ -200,8 +200,8 @@ class BakeSettings:
     min_visibility: Annotated[
         float,
         Setting(
-            "Leave out leaves of which less than this fraction is seen from outside the crown; they are in no level but "
-            "0. 0 keeps all",
+            "Leave out leaves of which less than this fraction is seen from outside the crown; they are in LOD 0 only. "
+            "0 keeps all",
             "FRACTION",
             _range("min_visibility"),
         ),

@@ -187,6 +187,11 @@ def test_chain(foliage: Foliage) -> None:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     np.testing.assert_allclose(normals, first.cloud.planes[first.plane_ids[first.polygon_billboards], :3], atol=1e-6)
     assert first.foliage().triangle_count == first.triangles
+    # Polygons lie in the rectangles of their billboards.
+    left, top, width, height = first.regions[np.repeat(first.polygon_billboards, first.polygon_sizes)].T
+    columns, rows = 256.0 * first.uvs[:, 0], 256.0 * (1.0 - first.uvs[:, 1])
+    assert ((columns >= left - 1e-3) & (columns <= left + width + 1e-3)).all()
+    assert ((rows >= top - 1e-3) & (rows <= top + height + 1e-3)).all()
 
 
 def test_leaf_visibility_is_measured_only_if_it_orders_the_leaves(foliage: Foliage) -> None:

@@ -50,7 +50,7 @@ FRAGMENTS_PER_TRIANGLE: float
 HAND_OVER: float
 """The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
 LEAST_SAVING: float
-"""Fraction of the cost of drawing the level before that a level must save; see ``every_level`` in :func:`build_chain`."""
+"""Fraction of the cost of drawing the level before that a level must save: ``every_level`` in :func:`build_chain`."""
 RAMP: float
 """Maximum fraction of the drawn leaves that is growing in or out; see :func:`leaf_scale`."""
 
@@ -247,6 +247,10 @@ class Level:
     @property
     def plane_ids(self) -> NDArray[np.uint32]:
         """(b,) index of each billboard's plane."""
+    @property
+    def regions(self) -> NDArray[np.uint32]:
+        """(b, 4) the texels that each billboard's whole rectangle has on the page: left column, top row (both from the
+        top left), width and height."""
     @property
     def two_sided(self) -> bool:
         """True if front and back have different textures. Each billboard is then a pair of single-sided quads;
@@ -626,9 +630,9 @@ def fit(
     Shape:
     ``max_size``: maximum distance of a billboard's leaves from the place where the billboard was found, fraction of R,
     at least ε; a larger leaf has a billboard of its own size. None: any distance. In :func:`build_chain` None is the
-    distance whose billboards are cheapest to draw with four fifths of the level's triangles, at least 0.1 and twice the mean radius
-    of the leaves (after level 1: of the previous billboards), but any distance with ``max_billboards`` and for the
-    published methods (``density``, ``kmeans``, effort ``literal``).
+    distance whose billboards are cheapest to draw with four fifths of the level's triangles, at least 0.1 and twice the
+    mean radius of the leaves (after level 1: of the previous billboards), but any distance with ``max_billboards`` and
+    for the published methods (``density``, ``kmeans``, effort ``literal``).
     ``compact``: minimum gap, fraction of R, at which a billboard is split.
     ``trim``: outlines enclose only opaque texels, and leaves are weighted by their opaque area.
 

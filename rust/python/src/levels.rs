@@ -270,6 +270,14 @@ impl PyLevel {
     }
 
     #[getter]
+    fn regions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let regions = self.level().atlas.billboards.iter().map(|b| b.region);
+        let flat: Vec<u32> = regions.flat_map(|r| [r.x, r.y, r.width, r.height].map(|side| side as u32)).collect();
+        let count = flat.len() / 4;
+        flat.into_pyarray(py).reshape([count, 4])
+    }
+
+    #[getter]
     fn two_sided(&self) -> bool {
         self.level().two_sided
     }

@@ -39,6 +39,9 @@ pub fn billboards_within(triangles: usize, copies: usize) -> usize {
     (SHARE * triangles as f64 / (2 * copies) as f64) as usize
 }
 
+/// A size limit, with the cloud that it leads to.
+type Limited = (Option<f64>, Cloud);
+
 /// What a fit of a level starts from.
 pub struct Fitted<'a> {
     /// The level before.
@@ -58,7 +61,7 @@ impl Fitted<'_> {
     ///
     /// # Errors
     /// The errors of a fit.
-    pub fn cloud(&self, fit: &FitSettings, progress: Progress) -> Result<(Option<f64>, Cloud)> {
+    pub fn cloud(&self, fit: &FitSettings, progress: Progress) -> Result<Limited> {
         let mut done = 0.0;
         let mut with = |max_size: Option<f64>| {
             let rest = progress.part(done, 0.5 * (1.0 + done));
@@ -75,7 +78,7 @@ impl Fitted<'_> {
         // Smaller billboards are more: one fit that tells how many steps are left saves most of the fits between.
         let left = self.most as f64 / found.1.planes.len().max(1) as f64;
         let steps = (libm::log(left) / libm::log(MORE_PER_STEP)).max(0.0) as usize;
-        self.cheapest(&sizes[first.saturating_sub(steps)..], found, with)
+        self.cheapest(&sizes[first.saturating_sub(steps)..], &found, with)
     }
 
     /// Returns the cloud of the smallest limit that fits and costs at most [`TOLERANCE`] more than the cheapest one; of the last limit if
@@ -83,11 +86,11 @@ impl Fitted<'_> {
     fn cheapest(
         &self,
         sizes: &[Option<f64>],
-        known: (Option<f64>, Cloud),
-        mut with: impl FnMut(Option<f64>) -> Result<(Option<f64>, Cloud)>,
-    ) -> Result<(Option<f64>, Cloud)> {
+        known: &Limited,
+        mut with: impl FnMut(Option<f64>) -> Result<Limited>,
+    ) -> Result<Limited> {
         let mut last = known.clone();
-        let mut fitting: Vec<(f64, (Option<f64>, Cloud))> = Vec::new();
+        let mut fitting: Vec<(f64, Limited)> = Vec::new();
         for &size in sizes {
             last = if size == known.0 { known.clone() } else { with(size)? };
             if last.1.planes.len() <= self.most {
