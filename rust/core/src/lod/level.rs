@@ -263,7 +263,8 @@ pub(super) fn tightened(
     let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
     let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
-    let shown = Shown::new(&page.base_color, alpha_cutoff, engine, *engine_cutoff);
+    let regions: Vec<Region> = atlas.regions().collect();
+    let shown = Shown::new(&page.base_color, alpha_cutoff, engine, *engine_cutoff, &regions);
     with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }
 

@@ -102,13 +102,18 @@ fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
 /// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff.
 #[must_use]
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
+    first_of_color(image, regions, alpha_cutoff, usize::MAX)
+}
+
+/// Returns the image and its first `most` mip levels, as [`of_color`] does; fewer for a small image.
+pub(crate) fn first_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: usize) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
     let area = area(image, alpha_cutoff);
     let mut owned = Owned::new(Canvas::of_color(image), regions);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
-    while owned.means.width > 1 || owned.means.height > 1 {
+    while levels.len() <= most && (owned.means.width > 1 || owned.means.height > 1) {
         scale *= 2;
         let (width, height) = half_size(&owned.means);
         let at_level: Vec<Region> = regions.iter().map(|region| smaller(*region, scale, width, height)).collect();
