@@ -244,21 +244,24 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
         report = write(tree_set, options.out, stages, blend=True)
     console.warn(report["warnings"])
     told = report.get("trees", [report])
-    for reason in dict.fromkeys(each["reason"] for tree in told for each in tree["left_out"]):
-        console.note(with_flags(reason))
     for tree in told:
-        if tree["needs_no_levels"]:
-            console.note(tree["needs_no_levels"])
+        of_tree = f"{tree['name']}: " if len(told) > 1 else ""
+        for reason in [*(each["reason"] for each in tree["left_out"]), tree["needs_no_levels"]]:
+            if reason:
+                console.note(of_tree + with_flags(reason))
     levels = max(len(tree.levels) for tree in tree_set.trees)
     of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
-    savings = "" if len(trees) > 1 else f"; {_savings(report['levels'])}"
-    return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}{savings}"
+    return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}; {_savings(told)}"
 
 
-def _savings(levels: Sequence[dict[str, Any]]) -> str:
-    """Return how many times cheaper each level is to draw than the leaves, from its row in the report."""
-    times = ", ".join(f"{level['drawing']['cheaper']:.1f}" for level in levels[1:])
-    return f"cheaper to draw than the leaves at the same distance: {times} ×"
+def _savings(told: Sequence[dict[str, Any]]) -> str:
+    """Return how many times cheaper each level is to draw than the leaves, from the reports of all trees."""
+
+    def times(tree: dict[str, Any]) -> str:
+        of_tree = f"{tree['name']} " if len(told) > 1 else ""
+        return of_tree + ", ".join(f"{level['drawing']['cheaper']:.1f}" for level in tree["levels"][1:])
+
+    return f"cheaper to draw than the leaves at the same distance: {'; '.join(map(times, told))} ×"
 
 
 def _measure_curve(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:

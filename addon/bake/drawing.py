@@ -80,8 +80,8 @@ def left_out_reasons(chain: leafcloud.Chain) -> list[str]:
         epsilon = each["epsilon"]
         kind = "the cross impostor" if epsilon is None else f"a cloud with the error bound {epsilon:.3g}"
         reasons.append(
-            f"{kind} was left out: at a crown of {each['crown_pixels']:.0f} pixels it costs "
-            f"{each['cost']['total']:,.0f} fragments to draw, and the level before it {each['before']['total']:,.0f}, "
+            f"{kind} was left out: at a crown of {each['crown_pixels']:.0f} pixels drawing it costs as much as "
+            f"{each['cost']['total']:,.0f} fragments, and the level before it {each['before']['total']:,.0f}, "
             "but it must save a tenth; `every_level` makes it"
         )
     return reasons

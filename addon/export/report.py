@@ -159,7 +159,7 @@ def _drawing(cost: LevelDrawing) -> dict[str, Any]:
 def _hidden_triangles(baked: Baked) -> int:
     """Return the number of LOD 0's triangles that are in no other level, because the crown hides their leaves."""
     kept = baked.chain.kept
-    if kept is None:
+    if kept is None or baked.chain.levels[0].cloud is None:  # The cross impostor shows all leaves.
         return 0
     triangles, growth = kept
     is_pruned = bool((growth != 1.0).any())

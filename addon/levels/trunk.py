@@ -78,7 +78,7 @@ def simplified(
         if found is None or len(found.corners) >= before.triangles:
             result.append(before)
             continue
-        left = gathered(geometry, found.corners)
+        left = outward(gathered(geometry, found.corners), geometry, found.corners)
         mesh = geometry_mesh(f"{first.name}_{number}", left) if len(found.corners) else None
         result.append(Trunk(first.name, mesh, len(found.corners), found.change, _nbytes(left), found.corners))
     return result[1:]
@@ -100,6 +100,27 @@ def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
         randoms=None if geometry.randoms is None else geometry.randoms[of_triangle],
         protected=None if geometry.protected is None else geometry.protected[of_triangle],
     )
+
+
+def outward(left: Geometry, geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
+    """Return simplified triangles `left` without normals that their simplification has turned against their faces.
+
+    `left` is `gathered(geometry, corners)`. Such corners get the normal of their face. Corners whose normals are against
+    their faces in `geometry` already keep them.
+    """
+    faces = _face_normals(left)[:, None]
+    before = _face_normals(geometry)[corners // 3]
+    agreed = np.einsum("tcd,tcd->tc", left.normals, before) >= 0.0
+    against = agreed & (np.einsum("tcd,tcd->tc", left.normals, np.broadcast_to(faces, left.normals.shape)) < 0.0)
+    return replace(left, normals=np.where(against[..., None], faces, left.normals).astype(np.float32))
+
+
+def _face_normals(geometry: Geometry) -> NDArray[np.float64]:
+    """Return (t, 3) unit normals of the triangles; 0 without area."""
+    a, b, c = geometry.positions.astype(np.float64)[geometry.triangles].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
 
 
 def per_corner(values: NDArray[np.float32], corners: NDArray[np.integer[Any]]) -> NDArray[np.float32]:

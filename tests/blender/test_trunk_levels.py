@@ -19,7 +19,7 @@ from addon.bake.drawing import level_trunks
 from addon.bake.values import Baked
 from addon.export import preview
 from addon.geometry import Geometry
-from addon.levels.trunk import TrunkView, simplified, whole
+from addon.levels.trunk import TrunkView, gathered, outward, simplified, whole
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
@@ -107,6 +107,24 @@ def box(half: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-2, 2)]) * half + (0, 0, 4)
     quads = np.array([[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]])
     return corners, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
+
+
+def test_normals_that_simplification_turns_against_their_faces_are_those_of_the_faces() -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    up, down, tilted = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8]
+    source = Geometry(
+        positions=corners,
+        triangles=np.array([[0, 1, 2], [2, 1, 0]], np.int32),
+        uvs=None,
+        # The second triangle faces down, and has a normal against its own face.
+        normals=np.array([[tilted, up, up], [down, up, down]], np.float32),
+        colors=None,
+        material_ids=np.zeros(2, np.int32),
+        materials=[None],
+    )
+    kept = np.array([[0, 1, 2], [2, 1, 0], [3, 4, 5]])
+    left = outward(gathered(source, kept), source, kept)
+    np.testing.assert_allclose(left.normals, [[tilted, up, up], [down] * 3, [down, up, down]], atol=1e-7)
 
 
 def test_only_a_hidden_trunk_disappears_without_a_change() -> None:

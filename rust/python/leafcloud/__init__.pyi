@@ -362,9 +362,9 @@ class LeftOut(TypedDict):
     crown_pixels: float
     """Diameter of the crown's sphere, 2 R, in pixels where the level would take over."""
     cost: DrawingCost
-    """Cost of the level there, with the trunk."""
+    """Cost of the level there."""
     before: DrawingCost
-    """Cost of the level before it there, with the trunk."""
+    """Cost of the level before it there; for the cross impostor, which shows the trunk, with the trunk."""
 
 class Chain:
     """All levels after the leaves, finest first."""
