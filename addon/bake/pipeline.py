@@ -41,7 +41,8 @@ from ..plan.schedule import keep_at_switch, schedule
 from ..plan.wind import BREEZE, stature
 from ..scene.scene_facts import read_scene_facts
 from ..scene.wind import wind_on
-from ..settings.bake import BakeSettings, fit_options
+from ..settings.bake import BakeSettings
+from ..settings.fit_options import fit_options
 from .lighting import light_of
 from .part import described_part
 from .values import Baked, Planned, Prepared

@@ -105,8 +105,8 @@ def gathered(geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
 def outward(left: Geometry, geometry: Geometry, corners: NDArray[np.integer[Any]]) -> Geometry:
     """Return simplified triangles `left` without normals that their simplification has turned against their faces.
 
-    `left` is `gathered(geometry, corners)`. Such corners get the normal of their face. Corners whose normals are against
-    their faces in `geometry` already keep them.
+    `left` is `gathered(geometry, corners)`. Such corners get the normal of their face. Corners with normals against
+    their faces in `geometry`, too, keep them.
     """
     faces = _face_normals(left)[:, None]
     before = _face_normals(geometry)[corners // 3]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Annotated, Any, Literal, TypedDict, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 import leafcloud
 
@@ -474,33 +474,6 @@ def described() -> tuple[NamedSetting, ...]:
 def setting_named(name: str) -> NamedSetting:
     """Return the setting called `name`. Raise `KeyError` for an unknown name."""
     return {each.name: each for each in described()}[name]
-
-
-def fit_options(settings: BakeSettings) -> FitOptions:
-    """Return the settings of the fit as keyword options of `leafcloud.fit`."""
-    return FitOptions(**{name: getattr(settings, name) for name in FitOptions.__annotations__})  # type: ignore[typeddict-item]
-
-
-class FitOptions(TypedDict):
-    """Names that `BakeSettings` and the options of `leafcloud.fit` have in common; both document them."""
-
-    epsilon: float
-    candidates: int
-    method: Method
-    effort: Effort
-    max_billboards: int | None
-    extra_error: float
-    max_texels: int | None
-    max_size: float | None
-    compact: float | None
-    gather: float
-    whole_leaves: bool
-    vertical: float
-    views: tuple[tuple[float, float, float], ...]
-    facing_views: float
-    image_epsilon: float | None
-    viewing_distance: float | None
-    seed: int
 
 
 def flag(name: str) -> str:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError, described, fit_options, notes
+from addon.settings.bake import BakeSettings, SettingsError, described, notes
+from addon.settings.fit_options import fit_options
 from addon.settings.flags import parse, settings_of
 from addon.settings.setting import Limits
 

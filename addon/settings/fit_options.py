@@ -1,0 +1,34 @@
+"""The settings of a bake that are options of `leafcloud.fit`."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from .bake import BakeSettings, Effort, Method
+
+
+def fit_options(settings: BakeSettings) -> FitOptions:
+    """Return the settings of the fit as keyword options of `leafcloud.fit`."""
+    return FitOptions(**{name: getattr(settings, name) for name in FitOptions.__annotations__})  # type: ignore[typeddict-item]
+
+
+class FitOptions(TypedDict):
+    """Names that `BakeSettings` and the options of `leafcloud.fit` have in common; both document them."""
+
+    epsilon: float
+    candidates: int
+    method: Method
+    effort: Effort
+    max_billboards: int | None
+    extra_error: float
+    max_texels: int | None
+    max_size: float | None
+    compact: float | None
+    gather: float
+    whole_leaves: bool
+    vertical: float
+    views: tuple[tuple[float, float, float], ...]
+    facing_views: float
+    image_epsilon: float | None
+    viewing_distance: float | None
+    seed: int
