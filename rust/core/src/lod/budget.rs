@@ -8,8 +8,8 @@ use crate::foliage::Foliage;
 /// Most triangles of level 1 by default, trunk included.
 const MOST: usize = 3000;
 
-/// Triangles of level 1 by default, as a share of the tree's: leaves that are cut out of cards, and modelled ones, whose triangles are what
-/// they cost.
+/// Triangles of level 1 by default, as a share of the tree's: leaves that are cut out of cards, and modelled ones, which cost
+/// triangles more than fragments.
 const SHARE: f64 = 0.15;
 const SHARE_OF_MODELLED: f64 = 0.10;
 

@@ -1,4 +1,4 @@
-//! Leaves that the crown hides from all sides. In dense crowns they are a third of what a level would draw, and nobody misses them.
+//! Leaves that the crown hides from all sides. Of the pine they are an eighth, and nobody misses them on a level.
 //!
 //! A leaf is hidden if less than a small share of it is seen, in the mean over [`VIEWS`] directions around the crown ([`visibility`]). Leaves
 //! with too few samples to tell are not hidden. O(pixels + triangles) for each direction.
@@ -17,7 +17,7 @@ const VIEWS: usize = 16;
 /// Least number of samples that a leaf with just the least visible share has in the mean.
 const SAMPLES: f64 = 2.0;
 
-/// Returns the leaves of which at least a `share` is seen from outside, and protected leaves; `None` if these are all leaves.
+/// Returns the leaves with a visible share of at least `share`, and protected leaves; `None` if these are all leaves.
 ///
 /// # Errors
 /// The errors of [`visibility`].

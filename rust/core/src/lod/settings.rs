@@ -64,8 +64,8 @@ pub struct ChainSettings {
     pub triangles: Option<usize>,
     /// Most corners of a polygon of a billboard.
     pub max_corners: usize,
-    /// Leaves of which less than this share is seen from outside are left out of all levels. With 0, no leaf is; nor with pruning, which
-    /// already prefers visible leaves.
+    /// Least visible share of a leaf; leaves with less are left out of all levels. 0 keeps all leaves. Pruning prefers visible leaves anyway,
+    /// and leaves out no others.
     pub min_visibility: f64,
     /// Largest atlas page of level 1, halved from level to level.
     pub texture_size: PageSize,

@@ -12,7 +12,7 @@ use crate::foliage::Image;
 use crate::polygons::{Cells, Polygon, PolygonSettings, tight};
 use crate::textures::mips::{alpha_means, first_of_color};
 
-/// Mip levels after the page itself whose visible texels are drawn. Texels are a pixel at most where a level takes over, and the next level
+/// Mip levels after the page itself that the polygons hold. Texels are a pixel at most where a level takes over, and the next level
 /// takes over at some 3.5 times that distance.
 const MIPS: usize = 3;
 
