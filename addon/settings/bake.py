@@ -200,8 +200,8 @@ class BakeSettings:
     min_visibility: Annotated[
         float,
         Setting(
-            "Minimum fraction of a leaf that is seen from outside the crown. Leaves with less are in LOD 0 only; 0 keeps "
-            "all leaves",
+            "Minimum fraction of a leaf that is seen from outside the crown. Leaves with less are in LOD 0 only; 0 "
+            "keeps all leaves",
             "FRACTION",
             _range("min_visibility"),
         ),
