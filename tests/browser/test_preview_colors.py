@@ -106,8 +106,9 @@ def shine(material: bpy.types.Material) -> None:
 
 def cycles_pictures(folder: Path, cameras: Sequence[bpy.types.Object]) -> list[Picture]:
     """Return pictures (SIDE, SIDE, 4) of the scene in the preview's light, one for each camera."""
-    for material in {slot.material for obj in bpy.context.scene.objects for slot in obj.material_slots}:
-        if "Shining" not in material:
+    # Modifiers set materials, too.
+    for material in bpy.data.materials:
+        if material.users and material.node_tree is not None and "Shining" not in material:
             shine(material)
             material["Shining"] = True
     view = {"size": (SIDE, SIDE), "samples": SAMPLES, "pixel_filter": "BOX"}
