@@ -181,7 +181,7 @@ def test_triangles_on_the_same_vertices_get_their_own_vertices() -> None:
 
 
 def test_a_polygon_is_one_face_unless_its_triangles_separate() -> None:
-    # A quad and a pentagon whose triangles agree, and one of each whose triangles do not; corners 0 … 17.
+    # A quad and a pentagon with one key each, then one of each with two keys; corners 0 … 17.
     sizes, keys = np.array([4, 5, 4, 5]), np.array([4, 4, 7, 7, 7, 1, 2, 1, 1, 2])
     faces = polygon_faces(sizes, keys, np.array([0, 1, 2, 3]), mirrored=False)
     assert faces.sizes.tolist() == [4, 5, 3, 3, 3, 3, 3]

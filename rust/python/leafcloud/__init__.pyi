@@ -243,7 +243,7 @@ class Level:
     def triangles(self) -> int:
         """Number of triangles of all polygons."""
     def plane_pivots(self) -> NDArray[np.float64]:
-        """(k, 3) area centroid of what is drawn on each plane of the cloud, in the tree's coordinates."""
+        """(k, 3) area centroid of the polygons on each plane of the cloud, in the tree's coordinates."""
     @property
     def plane_ids(self) -> NDArray[np.uint32]:
         """(b,) index of each billboard's plane."""

@@ -40,7 +40,7 @@ pub struct Simplified {
     pub change: f64,
 }
 
-/// Returns `trunk` with the fewest triangles found whose pictures change by at most `change`, a share in [0, 1]; with at most `most`
+/// Returns `trunk` with the fewest triangles found that change its pictures by at most `change`, a share in [0, 1]; with at most `most`
 /// triangles even if the pictures change more. Its parts are the leaves of the foliage (`Foliage::leaf_ids`).
 ///
 /// The result does not depend on the number of threads; `meshopt`, which is C++, may round differently on another kind of processor.

@@ -32,7 +32,7 @@ pub struct Changes {
     pub of_parts: Vec<Vec<u64>>,
 }
 
-/// A trunk whose triangles belong to parts.
+/// A trunk, with the part of each triangle.
 struct Owned {
     foliage: Foliage,
     /// The part of each triangle.

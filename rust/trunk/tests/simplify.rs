@@ -114,7 +114,7 @@ fn a_finely_tessellated_square_becomes_two_triangles() {
     assert!((area - 1.0).abs() < 1e-12, "{area}: all of it, and wound as before");
 }
 
-/// Coarser pixels and a larger change give fewer triangles, and what is seen from other directions hardly changes.
+/// Coarser pixels and a larger change give fewer triangles, and pictures from other directions hardly change.
 #[test]
 fn a_tube_keeps_its_outline() {
     let tube = Mesh::tube(1.0, 10.0, 64, 40);

@@ -324,7 +324,7 @@ impl Level {
         if all > 0.0 { self.atlas.texels() as f64 / all } else { 1.0 }
     }
 
-    /// Returns the area centroid of what is drawn on each plane, in the tree's own coordinates: the pivot about which a billboard moves as a
+    /// Returns the area centroid of the polygons on each plane, in the tree's own coordinates: the pivot about which a billboard moves as a
     /// leaf of the next level.
     ///
     /// # Errors
