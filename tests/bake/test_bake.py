@@ -22,6 +22,9 @@ DEPTH_ORDER = 1.0 / 4096.0
 ROUNDING = 1e-5
 """Share of R: what single precision in the files, and planes from the corners of small billboards, may add."""
 
+CHUNK = 128
+"""Triangles that are compared with all planes at once."""
+
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
@@ -226,10 +229,16 @@ def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArra
     for primitive in level.primitives:
         rest, moved = world(level, primitive), world(level, primitive, 0)
         best = np.full(len(rest), math.inf)
-        for normal, offset in zip(normals, offsets, strict=True):
-            heights, left = np.abs(rest @ normal - offset), np.abs(moved @ normal - offset)
+        for first in range(0, len(rest), CHUNK):
+            # The first corner tells which planes may hold a triangle; few do.
+            start = slice(first, first + CHUNK)
+            allowed = np.abs(rest[start, 0] @ normals.T - offsets) * DEPTH_ORDER + ROUNDING * radius
+            triangles, on = np.nonzero(np.abs(moved[start, 0] @ normals.T - offsets) <= allowed)
+            triangles += first
+            heights = np.abs(np.einsum("tcx,tx->tc", rest[triangles], normals[on]) - offsets[on, None])
+            left = np.abs(np.einsum("tcx,tx->tc", moved[triangles], normals[on]) - offsets[on, None])
             lies_on = (left <= DEPTH_ORDER * heights + ROUNDING * radius).all(axis=1)
-            best = np.where(lies_on, np.minimum(best, heights.max(axis=1)), best)
+            np.minimum.at(best, triangles[lies_on], heights[lies_on].max(axis=1))
         shrinks = np.ptp(moved, axis=1).max(axis=1) < ROUNDING * radius
         result.append(np.where(shrinks, math.nan, best))
     return np.concatenate(result)
