@@ -30,7 +30,7 @@ from .blend import save_blend
 from .blend_order import BlendOrders
 from .engine_pages import engine_pages
 from .glb_file import Edit
-from .gpu_bytes import GpuBytes
+from .gpu_load import GpuLoad
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .plain_materials import materials_of_meshes, untangled
 from .preview import preview_image, stacked
@@ -52,8 +52,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     with Staging(directory) as staging:
         seconds: list[float] = []
         with ExitStack() as changes:
-            gpu_bytes = GpuBytes()
-            edits = [*_edits(trees), gpu_bytes.read]
+            load = GpuLoad()
+            edits = [*_edits(trees), load.read]
             for tree in trees:
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))
@@ -80,7 +80,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         progress("write preview.png", 0.0)
         leafcloud.write_png(str(staging.path("preview.png")), stacked([_preview(tree) for tree in trees]))
         files = sorted([*staging.files, "report.json"])
-        reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, gpu_bytes) for each in trees}
+        reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
         content = joint_report(reports) if len(trees) > 1 else reports[name]
         staging.write_json("report.json", content)
         staging.commit(_levels_in(directory, name))

@@ -18,13 +18,13 @@ from ..levels.building import BuiltLevel
 from ..plan.decision import Decision, is_on
 from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
-from .gpu_bytes import GpuBytes
+from .gpu_load import GpuLoad
 
 
-def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], gpu_bytes: GpuBytes) -> dict[str, Any]:
+def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], load: GpuLoad) -> dict[str, Any]:
     """Return the content of report.json for one tree.
 
-    `write_seconds`: one number per level. `files`: the names of all written files. `gpu_bytes`: of their nodes. Except
+    `write_seconds`: one number per level. `files`: the names of all written files. `load`: of their nodes. Except
     for the values under the key "seconds", the same input, settings and seed give the same content.
     """
     prepared = baked.prepared
@@ -39,7 +39,11 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], g
     costs = drawing_costs(baked)
     for row, built, cost in zip(levels, baked.levels, costs, strict=True):
         names = [obj.name for obj in (built.object, built.trunk) if obj is not None]
-        row["drawing"] = {**_drawing(cost), "gpu_bytes": gpu_bytes.of(names)}
+        row["drawing"] = {
+            **_drawing(cost),
+            "gpu_bytes": load.bytes_of(names),
+            "written_triangles": load.triangles_of(names),
+        }
     return {
         "leafcloud": leafcloud.__version__,
         "blender": bpy.app.version_string,

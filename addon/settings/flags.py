@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -109,10 +109,23 @@ def _add_setting(parser: argparse.ArgumentParser, each: NamedSetting) -> None:
         text = f"Turn off: {each.setting.about}" if each.default else each.setting.about
         parser.add_argument(_switch(each), dest=each.name, action=action, help=text)
         return
-    more: dict[str, Any] = {"type": each.type, "default": each.default}
+    more: dict[str, Any] = {"type": _reader(each), "default": each.default}
     if each.type is tuple:
         more = {"type": _direction, "action": "append"}
     parser.add_argument(flag(each.name), metavar=each.setting.unit, help=_help(each), **more)
+
+
+def _reader(each: NamedSetting) -> Callable[[str], Any]:
+    """Return the function that reads a setting's value. It refuses other text than a number with the allowed values."""
+
+    def read(text: str) -> Any:
+        try:
+            return each.type(text)
+        except ValueError:
+            kind = "whole number" if each.type is int else "number"
+            raise argparse.ArgumentTypeError(f"{text!r} is no {kind}; it must be {each.setting.limit}") from None
+
+    return read
 
 
 def _help(each: NamedSetting) -> str:

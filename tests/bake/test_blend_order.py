@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -225,6 +226,8 @@ def test_files_hold_the_pieces_and_their_bsp_tree(baked: Path, node: Node) -> No
         np.reshape(tree["planes"], (-1, 4)), np.reshape(tree["ranges"], (-1, 2)), strict=True
     ):
         assert np.abs(corners[first:behind] @ plane[:3] - plane[3]).max() < 1e-5
+    level = json.loads((baked / "report.json").read_text())["levels"][1]
+    assert level["drawing"]["written_triangles"] == len(primitive.indices) > level["triangles"]
     whole = read_glb(baked / "cards.glb")["cards_LOD1"]
     assert np.array_equal(whole.primitives[0].indices, primitive.indices)
     assert whole.mesh_extras == node.mesh_extras

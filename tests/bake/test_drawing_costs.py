@@ -13,11 +13,11 @@ from command_line import bake, run
 from glb import read_chunks, read_glb
 from small_glb import png, write_quad_glb
 
-from addon.export.gpu_bytes import image_size
+from addon.export.gpu_load import image_size
 
 KEYS = {
     "crown_pixels", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments", "layers", "area", "cheaper",
-    "gpu_bytes",
+    "gpu_bytes", "written_triangles",
 }  # fmt: skip
 
 
@@ -87,6 +87,22 @@ def test_bytes_are_those_of_the_files_and_of_their_mip_levels(baked: tuple[Path,
             width, height = struct.unpack_from(">II", binary, views[image["bufferView"]]["byteOffset"] + 16)
             expected += 4 * width * height * 4 / 3
         assert level["drawing"]["gpu_bytes"] == pytest.approx(expected, abs=4 * len(views))
+
+
+def test_triangles_are_those_of_leaves_and_trunk_unless_blending_splits_them(
+    baked: tuple[Path, dict[str, Any]],
+) -> None:
+    _, report = baked
+    for level in report["levels"]:
+        assert level["drawing"]["written_triangles"] == level["triangles"] + level["trunk_triangles"]
+
+
+def test_a_small_tree_has_the_triangles_that_make_its_level_1_cheaper(shrub: Path, tmp_path: Path) -> None:
+    """The 500 triangles of the default budget are not enough for the shrub's 672 cards."""
+    level = bake(shrub, tmp_path)["levels"][1]
+    assert (level["method"], level["epsilon"]) == ("stochastic", pytest.approx(0.04))
+    assert level["triangles"] > 500
+    assert level["drawing"]["cheaper"] > 1.5
 
 
 def test_a_tree_of_one_leaf_needs_no_levels(tmp_path: Path) -> None:

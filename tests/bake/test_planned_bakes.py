@@ -12,7 +12,7 @@ from plan_scenes import add_camera, add_crown, copies
 from scenes import bake, read
 
 from addon.bake.values import Baked
-from addon.export.gpu_bytes import GpuBytes
+from addon.export.gpu_load import GpuLoad
 from addon.export.report import report
 from addon.settings.bake import BakeSettings
 
@@ -61,7 +61,7 @@ def test_trees_at_many_distances_switch_by_the_camera() -> None:
 def test_the_report_has_estimated_and_actual_costs() -> None:
     result = baked(radii=12.0)
     effects = {
-        effect["name"]: effect for effect in report(result, [0.0] * len(result.levels), [], GpuBytes())["effects"]
+        effect["name"]: effect for effect in report(result, [0.0] * len(result.levels), [], GpuLoad())["effects"]
     }
     normals = effects["normals"]
     assert normals["bytes"] == normals["estimate"]["bytes"] == 4 * 64 * 64

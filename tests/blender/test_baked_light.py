@@ -21,7 +21,7 @@ from addon.bake.values import Baked
 from addon.errors import SceneError
 from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
-from addon.export.gpu_bytes import GpuBytes
+from addon.export.gpu_load import GpuLoad
 from addon.export.report import report
 from addon.export.unlit import mean_light
 from addon.geometry import Tree
@@ -442,7 +442,7 @@ def test_the_cross_impostor_shows_the_lit_trunk() -> None:
 def test_the_report_has_the_cost_of_baked_light() -> None:
     world(SKY)
     result = baked(field(matt()))
-    said = next(each for each in report(result, [0.0, 0.0], [], GpuBytes())["effects"] if each["name"] == "baked_light")
+    said = next(each for each in report(result, [0.0, 0.0], [], GpuLoad())["effects"] if each["name"] == "baked_light")
     assert said["on"]
     assert said["reason"] == "asked for by `effects=baked_light`"
     assert said["seconds"] > 0.0

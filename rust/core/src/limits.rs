@@ -97,7 +97,7 @@ pub const COMPACT: Limits = Limits::between(1e-6, 2.0);
 pub const MAX_CORNERS: Limits = Limits::between(4.0, 16.0);
 
 /// Visible share of a leaf below which it is left out of the levels.
-pub const MIN_VISIBILITY: Limits = Limits::between(0.0, 0.5);
+pub const MIN_VISIBILITY: Limits = Limits::between(0.0, 0.1);
 
 /// Budget of triangles.
 pub const TRIANGLES: Limits = Limits::between(8.0, 1e7);

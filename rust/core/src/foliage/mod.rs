@@ -6,6 +6,7 @@ mod material;
 mod opaque;
 mod placed;
 mod pyramid;
+mod source_texel;
 mod surface;
 mod texel_mask;
 
@@ -15,6 +16,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 pub use material::{AlphaMode, Image, Material};
 pub use opaque::{Opacity, Visible, place};
+pub use source_texel::source_texel;
 pub(crate) use surface::{BLOCK, Spot, Surface};
 
 use crate::error::{Error, Result};

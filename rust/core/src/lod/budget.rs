@@ -13,6 +13,9 @@ const MOST: usize = 3000;
 const SHARE: f64 = 0.15;
 const SHARE_OF_MODELLED: f64 = 0.10;
 
+/// Least factor from one budget to the next.
+const WORTH_A_TRY: f64 = 1.25;
+
 /// Fewer triangles cost a renderer next to nothing.
 const LEAST: usize = 500;
 
@@ -22,18 +25,60 @@ const STEP: usize = 3;
 /// Largest share of level 1's triangles for the trunk.
 const TRUNK_SHARE: f64 = 0.25;
 
-/// Returns the budget of triangles for the leaves of level 1: the tree's, without the trunk's share; by default at most three quarters of the leaves'.
-pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> usize {
+/// Returns budgets of triangles for the leaves of level 1, in the order in which they are tried until the level is worth making. A small
+/// tree's share may be too few: its level 1 is cheaper with more. Each budget is the tree's without the trunk's share. A wish is the only one.
+pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
     let trunk = trunk.map_or(0, Foliage::triangle_count);
-    let all = settings.triangles.unwrap_or_else(|| {
-        let share = if leaves.has_cutouts() { SHARE } else { SHARE_OF_MODELLED };
-        let wished = (share * (leaves.triangle_count() + trunk) as f64) as usize;
-        wished.clamp(LEAST, MOST).min(leaves.triangle_count() * 3 / 4)
-    });
-    all - trunk.min((TRUNK_SHARE * all as f64) as usize)
+    let without_trunk = |all: usize| all - trunk.min((TRUNK_SHARE * all as f64) as usize);
+    if let Some(wish) = settings.triangles {
+        return vec![without_trunk(wish)];
+    }
+    let share = if leaves.has_cutouts() { SHARE } else { SHARE_OF_MODELLED };
+    let wished = (share * (leaves.triangle_count() + trunk) as f64) as usize;
+    let most = MOST.min(leaves.triangle_count() * 3 / 4);
+    let larger = |&budget: &usize| (WORTH_A_TRY * (budget as f64) < most as f64).then(|| most.min(2 * budget));
+    std::iter::successors(Some(wished.max(LEAST).min(most)), larger).map(without_trunk).collect()
 }
 
 /// Returns the budget for the level after one that draws `finer` triangles.
 pub fn of_next(finer: usize) -> usize {
     finer / STEP
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::foliage::Attributes;
+
+    fn triangles(count: usize) -> Foliage {
+        let positions: Vec<DVec3> =
+            (0..count).flat_map(|i| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| p + i as f64 * DVec3::Z)).collect();
+        let triangles = (0..count as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap()
+    }
+
+    fn budgets(wish: Option<usize>, leaves: usize, trunk: usize) -> Vec<usize> {
+        let settings = ChainSettings { triangles: wish, ..ChainSettings::default() };
+        let trunk = (trunk > 0).then(|| triangles(trunk));
+        of_first(&settings, &triangles(leaves), trunk.as_ref())
+    }
+
+    #[test]
+    fn budgets_double_up_to_three_quarters_of_the_leaves() {
+        assert_eq!(budgets(None, 1344, 0), [500, 1000]);
+        assert_eq!(budgets(None, 1600, 0), [500, 1000], "1200 is hardly more than 1000");
+        assert_eq!(budgets(None, 2000, 0), [500, 1000, 1500]);
+        assert_eq!(budgets(None, 40_000, 0), [3000]);
+        assert_eq!(budgets(None, 12, 0), [9]);
+        assert_eq!(budgets(None, 1, 0), [0]);
+    }
+
+    #[test]
+    fn a_wish_is_the_only_budget_and_the_trunk_takes_its_share() {
+        assert_eq!(budgets(Some(400), 2000, 0), [400]);
+        assert_eq!(budgets(Some(400), 2000, 30), [370]);
+        assert_eq!(budgets(Some(400), 2000, 900), [300], "a quarter");
+    }
 }

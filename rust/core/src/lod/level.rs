@@ -16,7 +16,7 @@ use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{Foliage, Image, Opacity};
+use crate::foliage::{Foliage, Image, Opacity, source_texel};
 use crate::geometry::Frame;
 use crate::metrics::{Comparison, Reference};
 use crate::outlines::outlines;
@@ -120,6 +120,9 @@ pub(super) struct Step<'a> {
     pub references: &'a References,
 }
 
+/// Least size of a texel as a share of the size of a texel of the level before.
+const SOURCE_SHARE: f64 = 0.5;
+
 /// Planes with their places on the atlas page.
 struct Layout {
     cloud: Cloud,
@@ -140,7 +143,13 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     let projected = Instant::now();
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
     let deviation = (step.deviation + cloud.max_deviation()) / finer.frame().radius;
-    let texel = if settings.fitting_pages { step.texel_pixels * deviation / settings.pixels } else { 0.0 };
+    let texel = if settings.fitting_pages {
+        // Finer texels than half of the source's show nothing more.
+        let source = source_texel(finer).unwrap_or(0.0);
+        (step.texel_pixels * deviation / settings.pixels).max(SOURCE_SHARE * source)
+    } else {
+        0.0
+    };
     let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
     let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
     let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());

@@ -29,7 +29,7 @@ use glam::DVec3;
 
 use self::references::References;
 use self::size::Fitted;
-use self::worth::Made;
+use self::worth::{Before, Made};
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
 use crate::foliage::{Foliage, Opacity};
@@ -144,11 +144,7 @@ pub fn build_chain(
     let sky = channels.need_sky().then(|| timed(&mut seconds.sky, || Sky::over(&parts, &frame)));
     let prepare_seconds = started.elapsed().as_secs_f64();
     let count = settings.levels + usize::from(settings.cross);
-    let share = |index: usize| {
-        // The first level processes all leaves and takes most of the time.
-        let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
-        progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
-    };
+    let share = |index: usize| part_of_level(progress, index, count);
     let mut made = Made::default();
     // ε grows from candidate to candidate, whether they are made or not.
     let mut epsilon = None;
@@ -166,15 +162,12 @@ pub fn build_chain(
                  blended; check the alpha of the materials",
             ));
         }
-        let step = level::Step {
+        let mut step = level::Step {
             finer,
             opacity,
             radius: frame.radius,
             fit,
-            triangles: made.levels.last().map_or_else(
-                || budget::of_first(settings, whole, trunk.as_ref()),
-                |finer| budget::of_next(finer.atlas.triangles()),
-            ),
+            triangles: 0,
             is_wish: index == 0 && settings.triangles.is_some(),
             deviation: made.levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
@@ -183,16 +176,25 @@ pub fn build_chain(
             sky: sky.as_ref(),
             references: &references,
         };
-        let level = level::build(&step, settings, share(index))?;
-        epsilon = level.epsilon;
-        made.add(level, finer, trunk.as_ref(), index + 1 == count, settings, share(index).part(1.0, 1.0))?;
+        let budgets = made.levels.last().map_or_else(
+            || budget::of_first(settings, whole, trunk.as_ref()),
+            |finer| vec![budget::of_next(finer.atlas.triangles())],
+        );
+        let candidates = budgets.iter().enumerate().map(|(i, &triangles)| {
+            step.triangles = triangles;
+            let done = |tries: usize| tries as f64 / budgets.len() as f64;
+            level::build(&step, settings, share(index).part(done(i), done(i + 1)))
+        });
+        let before = Before { leaves: finer, trunk: trunk.as_ref() };
+        epsilon = made.add(candidates, &before, index + 1 == count, settings, share(index).part(1.0, 1.0))?;
     }
     if settings.cross {
         let page = settings.page(settings.levels);
         let rest = share(settings.levels);
         let cross = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
-        let before = made.levels.last().map(Level::foliage).transpose()?;
-        made.add(cross, before.as_ref().unwrap_or(foliage), trunk.as_ref(), true, settings, rest.part(1.0, 1.0))?;
+        let finer = made.levels.last().map(Level::foliage).transpose()?;
+        let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: trunk.as_ref() };
+        made.add(std::iter::once(Ok(cross)), &before, true, settings, rest.part(1.0, 1.0))?;
     }
     let Made { levels, left_out } = made;
     progress.tell("bake", 1.0)?;
@@ -215,11 +217,17 @@ pub fn settled_fit(
         finer: foliage,
         opacity: &fit.opacity(foliage),
         bound: fit.epsilon * foliage.frame().radius,
-        most: size::billboards_within(budget::of_first(settings, foliage, trunk), copies),
+        most: size::billboards_within(budget::of_first(settings, foliage, trunk)[0], copies),
         scale: Scale { pixels_per_unit: settings.pixels / fit.epsilon, copies },
     };
     let (max_size, _) = fitted.cloud(fit, progress)?;
     Ok(FitSettings { max_size, ..fit.clone() })
+}
+
+/// Returns the progress of one of `count` levels. The first processes all leaves and takes most of the time.
+fn part_of_level(progress: Progress<'_>, index: usize, count: usize) -> Progress<'_> {
+    let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
+    progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
 }
 
 /// Returns the pivot of each triangle's leaf, in the tree's own coordinates.

@@ -1,5 +1,6 @@
 //! Whether a level is worth making: where it takes over it must save a tenth of the cost of drawing the level before it. Otherwise the level
-//! before is drawn on, and the next level follows it. A tree of a hundred triangles needs no cloud, however few billboards it has.
+//! before is drawn on, and the next level follows it. A tree of a hundred triangles needs no cloud, however few billboards it has. Level 1 of
+//! a small tree is tried with several budgets of triangles before it is left out.
 
 use super::level::Level;
 use super::settings::ChainSettings;
@@ -35,37 +36,64 @@ pub(super) struct Made {
 }
 
 impl Made {
-    /// Adds a level, or leaves it out. `before` is the level before it, or the leaves. `trunk` counts with the level before the cross impostor,
-    /// which shows it; clouds have simpler trunks of their own, which are not known here. A `last` level always stays if there is no other: a
-    /// chain has at least one level.
+    /// Adds the first of the candidates for a level that is worth making, or leaves the level out, with the figures of the cheapest candidate.
+    /// `last`: whether no level follows. The last level stays if there is no other: a chain has at least one level. Returns the ε of the level.
     pub fn add(
         &mut self,
-        level: Level,
-        before: &Foliage,
-        trunk: Option<&Foliage>,
+        candidates: impl Iterator<Item = Result<Level>>,
+        before: &Before,
         last: bool,
         settings: &ChainSettings,
         progress: Progress,
-    ) -> Result<()> {
-        if settings.every_level || (last && self.levels.is_empty()) {
-            self.levels.push(level);
-            return Ok(());
+    ) -> Result<Option<f64>> {
+        let mut cheapest: Option<LeftOut> = None;
+        for level in candidates {
+            let level = level?;
+            let stays = settings.every_level || (last && self.levels.is_empty());
+            let costs = if stays { None } else { Some(LeftOut::of(&level, before, settings, progress)?) };
+            match costs.filter(|costs| !costs.is_worth_making()) {
+                None => {
+                    let epsilon = level.epsilon;
+                    self.levels.push(level);
+                    return Ok(epsilon);
+                }
+                Some(found) if cheapest.is_none_or(|known| found.cost.total() < known.cost.total()) => {
+                    cheapest = Some(found);
+                }
+                Some(_) => {}
+            }
         }
-        let scale = scale(&level, settings.pixels);
+        self.left_out.extend(cheapest);
+        Ok(cheapest.and_then(|left_out| left_out.epsilon))
+    }
+}
+
+/// What is drawn before a level: the level before it, or the leaves.
+pub(super) struct Before<'a> {
+    pub leaves: &'a Foliage,
+    /// Counts before the cross impostor only, which shows it. Clouds have simpler trunks of their own, which are not known here.
+    pub trunk: Option<&'a Foliage>,
+}
+
+impl LeftOut {
+    /// Returns the costs of a level and of the level before it, where the level takes over.
+    fn of(level: &Level, before: &Before, settings: &ChainSettings, progress: Progress) -> Result<Self> {
+        let scale = scale(level, settings.pixels);
         let count = |leaves: &Foliage, trunk: Option<&Foliage>| {
             let parts: Vec<&Foliage> = std::iter::once(leaves).chain(trunk).collect();
             drawing_cost(&parts, scale, settings.up, progress)
         };
-        let cost = count(&level.foliage()?, None)?;
-        let before = count(before, trunk.filter(|_| level.is_cross()))?;
-        if cost.total() <= (1.0 - LEAST_SAVING) * before.total() {
-            self.levels.push(level);
-        } else {
-            let radius_pixels = scale * level.frame.radius;
-            let Level { method, epsilon, .. } = level;
-            self.left_out.push(LeftOut { method, epsilon, radius_pixels, cost, before });
-        }
-        Ok(())
+        Ok(Self {
+            method: level.method,
+            epsilon: level.epsilon,
+            radius_pixels: scale * level.frame.radius,
+            cost: count(&level.foliage()?, None)?,
+            before: count(before.leaves, before.trunk.filter(|_| level.is_cross()))?,
+        })
+    }
+
+    fn is_worth_making(&self) -> bool {
+        self.cost.total() <= (1.0 - LEAST_SAVING) * self.before.total()
     }
 }
 

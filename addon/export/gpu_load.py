@@ -1,8 +1,9 @@
-"""Bytes that the meshes and textures of the written files take on a graphics card.
+"""What the levels of the written files are for a graphics card: bytes of meshes and textures, and triangles.
 
 Geometry: the values of all vertex attributes, morph targets and indices, as written. Textures: all mip levels, a third
 more than the largest; 4 bytes per texel, or 1 where the file also has a KTX2 texture, which engines keep compressed in
-blocks. A texture counts whole, also if other trees share it.
+blocks. A texture counts whole, also if other trees share it. Triangles: as written, so pieces of billboards that are
+split for alpha blending count.
 """
 
 from __future__ import annotations
@@ -23,11 +24,14 @@ _SIZED = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 
 
 @dataclass
-class GpuBytes:
-    """Bytes of each node of the files read so far: its geometry, and its textures by their index in the file."""
+class GpuLoad:
+    """Figures of each node of the files read so far: bytes of its geometry, bytes of its textures by their index in the
+    file, and triangles.
+    """
 
     geometry: dict[str, int] = field(default_factory=dict)
     textures: dict[str, dict[int, int]] = field(default_factory=dict)
+    triangles: dict[str, int] = field(default_factory=dict)
 
     def read(self, glb: Glb) -> None:
         """Measure all nodes of a complete file. It does not change."""
@@ -37,14 +41,19 @@ class GpuBytes:
                 primitives = document["meshes"][node["mesh"]]["primitives"]
                 used = {values[key] for each in primitives for values, key in accessor_uses(each)}
                 self.geometry[node["name"]] = sum(glb.values(accessor).nbytes for accessor in used)
+                self.triangles[node["name"]] = sum(len(glb.values(each["indices"])) for each in primitives) // 3
                 materials = {each["material"] for each in primitives if "material" in each}
                 found = {index for each in materials for index in _textures(document["materials"][each])}
                 self.textures[node["name"]] = dict(_of_texture(glb, index) for index in found)
 
-    def of(self, names: Sequence[str]) -> int:
+    def bytes_of(self, names: Sequence[str]) -> int:
         """Return the bytes of some nodes of one file together. A texture that several of them use counts once."""
         textures = {index: size for name in names for index, size in self.textures.get(name, {}).items()}
         return sum(self.geometry.get(name, 0) for name in names) + sum(textures.values())
+
+    def triangles_of(self, names: Sequence[str]) -> int:
+        """Return the triangles of some nodes together."""
+        return sum(self.triangles.get(name, 0) for name in names)
 
 
 def _textures(value: Any) -> Iterator[int]:
