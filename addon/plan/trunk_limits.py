@@ -10,6 +10,9 @@ CHANGE = 0.01
 FAR_TRIANGLES = 250
 """Trunk triangles that each level may always have: with fewer, branches seem to vanish."""
 
+MOST_BESIDE = 800
+"""Most trunk triangles of level 1 beside leaves that need more than the level's share of the tree's triangles."""
+
 MOST_TRIANGLES, MOST_SHARE = 3000, 0.15
 """Most triangles of level 1 with its trunk, if none are wished: a number, and a fraction of LOD 0's triangles."""
 
@@ -19,10 +22,12 @@ def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int
 
     `leaf_triangles`: triangles of each cloud without its trunk. `tree_triangles`: of LOD 0, with its trunk. `wished`:
     most triangles of level 1 (the setting `triangles`). Level 1's trunk has what its leaves leave of them: the core
-    makes billboards for three quarters, so that a quarter is left.
+    makes billboards for three quarters, so that a quarter is left. The leaves of a small tree may need more than all of
+    them; then the trunk may have as many as the leaves, at most `MOST_BESIDE`: thin branches are much of such a picture.
     """
     if not leaf_triangles:
         return ()
     most = round(min(MOST_TRIANGLES, MOST_SHARE * tree_triangles)) if wished is None else wished
-    least = FAR_TRIANGLES if wished is None else 1
-    return max(most - leaf_triangles[0], least), *(FAR_TRIANGLES for _ in leaf_triangles[1:])
+    first = leaf_triangles[0]
+    least = 1 if wished is not None else FAR_TRIANGLES if first <= most else max(FAR_TRIANGLES, min(first, MOST_BESIDE))
+    return max(most - first, least), *(FAR_TRIANGLES for _ in leaf_triangles[1:])

@@ -18,7 +18,7 @@ from command_line import BAKE, QUICK, refusal, run, saved
         (["--epsilon", "0"], ["--epsilon", "0.0", "from 1e-09"]),
         (["--epsilon", "-1"], ["--epsilon", "-1.0", "from 1e-09"]),
         (["--candidates", "0"], ["--candidates", "0", "from 1"]),
-        (["--levels", "two"], ["--levels", "'two'", "from 0", "--help"]),
+        (["--levels", "two"], ["--levels", "'two'", "from 1", "--help"]),
         (["--min-visibility", "0.5"], ["--min-visibility", "0.5", "0.1"]),
         (["--effects", "glitter"], ["--effects", "'glitter'", "transitions"]),
         (["--engine", "quake"], ["--engine", "'quake'", "godot"]),

@@ -199,6 +199,8 @@ def test_level_1_leaves_room_for_its_trunk() -> None:
     assert trunk_limits([900], 12_000) == (900,), "0.15 of the tree's"
     assert trunk_limits([1300], 12_000) == (500,)
     assert trunk_limits([2900], 40_000) == (FAR_TRIANGLES,), "a level without trunk would be worse"
+    assert trunk_limits([750], 3300) == (750,), "as many as the leaves, which need more than their share"
+    assert trunk_limits([1900, 300], 8000) == (800, FAR_TRIANGLES)
     assert trunk_limits([300, 90], 12_000, wished=400) == (100, FAR_TRIANGLES)
     assert trunk_limits([500], 12_000, wished=400) == (1,)
     assert trunk_limits([], 40_000) == ()
