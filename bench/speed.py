@@ -108,13 +108,15 @@ def chart(curves: Sequence[Sequence[Far]], path: Path) -> None:
         style = {"label": subject, "marker": marker, "markersize": 4.5, "linewidth": 1.3}
         triangles.plot(FAR, [point.triangles for point in each], **style)
         seconds.plot(FAR, [point.seconds for point in each], **style)
-    triangles.set(ylabel="triangles drawn", yscale="log", ylim=(1e3, 1e5), title="Triangles")
+    triangles.set(ylabel="triangles drawn", yscale="log", ylim=(1e2, 1e5), title="Triangles")
     seconds.set(ylabel="processor seconds a picture", yscale="log", title=f"Cycles, {SIZE}², {MANY - FEW} samples")
+    plain = FuncFormatter(lambda value, _: f"{value:,g}")
+    seconds.yaxis.set_minor_formatter(plain)
     for axes in (triangles, seconds):
         axes.set_xscale("log", base=2)
         axes.set_xticks(FAR, [f"{distance:.0f}" for distance in FAR])
         axes.set_xlabel("distance Z/Z₀ (the crown fills the picture at 1)")
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,g}"))
+        axes.yaxis.set_major_formatter(plain)
         axes.grid(color="0.9")
         axes.set_axisbelow(True)
     seconds.legend(frameon=False)
