@@ -72,6 +72,11 @@ bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives wi
 	@mkdir -p docs/bench
 	.venv/bin/python bench/fidelity.py $(ARGS)
 
+.PHONY: bench-defaults
+bench-defaults: setup .venv/.fidelity ## bake plants of every kind without settings, and measure the levels (ten minutes)
+	@mkdir -p docs/bench
+	.venv/bin/python bench/defaults.py $(ARGS)
+
 .PHONY: bench-drawing
 bench-drawing: setup $(THREE)/node_modules/.package-lock.json ## compare the cost of drawing the levels with that of the leaves: fragments by a model, Cycles, three.js (15 minutes)
 	@tools/prerequisites.sh chromium

@@ -131,15 +131,19 @@ def reference(folder: Path, samples: int) -> dict[str, Pictures]:
 
 
 def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
-    """Render the same views with the project's own renderer."""
+    """Render the same views of a file with the project's own renderer."""
+    return rendered(base, leafcloud.read_gltf(str(model), names=names), SIZE)
+
+
+def rendered(base: leafcloud.Foliage, foliage: leafcloud.Foliage, size: int, samples: int = JUDGED) -> Pictures:
+    """Render views of `foliage` that the sphere of `base` fills, with the project's own renderer."""
     golden = math.pi * (3.0 - math.sqrt(5.0))
-    foliage = leafcloud.read_gltf(str(model), names=names)
     pictures = []
     for i in range(VIEWS):
         z = 1.0 - 1.5 * (i + 0.5) / VIEWS
         direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
         frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius}
-        pictures.append(leafcloud.render([foliage], direction, SIZE, samples=JUDGED, filtered=False, **frame))
+        pictures.append(leafcloud.render([foliage], direction, size, samples=samples, filtered=False, **frame))
     codes = np.stack(pictures).astype(np.float32) / 255.0
     light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
     light[..., 3] = codes[..., 3]

@@ -128,7 +128,7 @@ class BakeSettings:
             "COUNT",
             _range("triangles"),
             unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000; at most "
-            "three quarters of the leaves'; more if level 1 is cheaper to draw with them alone",
+            "three quarters of the leaves'; 3000 if level 1 is cheaper to draw only with them",
         ),
     ] = None
     max_billboards: Annotated[

@@ -13,7 +13,7 @@ const MOST: usize = 3000;
 const SHARE: f64 = 0.15;
 const SHARE_OF_MODELLED: f64 = 0.10;
 
-/// Least factor from one budget to the next.
+/// Least factor from the first budget to the second.
 const WORTH_A_TRY: f64 = 1.25;
 
 /// Fewer triangles cost a renderer next to nothing.
@@ -25,8 +25,9 @@ const STEP: usize = 3;
 /// Largest share of level 1's triangles for the trunk.
 const TRUNK_SHARE: f64 = 0.25;
 
-/// Returns budgets of triangles for the leaves of level 1, in the order in which they are tried until the level is worth making. A small
-/// tree's share may be too few: its level 1 is cheaper with more. Each budget is the tree's without the trunk's share. A wish is the only one.
+/// Returns budgets of triangles for the leaves of level 1: the usual share, and the most that a level may have, if the level is not worth
+/// making with its share. A small tree's level 1 may be cheaper with more. Each is the tree's budget without the trunk's share. A wish is the
+/// only one.
 pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
     let trunk = trunk.map_or(0, Foliage::triangle_count);
     let without_trunk = |all: usize| all - trunk.min((TRUNK_SHARE * all as f64) as usize);
@@ -36,8 +37,9 @@ pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Folia
     let share = if leaves.has_cutouts() { SHARE } else { SHARE_OF_MODELLED };
     let wished = (share * (leaves.triangle_count() + trunk) as f64) as usize;
     let most = MOST.min(leaves.triangle_count() * 3 / 4);
-    let larger = |&budget: &usize| (WORTH_A_TRY * (budget as f64) < most as f64).then(|| most.min(2 * budget));
-    std::iter::successors(Some(wished.max(LEAST).min(most)), larger).map(without_trunk).collect()
+    let first = wished.max(LEAST).min(most);
+    let larger = (WORTH_A_TRY * (first as f64) < most as f64).then_some(most);
+    std::iter::once(first).chain(larger).map(without_trunk).collect()
 }
 
 /// Returns the budget for the level after one that draws `finer` triangles.
@@ -66,10 +68,10 @@ mod tests {
     }
 
     #[test]
-    fn budgets_double_up_to_three_quarters_of_the_leaves() {
-        assert_eq!(budgets(None, 1344, 0), [500, 1000]);
-        assert_eq!(budgets(None, 1600, 0), [500, 1000], "1200 is hardly more than 1000");
-        assert_eq!(budgets(None, 2000, 0), [500, 1000, 1500]);
+    fn the_second_budget_is_three_quarters_of_the_leaves() {
+        assert_eq!(budgets(None, 1344, 0), [500, 1008]);
+        assert_eq!(budgets(None, 800, 0), [500], "600 is hardly more");
+        assert_eq!(budgets(None, 10_000, 0), [1000, 3000]);
         assert_eq!(budgets(None, 40_000, 0), [3000]);
         assert_eq!(budgets(None, 12, 0), [9]);
         assert_eq!(budgets(None, 1, 0), [0]);

@@ -1,6 +1,6 @@
 //! Whether a level is worth making: where it takes over it must save a tenth of the cost of drawing the level before it. Otherwise the level
-//! before is drawn on, and the next level follows it. A tree of a hundred triangles needs no cloud, however few billboards it has. Level 1 of
-//! a small tree is tried with several budgets of triangles before it is left out.
+//! before is drawn on, and the next level follows it. A tree of a hundred triangles needs no cloud, however few billboards it has. Level 1 is
+//! tried with more triangles before it is left out.
 
 use super::level::Level;
 use super::settings::ChainSettings;

@@ -1,0 +1,204 @@
+"""Bakes plants of every kind without settings, and measures what one gets: `make bench-defaults`.
+
+usage: python bench/defaults.py [PLANT.glb …]   (default: ../shared/foliage up to 10 MB, and all of bench/plants.py)
+
+FLIP, within four pixels of either silhouette, from 8 views with the project's own renderer, of each level against the
+leaves: at the size where the level takes over, at 256² and at 64². Writes docs/bench/defaults.md and defaults.png if no
+plant is named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean
+
+import matplotlib
+import numpy as np
+from commits import measured_commit
+from fidelity import Pictures, flip, lines_of, rendered, smaller
+from matplotlib import pyplot
+from plants import PLANTS, write
+from stage import FOLIAGE, ROOT, bake_alone
+
+import leafcloud
+from addon.bake.values import Baked
+from addon.plan.camera_visibility import pixels_of
+from addon.settings.bake import BakeSettings
+
+matplotlib.use("Agg")  # Without a display.
+
+LARGEST_FILE = 10_000_000
+SAMPLES = 8
+"""Samples along a pixel's side."""
+SIZE = 256
+LEAST, MOST = 16, 512
+"""Limits of the size where a level takes over, for its pictures."""
+SHOWN = 5
+"""The view in the picture."""
+DOCUMENT = ROOT / "docs" / "bench" / "defaults.md"
+
+INTRODUCTION = """# Plants of every kind, baked without settings
+
+Made by `make bench-defaults` on {commit}: the measured trees, and the plants of `bench/plants.py`. FLIP is that of
+each level against the leaves, without trunks, within four pixels of either silhouette, from 8 views, flat-lit.
+
+- *crown*: pixels across the leaves' sphere where the level takes over. *there*: FLIP at this size (at most {most}²).
+- *error*: the image error in `report.json`, FLIP at 128². *fragments*: over the leaves', where the level takes over.
+- *distance*: where the level takes over, in R. *seconds*: of the whole bake.
+
+![Leaves and levels at {size}²](defaults.png)
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A level of a plant."""
+
+    plant: str
+    level: int
+    method: str
+    billboards: int
+    triangles: int
+    texels: int
+    crown: float
+    there: float
+    large: float
+    small: float
+    error: float
+    coverage: float
+    fragments: float
+    distance: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A target: the figures of level 1 or of later levels, and the limit."""
+
+    name: str
+    limit: float
+    value: Callable[[Row], float]
+    later: bool = False
+    judge: Callable[[Iterable[float]], float] = max
+
+
+GOALS = (
+    Goal("FLIP of level 1 where it takes over: most", 0.06, lambda row: row.there),
+    Goal("FLIP of later levels where they take over: most", 0.08, lambda row: row.there, later=True),
+    Goal("image error of level 1: mean", 0.07, lambda row: row.error, judge=mean),
+    Goal("image error of level 1: most", 0.10, lambda row: row.error),
+)
+
+
+def measure(plant: Path) -> tuple[list[Row], list[Pictures]]:
+    """Bake a plant; return a row for each level, and the pictures of the leaves and of each level at `SIZE`²."""
+    begin = time.perf_counter()
+    baked = bake_alone(plant.resolve(), BakeSettings())
+    seconds = time.perf_counter() - begin
+    leaves = baked.prepared.foliage
+    base = rendered(leaves, leaves, SIZE, SAMPLES)
+    rows, pictures = [], [base]
+    for number, level in enumerate(baked.chain.levels, start=1):
+        shown = rendered(leaves, level.foliage(), SIZE, SAMPLES)
+        pictures.append(shown)
+        rows.append(row_of(plant.stem, baked, number, (base, shown), seconds))
+    return rows, pictures
+
+
+def row_of(plant: str, baked: Baked, number: int, pictures: tuple[Pictures, Pictures], seconds: float) -> Row:
+    leaves, level = baked.prepared.foliage, baked.chain.levels[number - 1]
+    scale = pixels_of(1.0, baked.switch_distances[number], baked.view)
+    crown = 2.0 * leaves.radius * scale
+    size = round(min(max(crown, LEAST), MOST))
+    own, all_leaves = (leafcloud.drawing_cost([each], scale)["fragments"] for each in (level.foliage(), leaves))
+    return Row(
+        plant=plant,
+        level=number,
+        method=level.method,
+        billboards=len(level.plane_ids),
+        triangles=baked.levels[number].triangles + baked.levels[number].trunk_triangles,
+        texels=level.base_color.shape[0] * level.base_color.shape[1],
+        crown=crown,
+        there=flip(*(rendered(leaves, each, size, SAMPLES) for each in (leaves, level.foliage()))),
+        large=flip(*pictures),
+        small=flip(*(smaller(each, 4) for each in pictures)),
+        error=level.image_error,
+        coverage=level.coverage,
+        fragments=own / all_leaves,
+        distance=baked.switch_distances[number] / leaves.radius,
+        seconds=seconds,
+    )
+
+
+def goal_table(rows: Sequence[Row]) -> str:
+    body = []
+    for goal in GOALS:
+        values = [goal.value(row) for row in rows if (row.level > 1) == goal.later]
+        if values:
+            found = goal.judge(values)
+            body.append([goal.name, f"≤ {goal.limit:g}", f"{found:.3f}", "met" if found <= goal.limit else "missed"])
+    return lines_of(["target", "limit", "found", ""], body)
+
+
+def table(rows: Sequence[Row]) -> str:
+    head = ["plant", "level", "billboards", "triangles", "texels", "crown", "there", "256²", "64²", "error", "coverage"]
+    body = [
+        [
+            row.plant,
+            "cross" if row.method == "cross" else str(row.level),
+            f"{row.billboards:,}",
+            f"{row.triangles:,}",
+            f"{row.texels:,}",
+            f"{row.crown:.0f}",
+            *(f"{error:.3f}" for error in (row.there, row.large, row.small, row.error, row.coverage)),
+            f"{row.fragments:.2f}",
+            f"{row.distance:.1f}",
+            f"{row.seconds:.1f}",
+        ]
+        for row in rows
+    ]
+    return lines_of([*head, "fragments", "distance", "seconds"], body)
+
+
+def contact_sheet(pictures: dict[str, list[Pictures]], path: Path) -> None:
+    """Draw a row for each plant: its leaves and its levels."""
+    columns = max(map(len, pictures.values()))
+    figure, axes = pyplot.subplots(len(pictures), columns, figsize=(1.7 * columns, 1.7 * len(pictures)), squeeze=False)
+    for each in axes.ravel():
+        each.set(xticks=[], yticks=[], frame_on=False)
+    for row, (plant, levels) in zip(axes, pictures.items(), strict=True):
+        row[0].set_ylabel(plant, fontsize=7)
+        for cell, level in zip(row, levels, strict=False):
+            light, alpha = level[SHOWN][..., :3], level[SHOWN][..., 3:]
+            cell.imshow(np.clip(np.maximum(light + 0.7 * (1.0 - alpha), 0.0) ** (1.0 / 2.2), 0.0, 1.0))
+    figure.subplots_adjust(0.04, 0.0, 1.0, 1.0, 0.02, 0.02)
+    figure.savefig(path, dpi=100)
+    pyplot.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Bake plants of every kind without settings, and measure the levels.")
+    parser.add_argument("plants", nargs="*", type=Path, help="GLB files (default: foliage, and plants.py's)")
+    options = parser.parse_args()
+    trees = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
+    rows: list[Row] = []
+    pictures: dict[str, list[Pictures]] = {}
+    for plant in options.plants or [*trees, *(write(name, ROOT / "target" / "plants") for name in PLANTS)]:
+        found, pictures[plant.stem] = measure(plant)
+        rows += found
+        print(table(found), file=sys.stderr, flush=True)
+    introduction = INTRODUCTION.format(commit=measured_commit(), most=MOST, size=SIZE)
+    text = "\n".join([introduction, goal_table(rows), "", table(rows)]) + "\n"
+    print(text)
+    if not options.plants:
+        DOCUMENT.write_text(text, encoding="utf-8")
+        contact_sheet(pictures, DOCUMENT.with_suffix(".png"))
+
+
+if __name__ == "__main__":
+    main()
