@@ -68,7 +68,7 @@ impl Made {
     }
 }
 
-/// What is drawn before a level: the level before it, or the leaves.
+/// The level before another one, or the leaves, with the trunk.
 pub(super) struct Before<'a> {
     pub leaves: &'a Foliage,
     /// Counts before the cross impostor only, which shows it. Clouds have simpler trunks of their own, which are not known here.
