@@ -1,9 +1,8 @@
-"""What the levels of the written files are for a graphics card: bytes of meshes and textures, and triangles.
+"""Bytes and triangles of the written levels on a graphics card.
 
 Geometry: the values of all vertex attributes, morph targets and indices, as written. Textures: all mip levels, a third
 more than the largest; 4 bytes per texel, or 1 where the file also has a KTX2 texture, which engines keep compressed in
-blocks. A texture counts whole, also if other trees share it. Triangles: as written, so pieces of billboards that are
-split for alpha blending count.
+blocks. A texture counts whole, also if other trees share it. Triangles: as written; alpha blending splits some.
 """
 
 from __future__ import annotations

@@ -27,7 +27,9 @@ def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int
     """
     if not leaf_triangles:
         return ()
-    most = round(min(MOST_TRIANGLES, MOST_SHARE * tree_triangles)) if wished is None else wished
-    first = leaf_triangles[0]
-    least = 1 if wished is not None else FAR_TRIANGLES if first <= most else max(FAR_TRIANGLES, min(first, MOST_BESIDE))
-    return max(most - first, least), *(FAR_TRIANGLES for _ in leaf_triangles[1:])
+    first, later = leaf_triangles[0], (FAR_TRIANGLES for _ in leaf_triangles[1:])
+    if wished is not None:
+        return max(wished - first, 1), *later
+    most = round(min(MOST_TRIANGLES, MOST_SHARE * tree_triangles))
+    beside = min(first, MOST_BESIDE) if first > most else 0
+    return max(most - first, beside, FAR_TRIANGLES), *later
