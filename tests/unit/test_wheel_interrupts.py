@@ -162,6 +162,10 @@ os._exit(0)
 """
 
 
+BUSY = 2.0
+"""Seconds that a busy machine may take longer."""
+
+
 def output_of(script: str) -> str:
     """Run a script, which has to end without an error, and return its output."""
     done = subprocess.run([sys.executable, "-c", PREPARE + script], capture_output=True, text=True, timeout=200)
@@ -171,10 +175,10 @@ def output_of(script: str) -> str:
 
 @pytest.mark.parametrize("name", LONG_CALLS)
 def test_an_interrupt_stops_a_call_within_a_second(name: str) -> None:
-    """Uninterrupted calls take many seconds. The extra 0.7 s are for a busy machine."""
+    """Uninterrupted calls take many seconds."""
     outcome, _, seconds = output_of(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")
     assert outcome == "interrupted"
-    assert float(seconds) < 1.3 + 0.7
+    assert float(seconds) < 1.3 + BUSY
 
 
 def test_a_forked_child_has_its_own_threads() -> None:
@@ -189,7 +193,7 @@ def test_cancel_stops_the_bake_of_an_atlas_page() -> None:
     """A complete bake of the atlas page would take about a minute."""
     fraction, _, seconds = output_of(CANCELLED).partition(" after ")
     assert 0.0 < float(fraction) < 1.0
-    assert float(seconds) < 1.0 + 0.7
+    assert float(seconds) < 1.0 + BUSY
 
 
 def test_a_child_forked_in_a_progress_function_is_refused() -> None:
