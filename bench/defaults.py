@@ -10,6 +10,7 @@ plant is named.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -38,8 +39,10 @@ SAMPLES = 8
 SIZE = 256
 LEAST, MOST = 16, 512
 """Limits of the size where a level takes over, for its pictures."""
-SHOWN = 5
-"""The view in the picture."""
+SHOWN = 3
+"""The view in the picture: from 20° above the ground."""
+BESIDE = 2
+"""Plants in a row of the picture."""
 DOCUMENT = ROOT / "docs" / "bench" / "defaults.md"
 
 INTRODUCTION = """# Plants of every kind, baked without settings
@@ -166,12 +169,12 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def contact_sheet(pictures: dict[str, list[Pictures]], path: Path) -> None:
-    """Draw a row for each plant: its leaves and its levels."""
-    columns = max(map(len, pictures.values()))
-    figure, axes = pyplot.subplots(len(pictures), columns, figsize=(1.7 * columns, 1.7 * len(pictures)), squeeze=False)
+    """Draw the leaves and the levels of each plant."""
+    rows, columns = math.ceil(len(pictures) / BESIDE), BESIDE * max(map(len, pictures.values()))
+    figure, axes = pyplot.subplots(rows, columns, figsize=(1.3 * columns, 1.3 * rows), squeeze=False)
     for each in axes.ravel():
         each.set(xticks=[], yticks=[], frame_on=False)
-    for row, (plant, levels) in zip(axes, pictures.items(), strict=True):
+    for row, (plant, levels) in zip(axes.reshape(BESIDE * rows, -1), pictures.items(), strict=False):
         row[0].set_ylabel(plant, fontsize=7)
         for cell, level in zip(row, levels, strict=False):
             light, alpha = level[SHOWN][..., :3], level[SHOWN][..., 3:]
