@@ -23,7 +23,7 @@ def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int
     `leaf_triangles`: triangles of each cloud without its trunk. `tree_triangles`: of LOD 0, with its trunk. `wished`:
     most triangles of level 1 (the setting `triangles`). Level 1's trunk has what its leaves leave of them: the core
     makes billboards for three quarters, so that a quarter is left. The leaves of a small tree may need more than all of
-    them; then the trunk may have as many as the leaves, at most `MOST_BESIDE`: thin branches are much of such a picture.
+    them; then the trunk may have as many as the leaves, at most `MOST_BESIDE`: thin branches make much of its picture.
     """
     if not leaf_triangles:
         return ()
