@@ -24,7 +24,7 @@ from commits import measured_commit
 from fidelity import Pictures, flip, lines_of, rendered, smaller
 from matplotlib import pyplot
 from plants import PLANTS, write
-from stage import FOLIAGE, ROOT, bake_alone
+from stage import ROOT, bake_alone, measured_trees
 
 import leafcloud
 from addon.bake.values import Baked
@@ -33,7 +33,6 @@ from addon.settings.bake import BakeSettings
 
 matplotlib.use("Agg")  # Without a display.
 
-LARGEST_FILE = 10_000_000
 SAMPLES = 8
 """Samples along a pixel's side."""
 SIZE = 256
@@ -188,10 +187,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Bake plants of every kind without settings, and measure the levels.")
     parser.add_argument("plants", nargs="*", type=Path, help="GLB files (default: foliage, and plants.py's)")
     options = parser.parse_args()
-    trees = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
     rows: list[Row] = []
     pictures: dict[str, list[Pictures]] = {}
-    for plant in options.plants or [*trees, *(write(name, ROOT / "target" / "plants") for name in PLANTS)]:
+    for plant in options.plants or [*measured_trees(), *(write(name, ROOT / "target" / "plants") for name in PLANTS)]:
         found, pictures[plant.stem] = measure(plant)
         rows += found
         print(table(found), file=sys.stderr, flush=True)

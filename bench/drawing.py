@@ -26,7 +26,7 @@ import bpy
 import numpy as np
 from browser import ask
 from commits import measured_commit
-from stage import FOLIAGE, ROOT, bake_alone, light_up, place, sampling_time, show_only
+from stage import ROOT, bake_alone, light_up, measured_trees, place, sampling_time, show_only
 from three import Request, leaves_of, look
 
 import leafcloud
@@ -37,7 +37,6 @@ from addon.plan.camera_visibility import pixels_of
 from addon.settings.bake import BakeSettings
 
 WRITTEN = ROOT / "target" / "drawing"
-LARGEST_FILE = 10_000_000
 HEIGHTS = (400, 200, 100, 50)
 """Heights of a crown in pixels."""
 
@@ -365,8 +364,7 @@ def main() -> None:
     parts = {"cycles": not options.no_cycles, "three": not options.no_three}
     rows: list[Row] = []
     speeds: list[Speed] = []
-    every = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
-    for tree in options.trees or every:
+    for tree in options.trees or measured_trees():
         baked = bake_alone(tree.resolve(), BakeSettings(engine="three"))
         rows += fragment_rows(tree, baked)
         speeds += speeds_of(tree, baked, **parts)

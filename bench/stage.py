@@ -29,6 +29,8 @@ from addon.scene.load import load  # noqa: E402
 from addon.settings.bake import BakeSettings  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
+LARGEST_FILE = 10_000_000
+"""Maximum bytes of a measured tree; larger ones are for tests of speed."""
 DIRECTION = Vector((0.8, -0.55, 0.25)).normalized()
 """From the crown's center to the camera."""
 
@@ -47,6 +49,11 @@ class Render:
     seconds: float
     cycles: float
     process: float
+
+
+def measured_trees() -> list[Path]:
+    """Return the files of the measured trees but the largest, by name."""
+    return [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
 
 
 def bake_alone(tree: Path, settings: BakeSettings) -> Baked:
