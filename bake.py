@@ -242,7 +242,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     make_self_contained()
     with _refusing(options.out):
         report = write(tree_set, options.out, stages, blend=True)
-    console.warn(report["warnings"])
+    console.warn([with_flags(warning) for warning in report["warnings"]])
     told = report.get("trees", [report])
     for tree in told:
         of_tree = f"{tree['name']}: " if len(told) > 1 else ""

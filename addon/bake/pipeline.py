@@ -36,6 +36,7 @@ from ..plan.effects import on_effects, plan_channels, plan_effects, plan_levels,
 from ..plan.facts import Facts
 from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
+from ..plan.quality import core_quality, quality_warnings
 from ..plan.registry import effect_named
 from ..plan.schedule import keep_at_switch, schedule
 from ..plan.wind import BREEZE, stature
@@ -159,6 +160,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
+        quality=core_quality(settings),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
 
@@ -186,7 +188,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decisi
         "texture_size": settings.texture_size,
         "texture_height": settings.texture_height,
         "samples": settings.samples,
-        "pixels": settings.pixels,
+        "pixels": settings.switch_pixels,
         "close_gaps": settings.close_gaps,
         "tight_pages": sees_pages(settings, facts),
         **fit_options(settings),
@@ -220,6 +222,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     )
     collection, built = build_levels(build)
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
+    missed = quality_warnings(build.schedule.hand_overs, chain.levels)
+    prepared = replace(prepared, warnings=(*prepared.warnings, *missed))
     return Baked(prepared, chain, collection, tuple(built), build.schedule, view, settled, costs)
 
 

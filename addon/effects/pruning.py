@@ -59,7 +59,10 @@ def _rule_of_scenes(situation: Situation) -> Rule:
     """Return the state for levels that prune no leaves: a scene of many trees may still prune them."""
     facts, camera = situation.facts, situation.facts.camera
     if camera is None and situation.settings.chain == "both":
-        return False, f"the error bound {situation.settings.epsilon:g} lets level 1 take over before any leaf is pruned"
+        return (
+            False,
+            f"the error bound {situation.settings.error_bound:g} lets level 1 take over before any leaf is pruned",
+        )
     if camera is None:
         return False, "`chain=billboards` keeps all leaves until level 1 takes over"
     pixels = pixels_of(facts.leaf_size, camera.farthest, camera.view)

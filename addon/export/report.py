@@ -5,6 +5,7 @@ Deviations are fractions of R, times are in seconds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -55,6 +56,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
             "materials": list(prepared.materials),
             "dropped": list(prepared.tree.dropped),
         },
+        "quality": _quality(baked),
         "levels": levels,
         "hidden_triangles": _hidden_triangles(baked),
         "left_out": _left_out(baked),
@@ -92,6 +94,30 @@ def _predicted(baked: Baked) -> dict[str, Any] | None:
         "image_error": {"predicted": predicted["image_error"], "measured": baked.chain.levels[0].image_error},
         "seconds": {"predicted": predicted["seconds"], "measured": baked.chain.seconds},
     }
+
+
+def _quality(baked: Baked) -> dict[str, Any] | None:
+    """Return quality and what follows from it; None if `pixels` sets the LOD distances.
+
+    For each level after LOD 0: `target`, the image error that it may have where it takes over; `crown_pixels`, the
+    largest diameter of the crown at which its measured error is within the target, None for any; `errors`, the image
+    error by that diameter.
+    """
+    found = baked.schedule.hand_overs
+    if not found:
+        return None
+    rows = []
+    for each, level in zip(found, baked.chain.levels, strict=True):
+        measured = level.image_errors()
+        sizes = zip(measured.sizes, measured.errors, strict=True)
+        rows.append(
+            {
+                "target": each.target,
+                "crown_pixels": each.size if math.isfinite(each.size) else None,
+                "errors": [{"crown_pixels": size, "image_error": error} for size, error in sizes],
+            }
+        )
+    return {"quality": baked.prepared.settings.quality, "levels": rows}
 
 
 def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from ..settings.bake import LARGEST_TEXTURE, BakeSettings
 from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
+from .quality import FINEST_BOUND, SMALLEST_CROWN, core_quality, decides_distances, distance_of
 
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
@@ -87,10 +88,11 @@ def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
 def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
     """Return the switch distances that follow from ε, LOD 0's 0 first, in world units.
 
-    Deviations are near their bounds, so a level takes over at most a little sooner.
+    Deviations are near their bounds, so a level takes over at most a little sooner. Quality may choose a small ε.
     """
     clouds = _clouds(settings)
-    errors = [min(settings.epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
+    epsilon = FINEST_BOUND if settings.epsilon is None and core_quality(settings) is not None else settings.error_bound
+    errors = [min(epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
     return _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
 
 
@@ -98,9 +100,12 @@ def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[f
     """Return the latest switch distances, LOD 0's 0 first, in world units.
 
     A level with large texels takes over later. A budget of triangles, billboards or texels leaves the deviation open,
-    up to R.
+    up to R. By quality, every level takes over before the crown is smaller than the smallest measured picture.
     """
     count = _clouds(settings)
+    if decides_distances(settings):
+        last = distance_of(SMALLEST_CROWN, facts.radius, view)
+        return rising([0.0, *([last] * (len(soonest_switches(settings, facts, view)) - 1))])
     is_open = any(budget is not None for budget in (settings.triangles, settings.max_billboards, settings.max_texels))
     accurate = _switches(settings, facts, view, [1.0] * count) if is_open else soonest_switches(settings, facts, view)
     # Each cloud's atlas has half the width of the one before.
@@ -114,7 +119,7 @@ def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[f
 def _switches(settings: BakeSettings, facts: Facts, view: View, deviations: Sequence[float]) -> tuple[float, ...]:
     """Return the switch distances for the clouds' deviations, as fractions of R."""
     known = [*deviations, CROSS_DEVIATION] if settings.cross else deviations
-    distances = [far_off(deviation * facts.radius, settings.pixels, view) for deviation in known]
+    distances = [far_off(deviation * facts.radius, settings.switch_pixels, view) for deviation in known]
     if settings.chain == "pruning":
         distances = [max(*distances, cut_off_distance(prune_start(settings, facts, view), settings.prune_half))]
     return rising([0.0, *distances])
@@ -131,7 +136,7 @@ def share_at_level_1(settings: BakeSettings, facts: Facts) -> float:
     λ is independent of the camera: both distances scale with the same factor.
     """
     start = facts.leaf_size / settings.prune_pixels
-    switch = settings.epsilon * facts.radius / settings.pixels
+    switch = settings.error_bound * facts.radius / settings.switch_pixels
     return share_left(start, switch, settings.prune_half)
 
 

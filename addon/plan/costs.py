@@ -22,6 +22,7 @@ from .decision import Decision
 from .effects import plan_levels
 from .facts import Facts
 from .pages import page_size
+from .quality import TYPICAL_PIXELS
 from .rates import Amounts
 from .registry import effect_named
 from .trunk_limits import FAR_TRIANGLES, MOST_TRIANGLES
@@ -60,8 +61,8 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
     width, height = page_size(settings, number)
     if settings.texture_size is not None or settings.texture_height is not None:
         return width * height
-    deviation = sum(settings.epsilon * leafcloud.EPSILON_STEP**finer for finer in range(number + 1))
-    return min(width * height, round(_PAGE_SHARE * (2.0 * settings.pixels / deviation) ** 2))
+    deviation = sum(settings.error_bound * leafcloud.EPSILON_STEP**finer for finer in range(number + 1))
+    return min(width * height, round(_PAGE_SHARE * (2.0 * _pixels(settings) / deviation) ** 2))
 
 
 def _cross_texels(settings: BakeSettings) -> int:
@@ -69,5 +70,10 @@ def _cross_texels(settings: BakeSettings) -> int:
 
     A side has two texels for each pixel at the distance where the impostor takes over, if it deviates by R / 2 there.
     """
-    side: int = 2 ** math.ceil(math.log2(16.0 * settings.pixels))
+    side: int = 2 ** math.ceil(math.log2(16.0 * _pixels(settings)))
     return side * side
+
+
+def _pixels(settings: BakeSettings) -> float:
+    """Return the deviation in pixels where a level takes over, as set, or a typical one."""
+    return TYPICAL_PIXELS if settings.pixels is None else settings.pixels

@@ -14,6 +14,7 @@ from .decision import Decision, is_on
 from .facts import Facts
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
+from .quality import HandOver, distance_of, hand_overs
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class Schedule:
 
     drawn: the levels that the camera sees. A single one is always shown if no level follows the camera.
     trunk_pixels: side of a pixel on the tree where each level after LOD 0 appears; empty: trunks are not simplified.
+    hand_overs: where each level after LOD 0 takes over by its picture; empty if quality does not decide.
     triangles: wished maximum of level 1 with its trunk.
     """
 
@@ -30,6 +32,7 @@ class Schedule:
     drawn: range = range(1)
     pruning: PruneDistances = field(default_factory=PruneDistances)
     trunk_pixels: tuple[float, ...] = ()
+    hand_overs: tuple[HandOver, ...] = ()
     triangles: int | None = None
 
 
@@ -38,10 +41,14 @@ def schedule(
 ) -> Schedule:
     """Return the schedule of a finished chain. `view` sets the switch distances."""
     deviations = [level.max_deviation_leaves * facts.radius for level in levels]
-    # A level takes over where its deviation appears smaller than `pixels` pixels and its texels smaller than one.
+    # A level takes over where its deviation appears smaller than `pixels` pixels, and its picture is within the error
+    # that quality allows, or its texels are smaller than a pixel.
+    by_picture = hand_overs(settings, levels)
+    alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
+    sharp = [far_off(level.texel_size, 1.0, view) for level in levels]
     distances = [
-        max(far_off(deviation, settings.pixels, view), far_off(level.texel_size, 1.0, view))
-        for level, deviation in zip(levels, deviations, strict=True)
+        max(far_off(deviation, settings.switch_pixels, view), picture)
+        for deviation, picture in zip(deviations, alike or sharp, strict=True)
     ]
     start = far_off(facts.leaf_size, settings.prune_pixels, view)
     if settings.chain == "pruning":
@@ -56,6 +63,7 @@ def schedule(
         _drawn(settings, facts, ranges),
         _prune_distances(settings, facts, effects, start, ranges[1].appear),
         tuple(each.appear / far_off(1.0, 1.0, view) for each in ranges[1:]) if simplified else (),
+        by_picture,
         settings.triangles,
     )
 

@@ -62,15 +62,26 @@ class BakeSettings:
     settings that exclude one another.
     """
 
-    epsilon: Annotated[
+    quality: Annotated[
         float,
+        Setting(
+            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 nobody "
+            "notices the change. Larger takes over farther away or with more triangles. Chooses error bound, texture "
+            "size and LOD distances",
+            "FRACTION",
+            Limits(0.0, 1.0),
+        ),
+    ] = 0.5
+    epsilon: Annotated[
+        float | None,
         Setting(
             "Maximum distance a leaf may move along its billboard's normal on level 1, as a fraction of the crown "
             "radius R. Smaller is more accurate and uses more billboards",
             "FRACTION",
             _range("epsilon"),
+            unset=f"chosen by `quality`, or {_default('epsilon')} where other settings decide",
         ),
-    ] = _default("epsilon")
+    ] = None
     candidates: Annotated[
         int,
         Setting(
@@ -315,14 +326,15 @@ class BakeSettings:
         ),
     ] = None
     pixels: Annotated[
-        float,
+        float | None,
         Setting(
-            "A level takes over where its error appears smaller than this many pixels. Larger switches sooner and "
-            "draws faster",
+            "A level takes over where its error bound appears smaller than this many pixels, whatever `quality`. "
+            "Larger switches sooner and draws faster",
             "PIXELS",
             _range("pixels"),
+            unset=f"where `quality` allows, and {_default('pixels'):g} at most",
         ),
-    ] = _default("pixels")
+    ] = None
     chain: Annotated[str, Setting("Order of the levels by distance", "NAME", choices=CHAINS)] = "billboards"
     prune_pixels: Annotated[
         float,
@@ -401,8 +413,25 @@ class BakeSettings:
         """True if the scene's cameras may decide which levels are made."""
         return self.viewer != "anywhere" and self.engine == "generic"
 
+    @property
+    def error_bound(self) -> float:
+        """The set error bound of level 1, or the core's default."""
+        default: float = _default("epsilon")
+        return default if self.epsilon is None else self.epsilon
+
+    @property
+    def switch_pixels(self) -> float:
+        """The set size of a level's error bound where it takes over, or the largest that `quality` allows."""
+        default: float = _default("pixels")
+        return default if self.pixels is None else self.pixels
+
+    @property
+    def wish(self) -> str | None:
+        """The name of the wish that chooses epsilon, if one is set."""
+        return next((name for name in WISHES if getattr(self, name) is not None), None)
+
     def _check_fit(self) -> None:
-        sized = self.max_size is None or self.epsilon <= self.max_size
+        sized = self.max_size is None or self.epsilon is None or self.epsilon <= self.max_size
         self._require("max_size", sized, f"at least `epsilon`, {self.epsilon}")
         count, most = len(self.views), _range("views")
         if not most.hold(count):

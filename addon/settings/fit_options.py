@@ -8,8 +8,11 @@ from .bake import BakeSettings, Effort, Method
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:
-    """Return the settings of the fit as keyword options of `leafcloud.fit`."""
-    return FitOptions(**{name: getattr(settings, name) for name in FitOptions.__annotations__})  # type: ignore[typeddict-item]
+    """Return the settings of the fit as keyword options of `leafcloud.fit`, without an error bound that is not set."""
+    values = {name: getattr(settings, name) for name in FitOptions.__annotations__}
+    if settings.epsilon is None:
+        del values["epsilon"]
+    return FitOptions(**values)  # type: ignore[typeddict-item]
 
 
 class FitOptions(TypedDict):

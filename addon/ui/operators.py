@@ -106,8 +106,8 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
             obj.hide_render = True
         _select(context, [level.object for tree in tree_set.trees for level in tree.levels[:1]])
         draw_new_levels(context.view_layer)
-        for warning in dict.fromkeys(warning for each in self._prepared.values() for warning in each.warnings):
-            self.report({"WARNING"}, warning)
+        for warning in dict.fromkeys(warning for tree in tree_set.trees for warning in tree.prepared.warnings):
+            self.report({"WARNING"}, with_labels(warning))
         for reason in dict.fromkeys(reason for chain in chains for reason in left_out_reasons(chain)):
             self.report({"INFO"}, with_labels(reason))
         levels = ", ".join(

@@ -6,6 +6,7 @@ import textwrap
 
 import bpy
 
+from ..plan.quality import target_error
 from ..settings.effects import EFFECTS
 from .properties import AUTO, OFF, ON, effect_label, effect_property
 from .viewport import is_previewed
@@ -28,6 +29,10 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout.use_property_decorate = False
         for name in ("leaves", "trees"):
             layout.prop(settings, name)
+        column = layout.column(align=True)
+        column.prop(settings, "quality", slider=True)
+        if not settings.pixels:
+            column.label(text=_consequence(settings.quality), icon="BLANK1")
         column = layout.column(align=True)
         for name in ("triangles", "epsilon", "levels", "cross", "every_level"):
             column.prop(settings, name)
@@ -83,6 +88,12 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
             below.active = row.state != OFF
             for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _letters(context))]:
                 below.label(text=text, icon="BLANK1")
+
+
+def _consequence(quality: float) -> str:
+    """Return the image error that a quality allows, in a word and a number."""
+    word = "Fast" if quality < 0.4 else "Exact" if quality > 0.6 else "Unnoticed"
+    return f"{word}: error up to {target_error(quality):.3f} at the switch"
 
 
 _REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}

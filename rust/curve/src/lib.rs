@@ -15,6 +15,7 @@ mod choice;
 mod front;
 mod memory;
 mod model;
+pub mod quality;
 mod sweep;
 mod within;
 

@@ -6,18 +6,17 @@
 //! `report.json` states it, rounded to three digits. `leafcloud-curve` chooses settings by it, and by the clock, for a wish (`seconds`,
 //! `image_error` or a `preset`).
 
+mod sizes;
+
 use leafcloud::Image;
 use leafcloud::metrics::Comparison;
-use rayon::prelude::*;
 
-/// Returns the image error of a level against its base, in [0, 1]: the mean of [`flip`] over all views, rounded to three digits, because
-/// further digits would differ between machines.
+pub use sizes::{ImageErrors, REPORTED_SIZE, SMALLEST, crown_pixels};
+
+/// Returns the image error of a level against its base at [`REPORTED_SIZE`], in [0, 1]; see [`ImageErrors`].
 #[must_use]
 pub fn image_error(pictures: &Comparison) -> f64 {
-    let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
-    let errors: Vec<f64> = pairs.map(|(base, level)| flip(base, level)).collect();
-    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    (mean * 1000.0).round() / 1000.0
+    ImageErrors::at_sizes(pictures, &[REPORTED_SIZE]).0[0].1
 }
 
 /// FLIP counts within this many pixels of a silhouette: empty background must not dilute the mean.

@@ -213,6 +213,23 @@ class LookSeconds(TypedDict):
     contrast: float
     """Measuring how much contrast kept leaves keep."""
 
+class ImageErrors:
+    """Image errors of a level by size: FLIP in [0, 1], compared with the leaves, within four pixels of the silhouettes.
+
+    Sizes are diameters of the leaves' bounding sphere in pixels.
+    """
+
+    @property
+    def sizes(self) -> list[float]:
+        """Sizes, ascending by factors of two, from 7.8 to 250 pixels."""
+    @property
+    def errors(self) -> list[float]:
+        """The image error at each of ``sizes``, rounded to three digits."""
+    def largest_size(self, target: float) -> float | None:
+        """Return the largest size up to which the error is at most ``target``: linear in the logarithm of the size
+        between two sizes, and above the largest as it grew before; infinite if it did not grow. ``None``: the error is
+        larger than ``target`` even at the smallest size."""
+
 class Level:
     """A cloud with its polygons, its atlas page and the transition from the level before.
 
@@ -345,7 +362,10 @@ class Level:
         """Rendered coverage divided by that of the leaves, mean over the views of the metrics."""
     @property
     def image_error(self) -> float:
-        """Image error of the metrics, compared with the leaves."""
+        """Image error of the metrics, compared with the leaves, in pictures of 128 × 128 pixels."""
+    def image_errors(self) -> ImageErrors:
+        """Measure the image error, compared with the leaves, in pictures of different sizes. Takes a tenth of a second;
+        keep the result."""
     @property
     def seconds(self) -> BakeSeconds: ...
     @property
@@ -597,6 +617,7 @@ class ChainOptions(LevelOptions, total=False):
     seconds: float | None  # None
     image_error: float | None  # None
     preset: Preset | None  # None
+    quality: float | None  # None
 
 def fit(
     foliage: Foliage,
@@ -678,6 +699,9 @@ def build_chain(
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
     ``pixels``: size at which a level's deviation appears where the level takes over.
+    ``quality``: image error in (0, 1) that level 1 may have where it takes over. Lowers ``pixels`` to the predicted
+    deviation there, and chooses ``epsilon``, unless given, so that the tree is cheapest to draw over all distances: a
+    smaller ε takes over nearer and has more triangles. ``None``: the other options decide.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides. ``None``: where leaves are single-sided.

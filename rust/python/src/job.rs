@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use leafcloud::lod::{self, Chain, ChainSettings};
 use leafcloud::{Foliage, Progress};
+use leafcloud_curve::quality::settings_for;
 use leafcloud_curve::{Built, Curve, Offer, Sweep, Wish, build_within, sweep};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
@@ -37,10 +38,49 @@ impl Output {
     }
 }
 
+/// What decides the settings of a chain.
+enum Goal {
+    /// The caller alone.
+    Given,
+    /// The image error that level 1 may have where it takes over; `free`: whether ε may change.
+    Quality {
+        target: f64,
+        free: bool,
+    },
+    Wish(Wish),
+}
+
+impl Goal {
+    fn build(
+        &self,
+        foliage: &Foliage,
+        trunk: Option<&Foliage>,
+        settings: &ChainSettings,
+        progress: Progress,
+    ) -> leafcloud::Result<(Chain, Option<Offer>)> {
+        match *self {
+            Self::Given => Ok((lod::build_chain(foliage, trunk, settings, progress)?, None)),
+            Self::Quality { target, free } => {
+                let choosing = progress.part(0.0, SHARE_OF_CHOICE);
+                let settings = settings_for(target, foliage, trunk, settings, free, choosing)?;
+                let building = progress.part(SHARE_OF_CHOICE, 1.0);
+                Ok((lod::build_chain(foliage, trunk, &settings, building)?, None))
+            }
+            Self::Wish(wish) => {
+                let Built { chain, offer, .. } = build_within(foliage, trunk, settings, wish, progress)?;
+                Ok((chain, Some(offer)))
+            }
+        }
+    }
+}
+
+/// Share of the progress for choosing settings by quality.
+const SHARE_OF_CHOICE: f64 = 0.3;
+
 /// Work with all its input.
 enum Work {
     Fit(Arc<Foliage>, leafcloud::fit::FitSettings),
-    Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Option<Wish>),
+    Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Goal),
     Curve(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Sweep),
 }
 
@@ -58,9 +98,20 @@ impl Work {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
+        let quality = options.quality()?;
         let (settings, wish) = (options.chain()?, options.wish()?);
         options.finish()?;
-        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, settings, wish))
+        let goal = match (quality, wish) {
+            (None, None) => Goal::Given,
+            (Some((target, free)), None) => Goal::Quality { target, free },
+            (None, Some(wish)) => Goal::Wish(wish),
+            (Some(_), Some(_)) => {
+                return Err(refuse(
+                    "`quality` and a wish (`seconds`, `image_error` or `preset`) exclude each other; give one of them",
+                ));
+            }
+        };
+        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, settings, goal))
     }
 
     fn curve(
@@ -90,15 +141,8 @@ impl Work {
                 let tell = |cloud: leafcloud::Cloud| better(output(cloud));
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
-            Self::Chain(foliage, trunk, settings, wish) => {
-                let (chain, offer) = match wish {
-                    None => (lod::build_chain(foliage, trunk.as_deref(), settings, progress)?, None),
-                    Some(wish) => {
-                        let Built { chain, offer, .. } =
-                            build_within(foliage, trunk.as_deref(), settings, *wish, progress)?;
-                        (chain, Some(offer))
-                    }
-                };
+            Self::Chain(foliage, trunk, settings, goal) => {
+                let (chain, offer) = goal.build(foliage, trunk.as_deref(), settings, progress)?;
                 Ok(Output::Chain(Arc::new(chain), foliage.frame().radius, offer))
             }
             Self::Curve(foliage, trunk, settings, wanted) => {

@@ -7,7 +7,7 @@ use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, share_page};
 use leafcloud::{Cloud, Error};
 use leafcloud_curve::{Offer, Stages};
-use leafcloud_flip::image_error;
+use leafcloud_flip::{ImageErrors, crown_pixels, image_error};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -407,6 +407,11 @@ impl PyLevel {
         interruptible(py, move |_| Ok(image_error(&pictures)))
     }
 
+    fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
+        let pictures = self.level().pictures.clone();
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&pictures))))
+    }
+
     #[getter]
     fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seconds = self.level().seconds;
@@ -430,5 +435,25 @@ impl PyLevel {
     fn foliage(&self) -> PyResult<PyFoliage> {
         let foliage = guard(|| self.level().foliage())?;
         Ok(PyFoliage(Arc::new(foliage)))
+    }
+}
+
+#[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
+pub struct PyImageErrors(ImageErrors);
+
+#[pymethods]
+impl PyImageErrors {
+    #[getter]
+    fn sizes(&self) -> Vec<f64> {
+        self.0.0.iter().map(|(side, _)| crown_pixels(*side as f64)).collect()
+    }
+
+    #[getter]
+    fn errors(&self) -> Vec<f64> {
+        self.0.0.iter().map(|(_, error)| *error).collect()
+    }
+
+    fn largest_size(&self, target: f64) -> Option<f64> {
+        self.0.largest_size(target).map(crown_pixels)
     }
 }

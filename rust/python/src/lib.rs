@@ -32,6 +32,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<levels::PyCloud>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<levels::PyChain>()?;
+    module.add_class::<levels::PyImageErrors>()?;
     module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
     module.add_class::<trunk::PySimplified>()?;

@@ -5,7 +5,7 @@ use leafcloud::limits::{self, Limits};
 use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
-use leafcloud_curve::{IMAGE_ERROR, SECONDS};
+use leafcloud_curve::{IMAGE_ERROR, SECONDS, quality};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMappingProxy};
 
@@ -80,6 +80,7 @@ fn chain_settings() -> Vec<Named> {
         real("prune_half", limits::PRUNE_HALF, Some(pruning.half)),
         real("seconds", SECONDS, None),
         real("image_error", IMAGE_ERROR, None),
+        real("quality", quality::TARGET, None),
     ]
 }
 

@@ -1,6 +1,6 @@
-//! The last level, the cross impostor: two perpendicular upright billboards through the center of the bounding sphere. Each shows the whole
-//! tree, trunk included. It keeps no ε, and no level morphs to it. Upright billboards do not show horizontal leaves, as on water or on
-//! tiers of boughs; such trees also get a horizontal billboard. Billboards that show almost nothing are left out.
+//! The last level, the cross impostor: two perpendicular upright billboards through the center of the bounding sphere, and a horizontal one at
+//! the mean height of the leaves, for views from above. Each shows the whole tree, trunk included. It keeps no ε, and no level morphs to it.
+//! Billboards that show almost nothing are left out.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -124,21 +124,14 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
     })
 }
 
-/// A horizontal plane is added if it shows this many times the leaf area that an upright plane shows.
-const LYING: f64 = 4.0;
-
 /// A plane is left out if it shows less than this share of the area that the best plane shows.
 const LEAST: f64 = 1.0 / 64.0;
 
 /// Returns the planes of the cross impostor: two upright ones and a horizontal one, each only if it shows enough area.
 fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
-    let standing = perpendicular_planes(up);
-    let seen_along =
-        |normal: DVec3| (0..leaves.triangle_count()).map(|t| leaves.area_vector(t).dot(normal).abs()).sum::<f64>();
-    let (lying, most) = (seen_along(up), seen_along(standing[0].normal).max(seen_along(standing[1].normal)));
-    let flat = (lying > LYING * most).then(|| Plane { normal: up, distance: middle_height(up, leaves) });
+    let flat = Plane { normal: up, distance: middle_height(up, leaves) };
     let shows = |plane: &Plane| triangles.iter().map(|t| area_vector(t.2).dot(plane.normal).abs()).sum::<f64>();
-    let planes: Vec<Plane> = standing.into_iter().chain(flat).collect();
+    let planes: Vec<Plane> = perpendicular_planes(up).into_iter().chain([flat]).collect();
     let enough = LEAST * planes.iter().map(shows).fold(0.0, f64::max);
     planes.into_iter().filter(|plane| shows(plane) >= enough).collect()
 }

@@ -110,8 +110,6 @@ pub(super) struct Step<'a> {
     pub deviation: f64,
     /// Size of the atlas page.
     pub page: PageSize,
-    /// Greatest size of a texel where the level takes over, pixels.
-    pub texel_pixels: f64,
     /// Channels of the atlas page.
     pub channels: Channels,
     /// Sky visibility in leaves and trunk, if a channel depends on it.
@@ -119,6 +117,10 @@ pub(super) struct Step<'a> {
     /// Metrics renderers for the leaves.
     pub references: &'a References,
 }
+
+/// Greatest size of a texel in pixels, where a level takes over. Leaves are only some pixels large there, and texels of a pixel would blur
+/// them.
+const TEXEL_PIXELS: f64 = 0.7;
 
 /// Least size of a texel as a share of the size of a texel of the level before.
 const SOURCE_SHARE: f64 = 0.5;
@@ -139,14 +141,14 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     let cloud = fitted(step, two_sided, settings.pixels, progress.part(0.0, 0.6))?;
     let fitted = Instant::now();
     progress.tell("pack", 0.6)?;
-    let projection = tune::projection(finer, &cloud, &step.references.tuning)?;
+    let (_, projection) = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
     let deviation = (step.deviation + cloud.max_deviation()) / finer.frame().radius;
     let texel = if settings.fitting_pages {
         // Finer texels than half of the source's show nothing more.
         let source = source_texel(finer).unwrap_or(0.0);
-        (step.texel_pixels * deviation / settings.pixels).max(SOURCE_SHARE * source)
+        (TEXEL_PIXELS * deviation / settings.pixels).max(SOURCE_SHARE * source)
     } else {
         0.0
     };

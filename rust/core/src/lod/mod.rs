@@ -4,6 +4,7 @@
 mod billboards;
 mod budget;
 mod cross;
+mod draft;
 mod drawn;
 mod hidden;
 mod level;
@@ -17,6 +18,7 @@ mod tune;
 mod worth;
 
 pub use billboards::billboards;
+pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Seconds};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
@@ -28,14 +30,12 @@ use std::time::Instant;
 use glam::DVec3;
 
 use self::references::References;
-use self::size::Fitted;
 use self::worth::{Before, Made};
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Frame;
 use crate::metrics::{LeafSamples, visibility};
-use crate::polygons::Scale;
 use crate::progress::Progress;
 use crate::prune::{self, Kept, Pruned, Trend};
 use crate::textures::Sky;
@@ -171,7 +171,6 @@ pub fn build_chain(
             is_wish: index == 0 && settings.triangles.is_some(),
             deviation: made.levels.last().map_or(0.0, |l| l.max_deviation_leaves),
             page: settings.page(index),
-            texel_pixels: if index == 0 { 1.0 } else { LATER_TEXEL },
             channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
             references: &references,
@@ -201,29 +200,6 @@ pub fn build_chain(
     Ok(Chain { levels, left_out, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
 }
 
-/// Returns the fit settings with the size limit that level 1 of `foliage` gets. Fits that are compared with one another need the same limit.
-///
-/// # Errors
-/// The errors of a fit.
-pub fn settled_fit(
-    settings: &ChainSettings,
-    foliage: &Foliage,
-    trunk: Option<&Foliage>,
-    progress: Progress,
-) -> Result<FitSettings> {
-    let (fit, copies) =
-        (&settings.fit, if settings.back_sides.unwrap_or_else(|| foliage.is_single_sided()) { 2 } else { 1 });
-    let fitted = Fitted {
-        finer: foliage,
-        opacity: &fit.opacity(foliage),
-        bound: fit.epsilon * foliage.frame().radius,
-        most: size::billboards_within(budget::of_first(settings, foliage, trunk)[0], copies),
-        scale: Scale { pixels_per_unit: settings.pixels / fit.epsilon, copies },
-    };
-    let (max_size, _) = fitted.cloud(fit, progress)?;
-    Ok(FitSettings { max_size, ..fit.clone() })
-}
-
 /// Returns the progress of one of `count` levels. The first processes all leaves and takes most of the time.
 fn part_of_level(progress: Progress<'_>, index: usize, count: usize) -> Progress<'_> {
     let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
@@ -235,10 +211,6 @@ fn pivots(foliage: &Foliage) -> Vec<DVec3> {
     let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_tree(pivot)).collect();
     foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
 }
-
-/// Greatest size of a texel in pixels, where a level after level 1 takes over. Its leaves are only some pixels large, and texels of a pixel
-/// would blur them.
-const LATER_TEXEL: f64 = 0.5;
 
 /// Greatest distance of the trunk from the center of the leaves, in R of the leaves.
 const TRUNK_REACH: f64 = 1000.0;

@@ -27,12 +27,18 @@ impl References {
         let ChainSettings { views, up, .. } = *settings;
         Ok(Self {
             tuning: Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?,
-            report: Reference::new(whole, frame, report_views(views.report, up))?,
+            report: Reference::new(whole, frame, report_views(views.report, up)?)?,
         })
     }
 }
 
+/// Side of the report's pictures, in pixels. Smaller sizes are means of these.
+const REPORT_SIZE: usize = 256;
+
+/// Samples along each side of a pixel of the report's pictures: 4 × 4 samples for a pixel at half of their size.
+const REPORT_SAMPLES: usize = 2;
+
 /// Returns the views that the reported metrics use.
-pub fn report_views(count: usize, up: DVec3) -> Views {
-    Views { count, size: 128, samples: Samples::default(), up, turn: 0.5 }
+pub fn report_views(count: usize, up: DVec3) -> Result<Views> {
+    Ok(Views { count, size: REPORT_SIZE, samples: Samples::new(REPORT_SAMPLES)?, up, turn: 0.5 })
 }

@@ -225,7 +225,7 @@ fn rimmed_ball() -> Foliage {
 fn levels_have_the_mean_colour_of_the_leaves() {
     let foliage = rimmed_ball();
     let chain = build_chain(&foliage, None, &settings(), Progress::silent()).unwrap();
-    let reference = Reference::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z)).unwrap();
+    let reference = Reference::new(&[&foliage], foliage.frame(), report_views(8, DVec3::Z).unwrap()).unwrap();
     for level in &chain.levels {
         let ratio = reference.tone(&level.foliage().unwrap()).unwrap();
         // Cutoff and rims alone shift the color by a ninth; pictures of other sizes differ by half of the limit.

@@ -53,9 +53,10 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 64, samples: Samples::new(3)?.unfiltered(), up, turn: TURN })
 }
 
-/// Returns the projection whose collapsed leaves cover as much as the leaves. `finer` collapses; `leaves` renders the reference.
-pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<Projection> {
-    let mut best: Option<(f64, Projection)> = None;
+/// Returns the projection whose collapsed leaves cover as much as the leaves, after its stretch limit. `finer` collapses; `leaves` renders the
+/// reference.
+pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(f64, Projection)> {
+    let mut best: Option<(f64, (f64, Projection))> = None;
     for limit in STRETCHES {
         let projection = Projection::new(finer, cloud, limit);
         let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
@@ -63,7 +64,7 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<
         // Coverage grows with the stretch: once the error grows, more stretch makes it worse.
         match best {
             Some((least, _)) if off >= least => break,
-            _ => best = Some((off, projection)),
+            _ => best = Some((off, (limit, projection))),
         }
     }
     Ok(best.expect("the first stretch is always a choice").1)

@@ -21,6 +21,9 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::textures::Samples;
 
+/// Radius of a picture in R of the leaves.
+pub const PICTURE_RADIUS: f64 = 1.025;
+
 /// Set of views for metrics: number, orientation and resolution.
 #[derive(Clone, Copy, Debug)]
 pub struct Views {
@@ -51,7 +54,7 @@ impl Views {
 
     /// Returns the views, sized to the sphere of `frame`.
     pub fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
-        let (centre, radius) = (frame.centre, frame.radius * 1.025);
+        let (centre, radius) = (frame.centre, frame.radius * PICTURE_RADIUS);
         let Self { size, samples, up, .. } = self;
         self.directions().collect::<Vec<_>>().into_iter().map(move |direction| View {
             direction,

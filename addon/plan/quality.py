@@ -1,0 +1,102 @@
+"""Quality: the image error that a level may have where it takes over.
+
+The setting `quality` goes from 0 (fast) to 1 (exact); its middle is the error that nobody notices at the hand-over.
+Later levels may have more error, because the tree is smaller where they take over. The core chooses the error bound of
+level 1 by the target, and each level takes over at the largest size at which its measured error is within its target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import leafcloud
+
+from ..settings.bake import BakeSettings
+from .lod_range import View
+
+UNNOTICED = 0.06
+"""Image error of level 1 that nobody notices where it takes over: FLIP within the silhouette."""
+
+RANGE = 3.0
+"""Factor on the error from the middle of the setting to its ends."""
+
+LATER = 4.0 / 3.0
+"""Factor on the error of levels after level 1."""
+
+TYPICAL_PIXELS = 2.0
+"""Typical deviation in pixels where a level takes over at the default quality: 1 to 4 on the measured trees."""
+
+SMALLEST_CROWN = 7.8
+"""Diameter of the crown in pixels, in the smallest pictures that the core measures."""
+
+FINEST_BOUND = 0.014
+"""The smallest error bound that the core chooses by quality."""
+
+
+class HandOver(NamedTuple):
+    """Where a level takes over by its picture.
+
+    size: diameter of the crown in pixels; infinite if the level never differs more than its target. error: image error
+    at the smallest measured size. target: error that quality allows.
+    """
+
+    size: float
+    error: float
+    target: float
+
+    @property
+    def is_reached(self) -> bool:
+        return self.error <= self.target
+
+
+def target_error(quality: float, number: int = 1) -> float:
+    """Return the image error that level `number` may have where it takes over."""
+    error = UNNOTICED * RANGE ** (1.0 - 2.0 * quality)
+    return error if number == 1 else LATER * error
+
+
+def decides_distances(settings: BakeSettings) -> bool:
+    """Return whether quality sets the LOD distances. `pixels` replaces it."""
+    return settings.pixels is None
+
+
+def core_quality(settings: BakeSettings) -> float | None:
+    """Return the option `quality` of the core; None if other settings decide."""
+    if not decides_distances(settings) or settings.wish is not None or settings.chain != "billboards":
+        return None
+    return target_error(settings.quality)
+
+
+def hand_overs(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tuple[HandOver, ...]:
+    """Measure where each level takes over by its picture; empty if quality does not decide."""
+    if not decides_distances(settings):
+        return ()
+    found = []
+    for number, level in enumerate(levels, start=1):
+        errors, target = level.image_errors(), target_error(settings.quality, number)
+        size = errors.largest_size(target)
+        found.append(HandOver(errors.sizes[0] if size is None else size, errors.errors[0], target))
+    return tuple(found)
+
+
+def quality_warnings(found: Sequence[HandOver], levels: Sequence[leafcloud.Level]) -> list[str]:
+    """Return a message for each level whose picture is within its target at no size."""
+    warnings = []
+    for number, (each, level) in enumerate(zip(found, levels, strict=True), start=1):
+        if each.is_reached:
+            continue
+        remedy = "leave it out with `cross=False`" if level.cloud is None else "raise `triangles`"
+        warnings.append(
+            f"level {number} has an image error of {each.error:.3g} even where the crown is {each.size:.0f} pixels "
+            f"large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"
+        )
+    return warnings
+
+
+def distance_of(size: float, radius: float, view: View) -> float:
+    """Return the distance at which a sphere of this radius is `size` pixels large; 0 for an infinite size."""
+    if size == float("inf"):
+        return 0.0
+    distance: float = leafcloud.switch_distance(2.0 * radius, size, view.resolution, view.field_of_view)
+    return distance
