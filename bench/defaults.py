@@ -36,7 +36,7 @@ matplotlib.use("Agg")  # Without a display.
 SAMPLES = 8
 """Samples along a pixel's side."""
 SIZE = 256
-LEAST, MOST = 16, 512
+LEAST, MOST = 8, 512
 """Limits of the size where a level takes over, for its pictures."""
 SHOWN = 3
 """The view in the picture: from 20° above the ground."""

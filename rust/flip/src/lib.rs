@@ -2,9 +2,9 @@
 //! those of the leaves, through the crate `nv-flip`, a wrapper of NVIDIA's C++ code.
 //!
 //! FLIP's code uses the platform's `pow`, so its last digits differ between machines. It is kept out of the crate `leafcloud`, where the
-//! same input, settings and seed give the same bytes on any machine: no chain of given settings depends on the image error. Two things do.
-//! `report.json` states it, rounded to three digits. `leafcloud-curve` chooses settings by it, and by the clock, for a wish (`seconds`,
-//! `image_error` or a `preset`).
+//! same input, settings and seed give the same bytes on any machine: no chain of given settings depends on the image error. Three things do,
+//! by errors that are rounded to three digits. `report.json` states it. `leafcloud-curve` chooses settings by it, for a quality, or for a wish
+//! (`seconds`, `image_error` or a `preset`), which also depends on the clock. The add-on sets LOD distances by it.
 
 mod sizes;
 
