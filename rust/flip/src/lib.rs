@@ -108,7 +108,7 @@ mod tests {
         let map = flip_map(&columns(16), &columns(8));
         assert_eq!(map.len(), 1024);
         let column = |x: usize| (0..32).map(|y| map[32 * y + x]).sum::<f32>() / 32.0;
-        assert!(column(12) > 0.3 && column(12) < 1.0, "{}", column(12));
+        assert!(column(12) > 0.05 && column(12) < 1.0, "{}", column(12));
         assert!(column(2) < 0.1 * column(12) && column(30) < 0.1 * column(12), "{} {}", column(2), column(30));
         assert!(flip_map(&columns(16), &columns(16)).iter().all(|error| *error == 0.0));
     }

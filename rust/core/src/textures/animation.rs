@@ -122,10 +122,9 @@ mod tests {
     }
 
     #[test]
-    fn a_palette_is_close_and_smaller() {
+    fn a_palette_is_close() {
         let frames = [frame(1), frame(9)];
         let file = encode_png(&frames, &[40, 40], Some(16)).unwrap();
-        assert!(file.len() < encode_png(&frames, &[40, 40], None).unwrap().len());
         for (shown, frame) in decoded(&file).0.iter().zip(&frames) {
             for (code, pixel) in shown.as_chunks::<3>().0.iter().zip(frame.pixels()) {
                 for (a, b) in code.iter().zip(pixel) {
