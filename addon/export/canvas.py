@@ -6,7 +6,7 @@ A block is an opaque sRGB image (h, w, 3). Pictures have an alpha (h, w, 4).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ Picture = NDArray[np.uint8]
 Color = tuple[int, int, int]
 Box = tuple[int, int, int, int]
 """First row, end of the rows, first column, end of the columns."""
+
+_Pixel = TypeVar("_Pixel", bound=np.generic)
 
 PAPER: Color = (247, 248, 250)
 """Color around the pictures."""
@@ -47,13 +49,13 @@ def empty(height: int, width: int, color: Color = PAPER) -> Block:
 def over(picture: Picture, color: Color = GROUND) -> Block:
     """Return the picture on a background."""
     alpha = picture[..., 3:].astype(np.float32) / 255.0
-    return np.rint(picture[..., :3] * alpha + np.float32(color) * (1.0 - alpha)).astype(np.uint8)
+    return np.rint(picture[..., :3] * alpha + _codes(color) * (1.0 - alpha)).astype(np.uint8)
 
 
 def text(line: str, size: float, color: Color = INK, ground: Color = PAPER) -> Block:
     """Return a line of text. `size`: pixels per em."""
     ink = leafcloud.draw_text(line[:200], size)[..., None].astype(np.float32) / 255.0
-    return np.rint(np.float32(color) * ink + np.float32(ground) * (1.0 - ink)).astype(np.uint8)
+    return np.rint(_codes(color) * ink + _codes(ground) * (1.0 - ink)).astype(np.uint8)
 
 
 def number(value: float) -> str:
@@ -117,7 +119,7 @@ def silhouette(pictures: Sequence[Picture], margin: int = 1) -> Box:
     return top, int(rows[-1]) + 1 + margin, left, int(columns[-1]) + 1 + margin
 
 
-def cropped(image: NDArray[np.generic], box: Box) -> NDArray[np.generic]:
+def cropped(image: NDArray[_Pixel], box: Box) -> NDArray[_Pixel]:
     """Return the part of an image in the box."""
     top, bottom, left, right = box
     return image[top:bottom, left:right]
@@ -146,3 +148,7 @@ def color_bar(height: int) -> Block:
     room = height - sum(end.shape[0] for end in ends)
     labels = below([ends[0], empty(max(room, 0), 1), ends[1]], 0)[:height]
     return beside([bar, labels], 3)
+
+
+def _codes(color: Color) -> NDArray[np.float32]:
+    return np.array(color, np.float32)

@@ -118,7 +118,9 @@ class Camera:
         """Return the picture (h, w, 4) of the box from `distance`."""
         size = self.scale * pixels_of(2.0 * self.sphere.radius, distance, self.view)
         radius = self.sphere.radius * self.pixels / size
-        picture = leafcloud.render(parts, DIRECTION, self.pixels, centre=self.sphere.centre, radius=radius, samples=SAMPLES)
+        picture = leafcloud.render(
+            parts, DIRECTION, self.pixels, centre=self.sphere.centre, radius=radius, samples=SAMPLES
+        )
         return canvas.cropped(picture, self.box)
 
 

@@ -180,7 +180,9 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     names = [leaves.name, level.name, "Difference (FLIP)"]
     columns: list[Block] = []
     if times > 1:
-        columns.append(_column(own_size.capitalize(), [_labelled(*each) for each in zip(names[:2], colors[:2], strict=True)]))
+        columns.append(
+            _column(own_size.capitalize(), [_labelled(*each) for each in zip(names[:2], colors[:2], strict=True)])
+        )
     labels = [f"{name}, {own_size}" if times == 1 else f"{name} × {times}" for name in names]
     window = None
     if times < ENLARGED:
@@ -220,7 +222,9 @@ def views(subjects: Sequence[Subject], sphere: Sphere, width: int) -> Block:
     height = (width - (len(VIEWS) - 1) * GAP) / sum(across / up for up, across in shapes) * FRAMES_LEFT
     sizes = [min(height, TALLEST_VIEW) / up for up, _ in shapes]
     pictured = list(zip(VIEWS.values(), sizes, strict=True))
-    columns = [[sphere.picture(subject, size, direction, VIEW_SAMPLES) for subject in subjects] for direction, size in pictured]
+    columns = [
+        [sphere.picture(subject, size, direction, VIEW_SAMPLES) for subject in subjects] for direction, size in pictured
+    ]
     boxes = [canvas.silhouette(column) for column in columns]
     rows = []
     for number, subject in enumerate(subjects):
