@@ -21,7 +21,7 @@ from . import canvas
 from .canvas import Block, Box, Picture
 
 LARGEST, SMALLEST = 480, 8
-"""Range of the size of a picture in pixels, before it is framed. A larger swap size is reduced, and the label says so."""
+"""Range of the size of a picture in pixels, before it is framed. Labels name swap sizes outside the range."""
 WIDEST = 408
 """Maximum side of an enlarged picture."""
 ENLARGED = 4
@@ -170,35 +170,40 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     """Return the leaves, the level and their difference at swap size and enlarged. `pixels`: diameter of the sphere."""
     size = float(np.clip(pixels, SMALLEST, LARGEST))
     pair = [sphere.picture(subject, size) for subject in (leaves, level)]
-    errors = leafcloud.flip_map(*pair)
     box = canvas.silhouette(pair)
+    errors = canvas.cropped(leafcloud.flip_map(*pair), box)
     colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]
-    colors.append(canvas.heat(canvas.cropped(errors, box)))
+    names = [leaves.name, level.name, "Difference (FLIP)"]
+    own_size = "swap size" if size == pixels else f"{size / pixels:.2g} × swap size"
     height, width, _ = colors[0].shape
     times = max(min(WIDEST // height, WIDEST // width), 1)
-    own_size = "swap size" if size == pixels else f"{size / pixels:.2g} of the swap size"
-    names = [leaves.name, level.name, "Difference (FLIP)"]
     columns: list[Block] = []
     if times > 1:
-        columns.append(
-            _column(own_size.capitalize(), [_labelled(*each) for each in zip(names[:2], colors[:2], strict=True)])
-        )
+        small = [_labelled(name, color) for name, color in zip(names, colors, strict=False)]
+        columns.append(_column(own_size.capitalize(), small))
     labels = [f"{name}, {own_size}" if times == 1 else f"{name} × {times}" for name in names]
-    window = None
-    if times < ENLARGED:
-        room = (3 * (WIDEST - width * times) - 2 * GAP) // (2 * ENLARGED)
-        sides = (max(height * times // ENLARGED, 1), max(room, NARROWEST_DETAIL))
-        window = worst_window(canvas.cropped(errors, box), sides)
-        details = [canvas.enlarged(canvas.cropped(color, window), ENLARGED) for color in colors[:2]]
-    for label, color in zip(labels, colors, strict=True):
-        frame = canvas.PAPER if color is colors[2] else canvas.INK
-        marked = color if window is None else canvas.outlined(color, window, frame)
-        columns.append(_column(label, [canvas.enlarged(marked, times)]))
-    columns[-1] = canvas.beside([columns[-1], canvas.color_bar(height * times)], 4, "bottom")
-    if window is not None:
-        headings = [f"{name}, frame × {ENLARGED}" for name in names[:2]]
-        columns += [_column(heading, [detail]) for heading, detail in zip(headings, details, strict=True)]
+    if times >= ENLARGED:
+        return canvas.beside([*columns, *_triple(labels, colors, errors, times, None)], GAP)
+    room = (3 * (WIDEST - width * times) - 2 * GAP) // (2 * ENLARGED)
+    window = worst_window(errors, (max(height * times // ENLARGED, 1), max(room, NARROWEST_DETAIL)))
+    columns += _triple(labels, colors, errors, times, window)
+    for name, color in zip(names, colors, strict=False):
+        detail = canvas.enlarged(canvas.cropped(color, window), ENLARGED)
+        columns.append(_column(f"{name}, frame × {ENLARGED}", [detail]))
     return canvas.beside(columns, GAP)
+
+
+def _triple(
+    labels: Sequence[str], colors: Sequence[Block], errors: NDArray[np.float32], times: int, window: Box | None
+) -> list[Block]:
+    """Return the two pictures and the heat map of their difference, enlarged, with a frame around the window."""
+    frames = [canvas.INK, canvas.INK, canvas.PAPER]
+    blocks = []
+    for color, frame in zip([*colors, canvas.heat(errors)], frames, strict=True):
+        marked = color if window is None else canvas.outlined(color, window, frame)
+        blocks.append(canvas.enlarged(marked, times))
+    blocks[2] = canvas.beside([blocks[2], canvas.color_bar(blocks[2].shape[0])], 4)
+    return [_column(label, [block]) for label, block in zip(labels, blocks, strict=True)]
 
 
 def worst_window(errors: NDArray[np.float32], sides: tuple[int, int]) -> Box:
