@@ -34,6 +34,8 @@ COLORS = 64
 SAMPLES = 3
 """Samples along each side of a drawn pixel."""
 TEXT = 11
+"""Size of the text in pixels."""
+INDENT = 4
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,8 @@ def _frame(hand_over: HandOver, camera: Camera, distance: float) -> canvas.Block
     names = f"{hand_over.before.name} → {hand_over.after.name}"
     picture = canvas.enlarged(color, camera.times)
     lines = [canvas.text(names, TEXT), canvas.text(", ".join(told), TEXT, canvas.GRAY)]
-    return canvas.below([picture, *(line[:, : picture.shape[1]] for line in lines)], 0)
+    indented = [canvas.beside([canvas.empty(1, INDENT), line], 0)[:, : picture.shape[1]] for line in lines]
+    return canvas.below([picture, *indented], 0)
 
 
 def _faded(picture: canvas.Picture, share: float, ground: canvas.Block) -> canvas.Block:

@@ -38,7 +38,7 @@ VIEW_SAMPLES = 2
 """Samples along each side of a pixel of the views."""
 FRAMES_LEFT = 0.96
 """Fraction of the views' width for the leaves; levels are a little wider."""
-TALLEST_VIEW = 260
+TALLEST_VIEW = 300
 """Maximum height of a picture in the views."""
 
 DIRECTION = (0.45, -1.0, 0.2)
@@ -184,7 +184,7 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     labels = [f"{name}, {own_size}" if times == 1 else f"{name} × {times}" for name in names]
     if times >= ENLARGED:
         return canvas.beside([*columns, *_triple(labels, colors, errors, times, None)], GAP)
-    room = (3 * (WIDEST - width * times) - 2 * GAP) // (2 * ENLARGED)
+    room = (round(3 * WIDEST * min(1.25 * width / height, 1.0)) - 3 * width * times - 2 * GAP) // (2 * ENLARGED)
     window = worst_window(errors, (max(height * times // ENLARGED, 1), max(room, NARROWEST_DETAIL)))
     columns += _triple(labels, colors, errors, times, window)
     for name, color in zip(names, colors, strict=False):
@@ -200,8 +200,11 @@ def _triple(
     frames = [canvas.INK, canvas.INK, canvas.PAPER]
     blocks = []
     for color, frame in zip([*colors, canvas.heat(errors)], frames, strict=True):
-        marked = color if window is None else canvas.outlined(color, window, frame)
-        blocks.append(canvas.enlarged(marked, times))
+        block = canvas.enlarged(color, times)
+        if window is not None:
+            top, bottom, left, right = (times * edge for edge in window)
+            block = canvas.outlined(block, (top, bottom, left, right), frame)
+        blocks.append(block)
     blocks[2] = canvas.beside([blocks[2], canvas.color_bar(blocks[2].shape[0])], 4)
     return [_column(label, [block]) for label, block in zip(labels, blocks, strict=True)]
 
@@ -260,7 +263,7 @@ def sphere_of(parts: Sequence[leafcloud.Foliage]) -> Sphere:
 def _framed_shape(subject: Subject, sphere: Sphere, direction: Sequence[float]) -> tuple[float, float]:
     """Return height and width of the subject's silhouette as fractions of the sphere's diameter."""
     side = 64
-    top, bottom, left, right = canvas.silhouette([sphere.picture(subject, side, direction, 1)], 0)
+    top, bottom, left, right = canvas.silhouette([sphere.picture(subject, side, direction)], 0)
     return (bottom - top) / side, (right - left) / side
 
 

@@ -19,6 +19,9 @@ from .preview import LevelFigure, TreeFigures
 COLORS = 256
 """Maximum number of colors of each picture in the page."""
 
+PADDING = 10
+"""Pixels of paper around a picture."""
+
 Row = Mapping[str, Any]
 
 STYLE = """
@@ -30,11 +33,11 @@ body { margin: 0 auto; max-width: 90rem; padding: 1.5rem; color: var(--ink); bac
   font: 15px/1.45 system-ui, sans-serif; }
 h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.4rem; margin: 2rem 0 .5rem; }
 h3 { font-size: 1.1rem; margin: 1.5rem 0 .4rem; } p { margin: .2rem 0; } .soft { color: var(--soft); }
-.level { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-start; }
-figure { margin: 0; max-width: 100%; } figcaption { color: var(--soft); font-size: .85rem; }
+.films { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-start; }
 img { max-width: 100%; height: auto; border-radius: 6px; } .film { image-rendering: pixelated; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; background: var(--card); font-size: .9rem; }
-th, td { padding: .3rem .6rem; border: 1px solid var(--line); text-align: right; white-space: nowrap; }
+th, td { padding: .3rem .6rem; border: 1px solid var(--line); text-align: right; }
+td { white-space: nowrap; }
 th { font-weight: 600; } td.text, th.text { text-align: left; white-space: normal; }
 details { margin: .8rem 0; } summary { cursor: pointer; font-weight: 600; }
 pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); padding: .6rem; font-size: .8rem; }
@@ -81,8 +84,9 @@ def _tree(tree: TreePage, *, heading: bool) -> list[str]:
     parts += [f"<p>{_escaped(each['reason'])}</p>" for each in content["left_out"]]
     names = [level.name for level in figures.levels]
     parts.append(levels_table(names, content["levels"], content["input"]["radius"]))
-    for level, film in zip(figures.levels[1:], tree.films, strict=True):
-        parts += _level(level, film)
+    parts += ["<h3>Flights across the hand-overs</h3>", _films(figures.levels[1:], tree.films)]
+    for level in figures.levels[1:]:
+        parts += _level(level)
     parts += ["<h3>All levels from five directions</h3>", _picture(figures.views, "All levels from five directions")]
     parts.append(_details("Cost of drawing where each level takes over", drawing_table(names, content["levels"])))
     parts.append(_details("Effects", effects_table(content["effects"])))
@@ -91,14 +95,19 @@ def _tree(tree: TreePage, *, heading: bool) -> list[str]:
     return parts
 
 
-def _level(level: LevelFigure, film: bytes) -> list[str]:
-    panel = "" if level.panel is None else _picture(level.panel, f"{level.name} beside the leaves")
-    flight = f"Flight across the hand-over to: {level.name}"
+def _films(levels: Sequence[LevelFigure], films: Sequence[bytes]) -> str:
+    images = (
+        _image(film, f"Flight across the hand-over to: {level.name}", "film")
+        for level, film in zip(levels, films, strict=True)
+    )
+    return f'<div class="films">{"".join(images)}</div>'
+
+
+def _level(level: LevelFigure) -> list[str]:
     return [
         f"<h3>{_escaped(level.name)}</h3>",
         f'<p class="soft">{_escaped("  ·  ".join(level.figures))}</p>',
-        f'<div class="level"><figure>{panel}</figure>',
-        f"<figure>{_image(film, flight, 'film')}<figcaption>Flight across the hand-over</figcaption></figure></div>",
+        "" if level.panel is None else _picture(level.panel, f"{level.name} beside the leaves"),
     ]
 
 
@@ -106,7 +115,7 @@ def levels_table(names: Sequence[str], levels: Sequence[Row], radius: float) -> 
     """Return the table of the levels. `radius`: R of the leaves."""
     heads = [
         "Level", "Triangles", "Trunk triangles", "Billboards", "Texture", "Image error", "LOD distance", "in R",
-        "Maximum deviation from the leaves (R)", "Times cheaper to draw", "GPU MB",
+        "Maximum deviation (R)", "Times cheaper to draw", "GPU MB",
     ]  # fmt: skip
     rows = []
     for name, level in zip(names, levels, strict=True):
@@ -189,7 +198,8 @@ def _details(summary: str, content: str) -> str:
 
 
 def _picture(block: canvas.Block, description: str) -> str:
-    opaque = np.dstack([block, np.full(block.shape[:2], 255, np.uint8)])
+    card = canvas.framed(block, PADDING)
+    opaque = np.dstack([card, np.full(card.shape[:2], 255, np.uint8)])
     return _image(leafcloud.encode_png([opaque], colors=COLORS), description, "still")
 
 
