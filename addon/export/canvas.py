@@ -28,6 +28,9 @@ GROUND: Color = (204, 214, 224)
 INK: Color = (28, 33, 40)
 GRAY: Color = (92, 102, 114)
 
+COLORS = 256
+"""Maximum number of colors of a file. With this palette a file has a third of the bytes and looks the same."""
+
 _HEAT = np.array(
     [(0, 0, 4), (28, 16, 68), (79, 18, 123), (129, 37, 129), (181, 54, 122),
      (229, 80, 100), (251, 135, 97), (254, 194, 135), (252, 253, 191)], np.float64
@@ -44,6 +47,16 @@ def empty(height: int, width: int, color: Color = PAPER) -> Block:
     block = np.empty((height, width, 3), np.uint8)
     block[:] = color
     return block
+
+
+def opaque(block: Block) -> Picture:
+    """Return the block as a picture without transparency."""
+    return np.dstack([block, np.full(block.shape[:2], 255, np.uint8)])
+
+
+def png(block: Block) -> bytes:
+    """Return the block as a PNG file in few colors."""
+    return leafcloud.encode_png([opaque(block)], colors=COLORS)
 
 
 def over(picture: Picture, color: Color = GROUND) -> Block:

@@ -22,16 +22,16 @@ SIDE = 216
 """Maximum side of the pictures of a film in pixels."""
 NARROWEST = 224
 """Minimum width, for the text below the picture."""
-APPROACH, FADING = 10, 8
+APPROACH, FADING = 8, 6
 """Frames before and after the next level appears."""
 NEARER, BEYOND = 0.95, 1.04
 """The flight begins and ends at these multiples of the distances where the transition begins and ends."""
 LEAST_MORPH = 0.15
 """Without a morph the flight begins this fraction of the distance before the next level appears."""
-FRAME, FIRST, LAST = 90, 600, 1200
+FRAME, FIRST, LAST = 110, 600, 1200
 """Durations of frames in milliseconds."""
 COLORS = 64
-SAMPLES = 3
+SAMPLES = 2
 """Samples along each side of a drawn pixel."""
 TEXT = 11
 """Size of the text in pixels."""
@@ -79,10 +79,8 @@ def film(hand_over: HandOver, sphere: Sphere, view: View) -> bytes:
     """Return an animated PNG of one hand-over."""
     camera = Camera.of(hand_over, sphere, view)
     blocks = [_frame(hand_over, camera, distance) for distance in hand_over.distances.tolist()]
-    opaque = np.full(blocks[0].shape[:2], 255, np.uint8)
-    frames = [np.dstack([block, opaque]) for block in blocks]
-    durations = [FIRST, *[FRAME] * (len(frames) - 2), LAST]
-    return leafcloud.encode_png(frames, milliseconds=durations, colors=COLORS)
+    durations = [FIRST, *[FRAME] * (len(blocks) - 2), LAST]
+    return leafcloud.encode_png([canvas.opaque(block) for block in blocks], milliseconds=durations, colors=COLORS)
 
 
 @dataclass(frozen=True)

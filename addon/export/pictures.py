@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import leafcloud
-
 from ..bake.values import Baked
+from . import canvas
 from .flight import flights
 from .preview import preview_image, tree_figures
 from .report_page import TreePage, page
@@ -27,7 +26,7 @@ def write_pictures(
     name: base name of the files. content: that of report.json. trees: each tree with its own report.
     """
     pages = [TreePage(report, tree_figures(tree, report["levels"]), flights(tree)) for tree, report in trees]
-    leafcloud.write_png(str(staging.path("preview.png")), preview_image([each.figures for each in pages]))
+    staging.path("preview.png").write_bytes(canvas.png(preview_image([each.figures for each in pages])))
     for (tree, _), each in zip(trees, pages, strict=True):
         for number, film in enumerate(each.films, 1):
             staging.path(film_name(tree, number)).write_bytes(film)

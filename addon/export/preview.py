@@ -160,10 +160,9 @@ def sheet(figures: TreeFigures) -> Block:
     return canvas.framed(canvas.below(blocks, MARGIN), MARGIN)
 
 
-def preview_image(trees: Sequence[TreeFigures]) -> NDArray[np.uint8]:
-    """Return the image (h, w, 4) of preview.png."""
-    block = canvas.below([sheet(tree) for tree in trees], 0)
-    return np.dstack([block, np.full(block.shape[:2], 255, np.uint8)])
+def preview_image(trees: Sequence[TreeFigures]) -> Block:
+    """Return the image of preview.png."""
+    return canvas.below([sheet(tree) for tree in trees], 0)
 
 
 def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) -> Block:
@@ -226,7 +225,9 @@ def views(subjects: Sequence[Subject], sphere: Sphere, width: int) -> Block:
 
     All pictures have about the same height.
     """
-    shapes = [_framed_shape(subjects[0], sphere, direction) for direction in VIEWS.values()]
+    # Level 1 has the shape of the leaves and far fewer triangles.
+    shape = subjects[min(1, len(subjects) - 1)]
+    shapes = [_framed_shape(shape, sphere, direction) for direction in VIEWS.values()]
     height = (width - (len(VIEWS) - 1) * GAP) / sum(across / up for up, across in shapes) * FRAMES_LEFT
     sizes = [min(height, TALLEST_VIEW) / up for up, _ in shapes]
     pictured = list(zip(VIEWS.values(), sizes, strict=True))

@@ -9,15 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-import leafcloud
-
 from . import canvas
 from .preview import LevelFigure, TreeFigures
-
-COLORS = 256
-"""Maximum number of colors of each picture in the page."""
 
 PADDING = 10
 """Pixels of paper around a picture."""
@@ -198,9 +191,7 @@ def _details(summary: str, content: str) -> str:
 
 
 def _picture(block: canvas.Block, description: str) -> str:
-    card = canvas.framed(block, PADDING)
-    opaque = np.dstack([card, np.full(card.shape[:2], 255, np.uint8)])
-    return _image(leafcloud.encode_png([opaque], colors=COLORS), description, "still")
+    return _image(canvas.png(canvas.framed(block, PADDING)), description, "still")
 
 
 def _image(png: bytes, description: str, kind: str) -> str:

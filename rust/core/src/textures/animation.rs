@@ -54,7 +54,7 @@ fn write(
     let mut encoder = Encoder::new(file, frames[0].width() as u32, frames[0].height() as u32);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
-    encoder.set_compression(if palette.is_some() { Compression::High } else { Compression::Balanced });
+    encoder.set_compression(Compression::Balanced);
     encoder.set_color(ColorType::Rgba);
     if let Some(palette) = palette {
         encoder.set_color(ColorType::Indexed);
