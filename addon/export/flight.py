@@ -20,6 +20,8 @@ from .preview import DIRECTION, Sphere, Subject, sphere_of, subjects_of
 
 SIDE = 216
 """Maximum side of the pictures of a film in pixels."""
+MOST = 16
+"""Maximum enlargement."""
 NARROWEST = 224
 """Minimum width, for the text below the picture."""
 APPROACH, FADING = 8, 6
@@ -108,7 +110,7 @@ class Camera:
         whole = cls(sphere, view, side, (0, side, 0, side), scale, 1)
         seen = [whole.picture(each.parts, distance) for each in (hand_over.before, hand_over.after)]
         top, bottom, left, right = canvas.silhouette(seen)
-        times = max(min(SIDE // (bottom - top), SIDE // (right - left)), 1)
+        times = max(min(SIDE // (bottom - top), SIDE // (right - left), MOST), 1)
         # The square grows until the box is as wide as the text.
         wider = max(math.ceil(NARROWEST / times) - (right - left), 0)
         box = (top + wider, bottom + wider, left + wider - wider // 2, right + 2 * wider - wider // 2)

@@ -121,28 +121,32 @@ def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:
     panels: list[Block | None] = [None]
     for subject, distance in zip(subjects[1:], tree.switch_distances[1:], strict=True):
         panels.append(level_panel(subjects[0], subject, sphere, pixels_of(2.0 * sphere.radius, distance, tree.view)))
+    are_shared = [False, *(level.page_share < 1.0 for level in tree.chain.levels)]
     levels = [
-        LevelFigure(subject.name, tuple(figures_of(row, tree.prepared.foliage.radius)), panel)
-        for subject, row, panel in zip(subjects, rows, panels, strict=True)
+        LevelFigure(subject.name, tuple(figures_of(row, tree.prepared.foliage.radius, is_shared=shared)), panel)
+        for subject, row, panel, shared in zip(subjects, rows, panels, are_shared, strict=True)
     ]
     widest = max([NARROWEST, *(panel.shape[1] for panel in panels if panel is not None)])
     return TreeFigures(tree.collection.name, tuple(levels), views(subjects, sphere, widest))
 
 
-def figures_of(row: Mapping[str, Any], radius: float) -> list[str]:
-    """Return the figures of a level's row of the report as short texts. `radius`: R of the leaves."""
+def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False) -> list[str]:
+    """Return the figures of a level's row of the report as short texts.
+
+    radius: R of the leaves. is_shared: whether other trees are on the level's atlas page.
+    """
     total = row["triangles"] + row["trunk_triangles"]
     triangles = f"{total:,} triangles" + (" with trunk" if row["trunk_triangles"] else "")
     if row["level"] == 0:
         return [triangles]
     width, height = row["texture_size"]
-    distance = row["switch_distance"]
+    distance, crown = row["switch_distance"], row["drawing"]["crown_pixels"]
     return [
         triangles,
-        f"texture {width} × {height}",
+        f"texture {width} × {height}" + (" for all trees" if is_shared else ""),
         f"image error {row['image_error']:.3f}",
         f"LOD distance {canvas.number(distance)} ({canvas.number(distance / radius)} R)",
-        f"crown {row['drawing']['crown_pixels']:.0f} pixels there",
+        f"crown {crown:,.0f} pixels there" if crown >= 10.0 else f"crown {crown:.2g} pixels there",
     ]
 
 
@@ -152,12 +156,19 @@ def sheet(figures: TreeFigures) -> Block:
     width = max([NARROWEST, figures.views.shape[1], *(panel.shape[1] for panel in panels)])
     blocks = [canvas.text(figures.name, TITLE)]
     for level in figures.levels:
-        name = canvas.text(level.name, NAME)
-        told = canvas.wrapped(level.figures, FIGURES, width - name.shape[1] - GAP)
-        heading = canvas.beside([name, told], GAP, "bottom")
+        heading = _heading(level, width)
         blocks.append(heading if level.panel is None else canvas.below([heading, level.panel], 6))
     blocks.append(canvas.below([canvas.text("All levels from five directions", NAME), figures.views], 6))
     return canvas.framed(canvas.below(blocks, MARGIN), MARGIN)
+
+
+def _heading(level: LevelFigure, width: int) -> Block:
+    """Return the level's name with its figures beside it, or below it where they need more than one line."""
+    name = canvas.text(level.name, NAME)
+    told = canvas.wrapped(level.figures, FIGURES, width)
+    if told.shape[0] < name.shape[0] and name.shape[1] + GAP + told.shape[1] <= width:
+        return canvas.beside([name, told], GAP, "bottom")
+    return canvas.below([name, told], 2)
 
 
 def preview_image(trees: Sequence[TreeFigures]) -> Block:
