@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 import leafcloud
 
-from ..bake.drawing import level_trunks
 from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
@@ -32,8 +29,8 @@ from .engine_pages import engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
 from .lod_extension import LodChain, add_lods, screen_coverages
+from .pictures import film_name, write_pictures
 from .plain_materials import materials_of_meshes, untangled
-from .preview import preview_image, stacked
 from .report import joint_report, report
 from .staging import Staging
 from .vertex_data import VertexData, engine_attributes
@@ -77,24 +74,25 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
-        progress("write preview.png", 0.0)
-        leafcloud.write_png(str(staging.path("preview.png")), stacked([_preview(tree) for tree in trees]))
-        files = sorted([*staging.files, "report.json"])
+        films = {film_name(tree, level): tree for tree in trees for level in range(1, len(tree.levels))}
+        files = sorted([*staging.files, *films, "preview.png", "report.html", "report.json"])
         reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
         content = joint_report(reports) if len(trees) > 1 else reports[name]
+        progress("write preview.png", 0.0)
+        write_pictures(staging, name, content, [(tree, reports[tree.collection.name]) for tree in trees])
         staging.write_json("report.json", content)
-        staging.commit(_levels_in(directory, name))
+        staging.commit(_levels_in(directory, [name, *(tree.collection.name for tree in trees)]))
     return content
 
 
-def _levels_in(directory: Path, name: str) -> set[str]:
-    """Return the files of single levels that an earlier bake of the same name wrote, by its report in the folder.
+def _levels_in(directory: Path, names: Iterable[str]) -> set[str]:
+    """Return the files of single levels that an earlier bake of the same names wrote, by its report in the folder.
 
     A chain with fewer levels must not leave the farther levels of a longer one beside it.
     """
     try:
         files = json.loads((directory / "report.json").read_text(encoding="utf-8"))["files"]
-        of_level = re.compile(rf"{re.escape(name)}_(LOD\d+|shadow)\.glb")
+        of_level = re.compile(rf"({'|'.join(map(re.escape, names))})_(LOD\d+\.glb|shadow\.glb|flight\d+\.png)")
         return {file for file in files if of_level.fullmatch(file)}
     except (OSError, ValueError, TypeError, KeyError):  # No report, or none of ours.
         return set()
@@ -139,10 +137,6 @@ def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
     """Return the objects of level `number` of each tree that has it, with its trunk."""
     levels = [tree.levels[number] for tree in trees if number < len(tree.levels)]
     return [obj for level in levels for obj in (level.object, level.trunk) if obj is not None]
-
-
-def _preview(tree: Baked) -> NDArray[np.uint8]:
-    return preview_image(tree.prepared.foliage, level_trunks(tree), tree.chain.levels, tree.switch_distances, tree.view)
 
 
 def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:

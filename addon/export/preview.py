@@ -1,101 +1,262 @@
-"""Image for preview.png: leaves and levels side by side, enlarged and at the size where each level takes over."""
+"""Pictures of preview.png and report.html: each level beside the leaves at the size where it takes over.
+
+The size at which a level takes over is its *swap size*: the pixels that the tree covers at the level's LOD distance.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import leafcloud
 
-from ..plan.lod_range import View
+from ..bake.drawing import level_trunks
+from ..bake.values import Baked
+from ..plan.camera_visibility import pixels_of
+from . import canvas
+from .canvas import Block, Box, Picture
 
-WIDEST = 1600
-"""Maximum width of the image in pixels."""
-LARGEST_CELL = 384
-SMALLEST_CELL = 8
-GAP = 16
-GROUND = (204, 214, 224)
-"""Background color in sRGB, a pale sky. It is not gray because surfaces without a material are gray."""
+LARGEST, SMALLEST = 480, 8
+"""Range of the size of a picture in pixels, before it is framed. Labels name swap sizes outside the range."""
+WIDEST = 408
+"""Maximum side of an enlarged picture."""
+ENLARGED = 4
+"""Minimum enlargement at which details are shown."""
+GAP = 12
+MARGIN = 16
+TITLE, NAME, FIGURES, LABEL = 26, 20, 14, 12
+"""Sizes of text in pixels."""
+NARROWEST = 560
+"""Minimum width of a line of figures."""
+NARROWEST_DETAIL = 24
+"""Minimum width of the enlarged details, in pixels of the pictures that they enlarge."""
+VIEW_SAMPLES = 2
+"""Samples along each side of a pixel of the views."""
+FRAMES_LEFT = 0.96
+"""Fraction of the views' width for the leaves; levels are a little wider."""
+TALLEST_VIEW = 300
+"""Maximum height of a picture in the views."""
+
 DIRECTION = (0.45, -1.0, 0.2)
 """Direction from the tree to the eye."""
+VIEWS: Mapping[str, tuple[float, float, float]] = {
+    "front": (0.0, -1.0, 0.2),
+    "right": (1.0, 0.0, 0.2),
+    "back": (0.0, 1.0, 0.2),
+    "left": (-1.0, 0.0, 0.2),
+    "above": (0.45, -1.0, 1.6),
+}
 
 
-def preview_image(
-    foliage: leafcloud.Foliage,
-    trunks: Sequence[leafcloud.Foliage | None],
-    levels: Sequence[leafcloud.Level],
-    switch_distances: Sequence[float],
-    view: View,
-) -> NDArray[np.uint8]:
-    """Return an image (h, w, 4) with three rows of pictures.
+@dataclass(frozen=True)
+class Subject:
+    """A level as it is drawn: its name, and its foliage and trunk."""
 
-    Row 1: leaves and levels, enlarged. Rows 2 and 3: the leaves, and below them each level, at the size where the level
-    takes over. `trunks` (the trunks) and `switch_distances` have one entry per level, LOD 0 first.
-    """
+    name: str
+    parts: tuple[leafcloud.Foliage, ...]
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """The sphere around leaves and trunk, in the world."""
+
+    centre: tuple[float, float, float]
+    radius: float
+
+    def picture(
+        self, subject: Subject, size: float, direction: Sequence[float] = DIRECTION, samples: int = 4
+    ) -> Picture:
+        """Return a picture in which the sphere's diameter covers `size` pixels, which need not be whole.
+
+        samples: along each side of a pixel.
+        """
+        side = max(int(np.ceil(size)), 1)
+        radius = self.radius * side / size
+        return leafcloud.render(subject.parts, direction, side, centre=self.centre, radius=radius, samples=samples)
+
+
+@dataclass(frozen=True)
+class LevelFigure:
+    """A level's name, its figures as short texts, and its pictures beside those of the leaves; LOD 0 has none."""
+
+    name: str
+    figures: tuple[str, ...]
+    panel: Block | None
+
+
+@dataclass(frozen=True)
+class TreeFigures:
+    """All pictures of a tree, except the flights."""
+
+    name: str
+    levels: tuple[LevelFigure, ...]
+    views: Block
+
+
+def subjects_of(
+    foliage: leafcloud.Foliage, trunks: Sequence[leafcloud.Foliage | None], levels: Sequence[leafcloud.Level]
+) -> list[Subject]:
+    """Return all levels, the leaves first. `trunks`: the trunk of each."""
+    names = ["Leaves", *(level_name(level, number) for number, level in enumerate(levels, 1))]
     leaves = [foliage, *(level.foliage() for level in levels)]
-    subjects = [[part, *([] if trunk is None else [trunk])] for part, trunk in zip(leaves, trunks, strict=True)]
-    centre, radius = _sphere(subjects[0])
-    cell = min(LARGEST_CELL, (WIDEST - GAP) // len(subjects) - GAP)
-    sizes = [seen_size(radius, distance, view, cell) for distance in switch_distances[1:]]
-
-    def picture(parts: Sequence[leafcloud.Foliage], size: int) -> NDArray[np.uint8]:
-        return leafcloud.render(parts, DIRECTION, size, centre=centre, radius=radius)
-
-    nothing = np.zeros((0, 0, 4), np.uint8)
-    rows = [
-        [picture(parts, cell) for parts in subjects],
-        [nothing, *(picture(subjects[0], size) for size in sizes)],
-        [nothing, *(picture(parts, size) for parts, size in zip(subjects[1:], sizes, strict=True))],
+    return [
+        Subject(name, (part,) if trunk is None else (part, trunk))
+        for name, part, trunk in zip(names, leaves, trunks, strict=True)
     ]
-    return compose(rows, cell)
 
 
-def stacked(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Stack the images of several trees, with the background color beside narrower ones."""
-    width = max(picture.shape[1] for picture in pictures)
-    sheet = np.empty((sum(picture.shape[0] for picture in pictures), width, 4), np.uint8)
-    sheet[:] = (*GROUND, 255)
-    top = 0
-    for picture in pictures:
-        sheet[top : top + picture.shape[0], : picture.shape[1]] = picture
-        top += picture.shape[0]
-    return sheet
+def level_name(level: leafcloud.Level, number: int) -> str:
+    """Return the name of level `number` in labels."""
+    return "Cross impostor" if level.cloud is None else f"Level {number}"
 
 
-def seen_size(radius: float, distance: float, view: View, largest: int) -> int:
-    """Return the pixels that the sphere's diameter covers at `distance`, from `SMALLEST_CELL` to `largest`."""
-    reach = 2.0 * distance * math.tan(view.field_of_view / 2.0)
-    size = largest if reach <= 0.0 else 2.0 * radius / reach * view.resolution
-    return int(min(max(size, SMALLEST_CELL), largest))
+def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:
+    """Return the pictures of a tree. `rows`: the levels of its report."""
+    subjects = subjects_of(tree.prepared.foliage, level_trunks(tree), tree.chain.levels)
+    sphere = sphere_of(subjects[0].parts)
+    panels: list[Block | None] = [None]
+    for subject, distance in zip(subjects[1:], tree.switch_distances[1:], strict=True):
+        panels.append(level_panel(subjects[0], subject, sphere, pixels_of(2.0 * sphere.radius, distance, tree.view)))
+    are_shared = [False, *(level.page_share < 1.0 for level in tree.chain.levels)]
+    levels = [
+        LevelFigure(subject.name, tuple(figures_of(row, tree.prepared.foliage.radius, is_shared=shared)), panel)
+        for subject, row, panel, shared in zip(subjects, rows, panels, are_shared, strict=True)
+    ]
+    widest = max([NARROWEST, *(panel.shape[1] for panel in panels if panel is not None)])
+    return TreeFigures(tree.collection.name, tuple(levels), views(subjects, sphere, widest))
 
 
-def compose(rows: Sequence[Sequence[NDArray[np.uint8]]], cell: int) -> NDArray[np.uint8]:
-    """Arrange pictures (s, s, 4), sRGB with straight alpha, s ≤ `cell`, in centered cells on the background."""
-    heights = [max(picture.shape[0] for picture in row) for row in rows]
-    width = max(len(row) for row in rows) * (cell + GAP) + GAP
-    sheet = np.empty((sum(heights) + GAP * (len(rows) + 1), width, 4), np.uint8)
-    sheet[:] = (*GROUND, 255)
-    top = GAP
-    for row, height in zip(rows, heights, strict=True):
-        for column, picture in enumerate(row):
-            size = picture.shape[0]
-            x = GAP + column * (cell + GAP) + (cell - size) // 2
-            y = top + (height - size) // 2
-            _lay_over(sheet[y : y + size, x : x + size], picture)
-        top += height + GAP
-    return sheet
+def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False) -> list[str]:
+    """Return the figures of a level's row of the report as short texts.
+
+    radius: R of the leaves. is_shared: whether other trees are on the level's atlas page.
+    """
+    total = row["triangles"] + row["trunk_triangles"]
+    triangles = f"{total:,} triangles" + (" with trunk" if row["trunk_triangles"] else "")
+    if row["level"] == 0:
+        return [triangles]
+    width, height = row["texture_size"]
+    distance, crown = row["switch_distance"], row["drawing"]["crown_pixels"]
+    return [
+        triangles,
+        f"texture {width} × {height}" + (" for all trees" if is_shared else ""),
+        f"image error {row['image_error']:.3f}",
+        f"LOD distance {canvas.number(distance)} ({canvas.number(distance / radius)} R)",
+        f"crown {crown:,.0f} pixels there" if crown >= 10.0 else f"crown {crown:.2g} pixels there",
+    ]
 
 
-def _lay_over(ground: NDArray[np.uint8], picture: NDArray[np.uint8]) -> None:
-    alpha = picture[..., 3:].astype(np.float32) / 255.0
-    ground[..., :3] = np.rint(picture[..., :3] * alpha + ground[..., :3] * (1.0 - alpha))
+def sheet(figures: TreeFigures) -> Block:
+    """Return the image of one tree for preview.png: its levels with their figures, then all views."""
+    panels = [level.panel for level in figures.levels if level.panel is not None]
+    width = max([NARROWEST, figures.views.shape[1], *(panel.shape[1] for panel in panels)])
+    blocks = [canvas.text(figures.name, TITLE)]
+    for level in figures.levels:
+        heading = _heading(level, width)
+        blocks.append(heading if level.panel is None else canvas.below([heading, level.panel], 6))
+    blocks.append(canvas.below([canvas.text("All levels from five directions", NAME), figures.views], 6))
+    return canvas.framed(canvas.below(blocks, MARGIN), MARGIN)
 
 
-def _sphere(parts: Sequence[leafcloud.Foliage]) -> tuple[list[float], float]:
-    """Return center and radius of a sphere around the bounding spheres of the parts."""
+def _heading(level: LevelFigure, width: int) -> Block:
+    """Return the level's name with its figures beside it, or below it where they need more than one line."""
+    name = canvas.text(level.name, NAME)
+    told = canvas.wrapped(level.figures, FIGURES, width)
+    if told.shape[0] < name.shape[0] and name.shape[1] + GAP + told.shape[1] <= width:
+        return canvas.beside([name, told], GAP, "bottom")
+    return canvas.below([name, told], 2)
+
+
+def preview_image(trees: Sequence[TreeFigures]) -> Block:
+    """Return the image of preview.png."""
+    return canvas.below([sheet(tree) for tree in trees], 0)
+
+
+def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) -> Block:
+    """Return the leaves, the level and their difference at swap size and enlarged. `pixels`: diameter of the sphere."""
+    size = float(np.clip(pixels, SMALLEST, LARGEST))
+    pair = [sphere.picture(subject, size) for subject in (leaves, level)]
+    box = canvas.silhouette(pair)
+    errors = canvas.cropped(leafcloud.flip_map(*pair), box)
+    colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]
+    names = [leaves.name, level.name, "Difference (FLIP)"]
+    own_size = "swap size" if size == pixels else f"{size / pixels:.2g} × swap size"
+    height, width, _ = colors[0].shape
+    times = max(min(WIDEST // height, WIDEST // width), 1)
+    columns: list[Block] = []
+    if times > 1:
+        small = [_labelled(name, color) for name, color in zip(names, colors, strict=False)]
+        columns.append(_column(own_size.capitalize(), small))
+    labels = [f"{name}, {own_size}" if times == 1 else f"{name} × {times}" for name in names]
+    if times >= ENLARGED:
+        return canvas.beside([*columns, *_triple(labels, colors, errors, times, None)], GAP)
+    room = (round(3 * WIDEST * min(1.25 * width / height, 1.0)) - 3 * width * times - 2 * GAP) // (2 * ENLARGED)
+    window = worst_window(errors, (max(height * times // ENLARGED, 1), max(room, NARROWEST_DETAIL)))
+    columns += _triple(labels, colors, errors, times, window)
+    for name, color in zip(names, colors, strict=False):
+        detail = canvas.enlarged(canvas.cropped(color, window), ENLARGED)
+        columns.append(_column(f"{name}, frame × {ENLARGED}", [detail]))
+    return canvas.beside(columns, GAP)
+
+
+def _triple(
+    labels: Sequence[str], colors: Sequence[Block], errors: NDArray[np.float32], times: int, window: Box | None
+) -> list[Block]:
+    """Return the two pictures and the heat map of their difference, enlarged, with a frame around the window."""
+    frames = [canvas.INK, canvas.INK, canvas.PAPER]
+    blocks = []
+    for color, frame in zip([*colors, canvas.heat(errors)], frames, strict=True):
+        block = canvas.enlarged(color, times)
+        if window is not None:
+            top, bottom, left, right = (times * edge for edge in window)
+            block = canvas.outlined(block, (top, bottom, left, right), frame)
+        blocks.append(block)
+    blocks[2] = canvas.beside([blocks[2], canvas.color_bar(blocks[2].shape[0])], 4)
+    return [_column(label, [block]) for label, block in zip(labels, blocks, strict=True)]
+
+
+def worst_window(errors: NDArray[np.float32], sides: tuple[int, int]) -> Box:
+    """Return the box of at most `sides` (rows, columns) with the greatest mean error."""
+    height, width = errors.shape
+    rows, columns = min(sides[0], height), min(sides[1], width)
+    total = np.zeros((height + 1, width + 1))
+    total[1:, 1:] = errors.astype(np.float64).cumsum(axis=0).cumsum(axis=1)
+    sums = total[rows:, columns:] - total[:-rows, columns:] - total[rows:, :-columns] + total[:-rows, :-columns]
+    # Rounded: errors differ in their last digits between machines.
+    top, left = np.unravel_index(int(np.argmax(np.round(sums, 2))), sums.shape)
+    return int(top), int(top) + rows, int(left), int(left) + columns
+
+
+def views(subjects: Sequence[Subject], sphere: Sphere, width: int) -> Block:
+    """Return a table of pictures at most `width` pixels wide: a row for each subject, a column for each direction.
+
+    All pictures have about the same height.
+    """
+    # Level 1 has the shape of the leaves and far fewer triangles.
+    shape = subjects[min(1, len(subjects) - 1)]
+    shapes = [_framed_shape(shape, sphere, direction) for direction in VIEWS.values()]
+    height = (width - (len(VIEWS) - 1) * GAP) / sum(across / up for up, across in shapes) * FRAMES_LEFT
+    sizes = [min(height, TALLEST_VIEW) / up for up, _ in shapes]
+    pictured = list(zip(VIEWS.values(), sizes, strict=True))
+    columns = [
+        [sphere.picture(subject, size, direction, VIEW_SAMPLES) for subject in subjects] for direction, size in pictured
+    ]
+    boxes = [canvas.silhouette(column) for column in columns]
+    rows = []
+    for number, subject in enumerate(subjects):
+        row = [canvas.over(canvas.cropped(column[number], box)) for column, box in zip(columns, boxes, strict=True)]
+        if number == 0:
+            row = [_column(name, [tile]) for name, tile in zip(VIEWS, row, strict=True)]
+        rows.append(canvas.below([canvas.text(subject.name, LABEL), canvas.beside(row, GAP)], 2))
+    return canvas.below(rows, 6)
+
+
+def sphere_of(parts: Sequence[leafcloud.Foliage]) -> Sphere:
+    """Return a sphere around the bounding spheres of the parts."""
     centre, radius = np.asarray(parts[0].world_centre), parts[0].radius
     for part in parts[1:]:
         offset = np.asarray(part.world_centre) - centre
@@ -107,4 +268,20 @@ def _sphere(parts: Sequence[leafcloud.Foliage]) -> tuple[list[float], float]:
             continue
         grown = (distance + radius + part.radius) / 2.0
         centre, radius = centre + offset * ((grown - radius) / distance), grown
-    return centre.tolist(), radius
+    x, y, z = centre.tolist()
+    return Sphere((x, y, z), radius)
+
+
+def _framed_shape(subject: Subject, sphere: Sphere, direction: Sequence[float]) -> tuple[float, float]:
+    """Return height and width of the subject's silhouette as fractions of the sphere's diameter."""
+    side = 64
+    top, bottom, left, right = canvas.silhouette([sphere.picture(subject, side, direction)], 0)
+    return (bottom - top) / side, (right - left) / side
+
+
+def _column(heading: str, blocks: Sequence[Block]) -> Block:
+    return canvas.below([canvas.text(heading, LABEL, canvas.GRAY), *blocks], 3)
+
+
+def _labelled(name: str, block: Block) -> Block:
+    return canvas.below([block, canvas.text(name, LABEL, canvas.GRAY)], 2)

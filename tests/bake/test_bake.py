@@ -28,7 +28,7 @@ CHUNK = 128
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
-    "seconds", "trunk_triangles", "drawing",
+    "seconds", "trunk_triangles", "drawing", "texture_size",
 }  # fmt: skip
 
 
@@ -75,7 +75,9 @@ def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[s
 def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     levels = [f"shrub_LOD{number}.glb" for number in range(4)]
-    assert report["files"] == sorted(["shrub.glb", *levels, "shrub.blend", "preview.png", "report.json"])
+    flights = [f"shrub_flight{number}.png" for number in (1, 2, 3)]
+    shown = [*flights, "preview.png", "report.html"]
+    assert report["files"] == sorted(["shrub.glb", *levels, "shrub.blend", *shown, "report.json"])
     assert sorted(file.name for file in out.iterdir()) == report["files"]
 
 
@@ -361,7 +363,7 @@ def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple
     first, report = baked
     again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning", "--every-level")
     for name in report["files"]:
-        if not name.endswith((".blend", ".json")):
+        if not name.endswith((".blend", ".json", ".html")):  # Both texts have seconds.
             assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name
     assert _timeless(report) == _timeless(again)
 

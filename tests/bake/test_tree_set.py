@@ -302,9 +302,10 @@ def test_files_have_all_trees_and_each_page_once(
     quick = ("--texture-size", 128, "--levels", 1, "--every-level")
     report = bake_files(scene, out, "--trees", "collections", *quick)
     assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
-    assert report["files"] == sorted(
-        ["preview.png", "report.json", "trunk.blend", "trunk.glb", *(f"trunk_LOD{number}.glb" for number in range(3))]
-    )
+    levels = [f"trunk_LOD{number}.glb" for number in range(3)]
+    flights = [f"{tree}_flight{number}.png" for tree in ("maple", "spruce") for number in (1, 2)]
+    shown = ["preview.png", "report.html", *flights]
+    assert report["files"] == sorted([*shown, "report.json", "trunk.blend", "trunk.glb", *levels])
     assert {file.name for file in out.iterdir()} == set(report["files"])
     nodes = read_glb(out / "trunk.glb")
     assert set(nodes) == {f"{tree}_LOD{number}" for tree in ("maple", "spruce") for number in range(3)}

@@ -111,7 +111,8 @@ def test_a_bake_with_a_folder_writes_files(selected_shrub: list[bpy.types.Object
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
     assert report["files"] == [
-        "leaves.glb", "leaves_LOD0.glb", "leaves_LOD1.glb", "leaves_LOD2.glb", "preview.png", "report.json"
+        "leaves.glb", "leaves_LOD0.glb", "leaves_LOD1.glb", "leaves_LOD2.glb", "leaves_flight1.png",
+        "leaves_flight2.png", "preview.png", "report.html", "report.json",
     ]  # fmt: skip
     assert not [name for name, _ in bpy.data.objects["leaves_LOD0"].data.attributes.items() if name.startswith("_")]
 

@@ -315,13 +315,6 @@ def test_costs_of_trunk_levels_are_counted() -> None:
     assert result.costs.bytes["trunk_levels"] > 0
 
 
-def covered(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the number of pixels without background in each column of the preview's first row, leaves first."""
-    cell = (picture.shape[1] - preview.GAP) // 4
-    row = picture[preview.GAP : cell, : 4 * cell, :3].astype(int)
-    return (row != preview.GROUND).any(axis=2).reshape(len(row), 4, cell).sum(axis=(0, 2))
-
-
 def test_the_preview_draws_each_level_with_its_own_trunk() -> None:
     """The triangle counts match the levels' meshes. A level without its trunk shows no trunk."""
     result = baked_tree("auto")
@@ -333,8 +326,11 @@ def test_the_preview_draws_each_level_with_its_own_trunk() -> None:
         assert trunk.area == pytest.approx(sum(face.area for face in built.trunk.data.polygons), rel=1e-5)
 
     def drawn(shown: list[leafcloud.Foliage | None]) -> NDArray[np.int64]:
-        foliage, levels = result.prepared.foliage, result.chain.levels
-        return covered(preview.preview_image(foliage, shown, levels, result.switch_distances, result.view))
+        """Return the number of covered pixels of each level, the leaves first."""
+        subjects = preview.subjects_of(result.prepared.foliage, shown, result.chain.levels)
+        assert [subject.name for subject in subjects] == ["Leaves", "Level 1", "Level 2", "Cross impostor"]
+        sphere = preview.sphere_of(subjects[0].parts)
+        return np.array([(sphere.picture(subject, 300)[..., 3] > 0).sum() for subject in subjects])
 
     lost = drawn(trunks) - drawn([trunks[0], None, *trunks[2:]])
     assert lost[1] > 50

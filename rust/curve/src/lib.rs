@@ -17,10 +17,12 @@ mod memory;
 mod model;
 pub mod quality;
 mod sweep;
+mod text;
 mod within;
 
 pub use choice::Choice;
 pub use front::front;
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};
+pub use text::{TextPicture, text_picture};
 pub use within::{Built, IMAGE_ERROR, Offer, Preset, SECONDS, Wish, build_within, offers};

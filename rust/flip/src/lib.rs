@@ -28,16 +28,29 @@ fn over_grey(code: u8, alpha: u8) -> u8 {
     ((code * alpha + 128 * (255 - alpha) + 127) / 255) as u8
 }
 
-/// Returns the mean FLIP of two images of the same size over mid-gray, within 4 pixels of either silhouette; in [0, 1]. 0 if both are
-/// empty.
+/// Returns FLIP of each pixel of two images of the same size over mid-gray, row by row from the top; in [0, 1].
+///
+/// # Panics
+/// If the sizes differ.
 #[must_use]
-pub fn flip(base: &Image, other: &Image) -> f64 {
+pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
+    assert_eq!((base.width(), base.height()), (other.width(), other.height()), "images of one size");
     let (width, height) = (base.width() as u32, base.height() as u32);
     let shown = |image: &Image| -> Vec<u8> {
         image.pixels().iter().flat_map(|p| [0, 1, 2].map(|i| over_grey(p[i], p[3]))).collect()
     };
     let picture = |image| nv_flip::FlipImageRgb8::with_data(width, height, &shown(image));
-    let errors = nv_flip::flip(picture(base), picture(other), nv_flip::DEFAULT_PIXELS_PER_DEGREE).to_vec();
+    nv_flip::flip(picture(base), picture(other), nv_flip::DEFAULT_PIXELS_PER_DEGREE).to_vec()
+}
+
+/// Returns the mean FLIP of two images of the same size over mid-gray, within 4 pixels of either silhouette; in [0, 1]. 0 if both are
+/// empty.
+///
+/// # Panics
+/// If the sizes differ.
+#[must_use]
+pub fn flip(base: &Image, other: &Image) -> f64 {
+    let errors = flip_map(base, other);
     let pixels = base.pixels().iter().zip(other.pixels());
     let either: Vec<bool> = pixels.map(|(a, b)| a[3].max(b[3]) > 127).collect();
     let near = grown(&either, base.width(), base.height());
@@ -87,5 +100,17 @@ mod tests {
     fn half_a_picture_is_off() {
         let error = flip(&columns(16), &columns(8));
         assert!(error > 0.05 && error <= 1.0, "{error}");
+    }
+
+    #[test]
+    fn the_map_shows_the_missing_columns() {
+        let map = flip_map(&columns(16), &columns(8));
+        assert_eq!(map.len(), 1024);
+        let column = |x: usize| (0..32).map(|y| map[32 * y + x]).sum::<f32>() / 32.0;
+        assert!(column(12) > 0.05 && column(12) < 1.0, "{}", column(12));
+        // FLIP blurs, so a few columns beside the missing ones differ too.
+        assert!(column(2) < 0.5 * column(12), "{} {}", column(2), column(12));
+        assert!(column(30) < 0.1 * column(12), "{}", column(30));
+        assert!(flip_map(&columns(16), &columns(16)).iter().all(|error| *error == 0.0));
     }
 }

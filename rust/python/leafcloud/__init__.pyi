@@ -371,6 +371,13 @@ class Level:
     @property
     def channel_seconds(self) -> dict[str, float]:
         """Seconds of each image of the page, by name ("base_color", "normal" …); part of the seconds ``bake``."""
+    def morphed(self, before: Foliage, a: float) -> Foliage:
+        """Return the triangles that the level is made of, at ``a`` in [0, 1] of their transition to the level.
+
+        ``before``: foliage of the level before; for level 1 the leaves, of which the kept ones appear at their size in
+        the level (``Chain.kept``).
+
+        Raises ``LeafcloudError`` for the cross impostor, for another foliage, and for ``a`` out of range."""
     def foliage(self) -> Foliage:
         """Return the billboards as foliage of the same tree."""
 
@@ -895,6 +902,26 @@ def drawing_cost(parts: Sequence[Foliage], scale: float, *, up: Sequence[float] 
     """Count what a graphics card draws of ``parts`` together, where a length of 1 in the world covers ``scale`` pixels.
 
     Backs of single-sided triangles are culled. Ctrl-C interrupts the call."""
+
+def flip_map(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return (h, w) FLIP, in [0, 1], of each pixel of two images (h, w, 4) over mid-gray.
+
+    Its last digits differ between machines, because FLIP's code uses the platform's power function."""
+
+def draw_text(text: str, size: float) -> NDArray[np.uint8]:
+    """Draw a line of text in DejaVu Sans: (h, w) ink of each pixel, 255 for all.
+
+    ``size``: pixels per em, in [4, 200]. All texts of a size have one height and one baseline."""
+
+def encode_png(
+    frames: Sequence[NDArray[np.uint8]], *, milliseconds: Sequence[int] = (), colors: int | None = None
+) -> bytes:
+    """Return sRGB images (h, w, 4) as a PNG file. More than one are an animation (APNG) that repeats without end.
+
+    ``milliseconds``: duration of each frame of an animation, at most 65535.
+    ``colors``: maximum number of colors, in [2, 256]; the file is then smaller and has no alpha. ``None``: all colors.
+
+    The same frames give the same bytes."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""

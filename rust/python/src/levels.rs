@@ -5,7 +5,7 @@ use std::sync::Arc;
 use leafcloud::atlas::Billboard;
 use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, share_page};
-use leafcloud::{Cloud, Error};
+use leafcloud::{Cloud, Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
 use leafcloud_flip::{ImageErrors, crown_pixels, image_error};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -14,6 +14,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
+use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::ktx2;
 use crate::tools::cost_dict;
@@ -202,6 +203,24 @@ pub struct PyLevel {
 impl PyLevel {
     fn level(&self) -> &Level {
         &self.chain.levels[self.index]
+    }
+
+    /// Returns the triangles that this level is made of, at `a` of their transition to it.
+    fn before_at(&self, before: &Foliage, a: f64) -> Result<Foliage, Error> {
+        let Some(projection) = &self.level().projection else {
+            return Err(Error::invalid("nothing morphs to the cross impostor; the level before it only fades out"));
+        };
+        let kept = self.chain.kept.as_ref().filter(|_| self.index == 0);
+        let lacks = kept.is_some_and(|kept| kept.triangles.iter().any(|&t| t as usize >= before.triangle_count()));
+        let kept = if lacks { None } else { kept.map(|kept| kept.of(before)).transpose()? };
+        let finer = kept.as_ref().unwrap_or(before);
+        let (given, wanted) = (finer.triangle_count(), projection.targets.len());
+        if given != wanted {
+            return Err(Error::invalid(format!(
+                "the level before has {given} triangles, but {wanted} morph; give the foliage of the level before"
+            )));
+        }
+        projection.at(finer, a)
     }
 }
 
@@ -430,6 +449,17 @@ impl PyLevel {
             dict.set_item(name, seconds)?;
         }
         Ok(dict)
+    }
+
+    fn morphed(&self, py: Python<'_>, before: &Bound<'_, PyAny>, a: &Bound<'_, PyAny>) -> PyResult<PyFoliage> {
+        let before: Bound<'_, PyFoliage> = read(before, "before", "a Foliage")?;
+        let a: f64 = read(a, "a", "a number in [0, 1]")?;
+        if !(0.0..=1.0).contains(&a) {
+            return Err(refuse(format!("a is {a:?}; it must lie in [0, 1]")));
+        }
+        let (level, before) = (self.clone(), Arc::clone(&before.get().0));
+        let foliage = interruptible(py, move |_| level.before_at(&before, a))?;
+        Ok(PyFoliage(Arc::new(foliage)))
     }
 
     fn foliage(&self) -> PyResult<PyFoliage> {

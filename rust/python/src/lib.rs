@@ -13,6 +13,7 @@ mod job;
 mod ktx2;
 mod levels;
 mod options;
+mod pictures;
 mod settings;
 mod tools;
 mod trunk;
@@ -53,6 +54,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tools::leaf_ids, module)?)?;
     module.add_function(wrap_pyfunction!(tools::keep, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_scale, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::flip_map, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::encode_png, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::draw_text, module)?)?;
     module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;
     module.add_function(wrap_pyfunction!(tools::transition, module)?)?;
     module.add_function(wrap_pyfunction!(tools::switch_distance, module)?)

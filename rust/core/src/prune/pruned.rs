@@ -25,6 +25,25 @@ pub struct Kept {
     pub growth: Vec<f64>,
 }
 
+impl Kept {
+    /// Returns the kept triangles of the full foliage, grown about the pivots of their leaves.
+    ///
+    /// # Errors
+    /// No kept leaf has an area.
+    ///
+    /// # Panics
+    /// If `foliage` lacks a kept triangle.
+    pub fn of(&self, foliage: &Foliage) -> Result<Foliage> {
+        let pivots = leaf_pivots(foliage);
+        let grown = |(&t, &growth): (&u32, &f64)| {
+            let pivot = pivots[foliage.leaf_ids()[t as usize] as usize];
+            foliage.corners(t as usize).map(|p| pivot + (p - pivot) * growth)
+        };
+        let corners: Vec<[DVec3; 3]> = self.triangles.iter().zip(&self.growth).map(grown).collect();
+        foliage.part(&self.triangles, &corners)
+    }
+}
+
 /// Returns the leaves with a rank below `keep`, scaled about their pivots so that the covered area stays, times `growth` γ. O(t).
 ///
 /// `ranks` has one entry per leaf. Leaves with a negative rank are protected and stay unchanged.
@@ -38,13 +57,8 @@ pub fn pruned(foliage: &Foliage, ranks: &[f32], keep: f64, growth: f64) -> Resul
     let growth_at = |triangle: u32| of_leaf[foliage.leaf_ids()[triangle as usize] as usize];
     let triangles: Vec<u32> = (0..foliage.triangle_count() as u32).filter(|&t| growth_at(t) > 0.0).collect();
     let growth: Vec<f64> = triangles.iter().map(|&t| growth_at(t)).collect();
-    let pivots = leaf_pivots(foliage);
-    let grown = |(&t, &growth): (&u32, &f64)| {
-        let pivot = pivots[foliage.leaf_ids()[t as usize] as usize];
-        foliage.corners(t as usize).map(|p| pivot + (p - pivot) * growth)
-    };
-    let corners: Vec<[DVec3; 3]> = triangles.iter().zip(&growth).map(grown).collect();
-    Ok(Pruned { foliage: foliage.part(&triangles, &corners)?, kept: Kept { triangles, growth } })
+    let kept = Kept { triangles, growth };
+    Ok(Pruned { foliage: kept.of(foliage)?, kept })
 }
 
 /// Returns the area of each leaf, local units.

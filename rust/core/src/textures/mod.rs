@@ -1,5 +1,6 @@
 //! Texture baking: renders each billboard's leaves into the atlas page of a level.
 
+pub mod animation;
 mod cascade;
 mod channels;
 mod dilate;
@@ -8,6 +9,7 @@ pub mod image;
 mod labels;
 pub mod mips;
 mod page;
+mod palette;
 mod plain;
 mod raster;
 mod samples;
