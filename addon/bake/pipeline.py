@@ -36,7 +36,7 @@ from ..plan.effects import on_effects, plan_channels, plan_effects, plan_levels,
 from ..plan.facts import Facts
 from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
-from ..plan.quality import core_quality, quality_warnings
+from ..plan.quality import core_target, quality_warnings
 from ..plan.registry import effect_named
 from ..plan.schedule import keep_at_switch, schedule
 from ..plan.wind import BREEZE, stature
@@ -160,7 +160,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        quality=core_quality(settings),
+        target_error=core_target(settings),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
 

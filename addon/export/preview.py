@@ -144,7 +144,7 @@ def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False
     return [
         triangles,
         f"texture {width} × {height}" + (" for all trees" if is_shared else ""),
-        f"image error {row['image_error']:.3f}",
+        f"image error {row['image_error']:.3f} at 128 pixels",
         f"LOD distance {canvas.number(distance)} ({canvas.number(distance / radius)} R)",
         f"crown {crown:,.0f} pixels there" if crown >= 10.0 else f"crown {crown:.2g} pixels there",
     ]

@@ -5,7 +5,6 @@ Deviations are fractions of R, times are in seconds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -100,7 +99,7 @@ def _quality(baked: Baked) -> dict[str, Any] | None:
     """Return quality and what follows from it; None if `pixels` sets the LOD distances.
 
     For each level after LOD 0: `target`, the image error that it may have where it takes over; `crown_pixels`, the
-    largest diameter of the crown at which its measured error is within the target, None for any; `errors`, the image
+    largest diameter of the crown at which its measured error is within the target, at most 400; `errors`, the image
     error by that diameter.
     """
     found = baked.schedule.hand_overs
@@ -113,7 +112,7 @@ def _quality(baked: Baked) -> dict[str, Any] | None:
         rows.append(
             {
                 "target": each.target,
-                "crown_pixels": each.size if math.isfinite(each.size) else None,
+                "crown_pixels": each.size,
                 "errors": [{"crown_pixels": size, "image_error": error} for size, error in sizes],
             }
         )

@@ -18,7 +18,7 @@ from ..settings.bake import LARGEST_TEXTURE, BakeSettings
 from .facts import Camera, Facts, Span
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
-from .quality import FINEST_BOUND, SMALLEST_CROWN, core_quality, decides_distances, distance_of
+from .quality import FINEST_BOUND, LARGEST_CROWN, SMALLEST_CROWN, core_target, decides_distances, distance_of
 
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
@@ -91,9 +91,13 @@ def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[
     Deviations are near their bounds, so a level takes over at most a little sooner. Quality may choose a small ε.
     """
     clouds = _clouds(settings)
-    epsilon = FINEST_BOUND if settings.epsilon is None and core_quality(settings) is not None else settings.error_bound
+    epsilon = FINEST_BOUND if settings.epsilon is None and core_target(settings) is not None else settings.error_bound
     errors = [min(epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
-    return _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
+    switches = _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
+    if not decides_distances(settings):
+        return switches
+    first = distance_of(LARGEST_CROWN, facts.radius, view)
+    return rising([0.0, *(max(distance, first) for distance in switches[1:])])
 
 
 def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:

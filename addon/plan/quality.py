@@ -27,6 +27,10 @@ LATER = 4.0 / 3.0
 TYPICAL_PIXELS = 2.0
 """Typical deviation in pixels where a level takes over at the default quality: 1 to 4 on the measured trees."""
 
+LARGEST_CROWN = 400.0
+"""Largest diameter of the crown in pixels at which a level takes over by its picture. Larger pictures are not measured,
+and single leaves are seen in them."""
+
 SMALLEST_CROWN = 7.8
 """Diameter of the crown in pixels, in the smallest pictures that the core measures."""
 
@@ -37,8 +41,8 @@ FINEST_BOUND = 0.014
 class HandOver(NamedTuple):
     """Where a level takes over by its picture.
 
-    size: diameter of the crown in pixels; infinite if the level never differs more than its target. error: image error
-    at the smallest measured size. target: error that quality allows.
+    size: diameter of the crown in pixels, at most `LARGEST_CROWN`. error: image error at the smallest measured size.
+    target: error that quality allows.
     """
 
     size: float
@@ -61,8 +65,8 @@ def decides_distances(settings: BakeSettings) -> bool:
     return settings.pixels is None
 
 
-def core_quality(settings: BakeSettings) -> float | None:
-    """Return the option `quality` of the core; None if other settings decide."""
+def core_target(settings: BakeSettings) -> float | None:
+    """Return the option `target_error` of the core; None if other settings decide."""
     if not decides_distances(settings) or settings.wish is not None or settings.chain != "billboards":
         return None
     return target_error(settings.quality)
@@ -76,12 +80,15 @@ def hand_overs(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tup
     for number, level in enumerate(levels, start=1):
         errors, target = level.image_errors(), target_error(settings.quality, number)
         size = errors.largest_size(target)
-        found.append(HandOver(errors.sizes[0] if size is None else size, errors.errors[0], target))
+        largest = errors.sizes[0] if size is None else min(size, LARGEST_CROWN)
+        found.append(HandOver(largest, errors.errors[0], target))
     return tuple(found)
 
 
 def quality_warnings(found: Sequence[HandOver], levels: Sequence[leafcloud.Level]) -> list[str]:
-    """Return a message for each level whose picture is within its target at no size."""
+    """Return a message for each level whose picture is within its target at no size. `found`: empty, or all levels."""
+    if not found:
+        return []
     warnings = []
     for number, (each, level) in enumerate(zip(found, levels, strict=True), start=1):
         if each.is_reached:
@@ -95,8 +102,6 @@ def quality_warnings(found: Sequence[HandOver], levels: Sequence[leafcloud.Level
 
 
 def distance_of(size: float, radius: float, view: View) -> float:
-    """Return the distance at which a sphere of this radius is `size` pixels large; 0 for an infinite size."""
-    if size == float("inf"):
-        return 0.0
+    """Return the distance at which a sphere of this radius is `size` pixels large."""
     distance: float = leafcloud.switch_distance(2.0 * radius, size, view.resolution, view.field_of_view)
     return distance

@@ -431,8 +431,8 @@ class BakeSettings:
         return next((name for name in WISHES if getattr(self, name) is not None), None)
 
     def _check_fit(self) -> None:
-        sized = self.max_size is None or self.epsilon is None or self.epsilon <= self.max_size
-        self._require("max_size", sized, f"at least `epsilon`, {self.epsilon}")
+        sized = self.max_size is None or self.error_bound <= self.max_size
+        self._require("max_size", sized, f"at least `epsilon`, {self.error_bound}")
         count, most = len(self.views), _range("views")
         if not most.hold(count):
             raise SettingsError(f"`views` has {count} directions, their number must be {most}: leave some out")

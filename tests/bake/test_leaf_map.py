@@ -88,7 +88,9 @@ def trunk() -> bpy.types.Object:
 
 def baked(colors: dict[str, Color], effects: str, *others: bpy.types.Object, **shape: Any) -> Baked:
     obj = crown(colors)
-    settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, **shape})
+    settings = BakeSettings(
+        effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, "epsilon": 0.04, "pixels": 8.0, **shape}
+    )
     result = bake(read([obj, *others], [obj.name]), settings)
     for made in (obj, *others, *(each for level in result.levels for each in (level.object, level.trunk) if each)):
         made.hide_render = True

@@ -16,7 +16,7 @@ from addon.export.gpu_load import GpuLoad
 from addon.export.report import report
 from addon.settings.bake import BakeSettings
 
-QUICK = BakeSettings(texture_size=64, viewer="camera")
+QUICK = BakeSettings(pixels=8.0, texture_size=64, viewer="camera")
 
 
 def baked(*, radii: float, trees: int = 1, settings: BakeSettings = QUICK) -> Baked:

@@ -148,7 +148,7 @@ def test_the_crown_fills_the_picture_at_the_hand_over(baked: tuple[Path, dict[st
     for number in (1, 2, 3):
         frame = frames_of((baked[0] / f"shrub_flight{number}.png").read_bytes())[flight.APPROACH]
         crown = (np.abs(frame.astype(int) - canvas.GROUND).sum(axis=2) > 10).any(axis=1)
-        assert np.flatnonzero(crown)[0] <= 0.15 * len(frame)
+        assert np.flatnonzero(crown)[0] <= 0.2 * len(frame), "a pixel of a small crown is large"
 
 
 # preview.png

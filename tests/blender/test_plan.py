@@ -38,9 +38,12 @@ def test_a_still_camera_near_the_tree_needs_no_effects() -> None:
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == set()
     assert plan["back_sides"].on is False
-    assert plan["transitions"].reason == "the camera stays 3.2 crown radii away, and level 1 takes over at 5.79"
+    assert (
+        plan["transitions"].reason
+        == "the camera stays 3.2 crown radii away, and level 1 takes over between 5.79 and 297"
+    )
     assert plan["far_levels"].reason == (
-        "the camera stays 3.2 crown radii away, and level 2 takes over at 20.3: only level 1 is made"
+        "the camera stays 3.2 crown radii away, and level 2 takes over between 7.24 and 371: only level 1 is made"
     )
     assert plan["normals"].reason.endswith("no billboard is seen")
 
@@ -62,7 +65,7 @@ def test_a_still_camera_far_away_needs_no_transitions() -> None:
     plan = plan_of(crown, ONLY_THIS_VIEW)
     assert on(plan) == {"normals"}
     assert plan["back_sides"].on is None
-    assert plan["transitions"].reason == "the camera stays 12 crown radii away, and level 2 takes over at 20.3"
+    assert plan["transitions"].reason == "the camera stays 12 crown radii away, and no tree is seen changing levels"
 
 
 def test_a_camera_that_passes_all_switch_distances_needs_transitions() -> None:
@@ -72,7 +75,10 @@ def test_a_camera_that_passes_all_switch_distances_needs_transitions() -> None:
     fly(camera, (middle.x, middle.y - 3.0 * radius, middle.z), (middle.x, middle.y - 300.0 * radius, middle.z))
     plan = plan_of(crown)
     assert on(plan) == {"transitions", "far_levels", "normals"}
-    assert plan["transitions"].reason == "the camera stays 3 to 300 crown radii away, and level 1 takes over at 5.79"
+    assert (
+        plan["transitions"].reason
+        == "the camera stays 3 to 300 crown radii away, and level 1 takes over between 5.79 and 297"
+    )
 
 
 def test_a_camera_that_moves_within_one_level_needs_no_transitions() -> None:

@@ -11,7 +11,7 @@ import pytest
 from addon.plan.camera_visibility import latest_switches, soonest_switches
 from addon.plan.facts import Facts
 from addon.plan.lod_range import View
-from addon.plan.quality import core_quality, distance_of, hand_overs, quality_warnings, target_error
+from addon.plan.quality import core_target, distance_of, hand_overs, quality_warnings, target_error
 from addon.settings.bake import BakeSettings
 
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
@@ -48,7 +48,12 @@ def test_the_middle_is_unnoticed_and_the_ends_are_three_times_more_and_less() ->
 def test_a_sphere_appears_as_large_as_its_distance_says() -> None:
     # At distance 20 the view is 40 high, so a sphere of diameter 4 covers 100 of 1000 pixels.
     assert distance_of(100.0, 2.0, VIEW) == pytest.approx(20.0)
-    assert distance_of(math.inf, 2.0, VIEW) == 0.0
+
+
+def test_no_level_takes_over_at_a_larger_size_than_400_pixels() -> None:
+    levels: Any = [Level(Errors(math.inf, errors=(0.01, 0.01)), cloud="cloud")]
+    [found] = hand_overs(BakeSettings(), levels)
+    assert found.size == 400.0
 
 
 def test_a_level_that_misses_its_target_takes_over_at_the_smallest_size_with_a_warning() -> None:
@@ -65,21 +70,22 @@ def test_set_pixels_replace_quality() -> None:
     levels: Any = [Level(Errors(None))]
     settings = BakeSettings(pixels=8.0)
     assert hand_overs(settings, levels) == ()
-    assert core_quality(settings) is None
+    assert quality_warnings((), levels) == []
+    assert core_target(settings) is None
 
 
 @pytest.mark.parametrize("other", [{"seconds": 5.0}, {"image_error": 0.1}, {"preset": "draft"}, {"chain": "both"}])
 def test_wishes_and_other_chains_decide_the_error_bound_themselves(other: dict[str, Any]) -> None:
-    assert core_quality(BakeSettings(**other)) is None
-    assert core_quality(BakeSettings()) == pytest.approx(0.06)
+    assert core_target(BakeSettings(**other)) is None
+    assert core_target(BakeSettings()) == pytest.approx(0.06)
 
 
-def test_levels_take_over_between_the_finest_bound_and_the_smallest_picture() -> None:
+def test_levels_take_over_between_the_largest_and_the_smallest_picture() -> None:
     settings = BakeSettings()
     soonest, latest = soonest_switches(settings, FACTS, VIEW), latest_switches(settings, FACTS, VIEW)
-    # A length of 0.014 · 2 covers 8 pixels at 1.75, a crown of diameter 4 covers 7.8 at 256.4.
-    assert soonest[1] == pytest.approx(1.75)
+    # A crown of diameter 4 covers 400 pixels at distance 5, and 7.8 at 256.4.
+    assert soonest[1] == pytest.approx(5.0)
     assert latest[1] == pytest.approx(256.4, rel=1e-3)
     assert all(soon <= late for soon, late in zip(soonest, latest, strict=True))
-    given = replace(settings, epsilon=0.04)
-    assert soonest_switches(given, FACTS, VIEW)[1] == pytest.approx(5.0)
+    coarse = replace(settings, epsilon=0.08)  # A length of 0.16 covers 8 pixels at 10.
+    assert soonest_switches(coarse, FACTS, VIEW)[1] == pytest.approx(10.0)

@@ -17,14 +17,15 @@ from addon.settings.setting import Limits
 
 def test_the_defaults_match_the_command_line() -> None:
     settings = BakeSettings()
-    assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (0.04, 600, 2, 0)
+    assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (None, 600, 2, 0)
     assert (settings.texture_size, settings.cross, settings.method, settings.chain) == (
         None,
         True,
         "stochastic",
         "billboards",
     )
-    assert (settings.effects, settings.engine, settings.pixels) == ("auto", "generic", 8.0)
+    assert (settings.effects, settings.engine, settings.pixels, settings.quality) == ("auto", "generic", None, 0.5)
+    assert (settings.error_bound, settings.switch_pixels) == (0.04, 8.0)
 
 
 @pytest.mark.parametrize(

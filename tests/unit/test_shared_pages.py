@@ -47,7 +47,7 @@ def test_billboards_show_the_same_texels_on_the_shared_page() -> None:
         assert first.ktx2("base_color") == second.ktx2("base_color")
         assert all(side % 4 == 0 for side in first.base_color.shape[:2])
         own = [chain.levels[number] for chain in chains]
-        assert first.base_color.size <= 1.3 * sum(level.base_color.size for level in own)
+        assert first.base_color.size <= 1.7 * sum(level.base_color.size for level in own)
         for level, after in zip(own, (first, second), strict=True):
             assert np.array_equal(level.corners, after.corners)
             assert after.alpha_cutoff == level.alpha_cutoff

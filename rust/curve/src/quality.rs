@@ -53,7 +53,7 @@ pub fn settings_for(
     free: bool,
     progress: Progress,
 ) -> Result<ChainSettings> {
-    TARGET.check("quality", target)?;
+    TARGET.check("target_error", target)?;
     settings.check()?;
     let search = Search::new(target, foliage, settings)?;
     let best = search.best(trunk, settings, free && leaves_a_choice(&settings.fit), progress)?;
@@ -131,8 +131,9 @@ impl<'a> Search<'a> {
             return Ok(best);
         }
         let (first, mut done) = (best, 0.4);
+        let largest = settings.fit.max_size.unwrap_or(f64::INFINITY);
         for side in [&COARSER[..], &FINER[..]] {
-            for &epsilon in side {
+            for &epsilon in side.iter().filter(|epsilon| **epsilon <= largest) {
                 if best.billboards_with(epsilon) > TOO_MANY * drafts.most as f64 {
                     break;
                 }

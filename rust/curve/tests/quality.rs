@@ -65,6 +65,6 @@ fn a_target_outside_its_range_is_refused() {
     for target in [0.0, 1.0, -0.1, f64::NAN] {
         let found = settings_for(target, &foliage, None, &ChainSettings::default(), true, Progress::silent());
         let message = found.err().map(|error| error.to_string()).unwrap_or_default();
-        assert!(message.starts_with("`quality` is"), "{target}: {message}");
+        assert!(message.starts_with("`target_error` is"), "{target}: {message}");
     }
 }

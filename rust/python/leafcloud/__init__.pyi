@@ -624,7 +624,7 @@ class ChainOptions(LevelOptions, total=False):
     seconds: float | None  # None
     image_error: float | None  # None
     preset: Preset | None  # None
-    quality: float | None  # None
+    target_error: float | None  # None
 
 def fit(
     foliage: Foliage,
@@ -706,7 +706,7 @@ def build_chain(
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
     ``pixels``: size at which a level's deviation appears where the level takes over.
-    ``quality``: image error in (0, 1) that level 1 may have where it takes over. Lowers ``pixels`` to the predicted
+    ``target_error``: image error in (0, 1) that level 1 may have where it takes over. Lowers ``pixels`` to the predicted
     deviation there, and chooses ``epsilon``, unless given, so that the tree is cheapest to draw over all distances: a
     smaller ε takes over nearer and has more triangles. ``None``: the other options decide.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and

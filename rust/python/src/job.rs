@@ -98,16 +98,16 @@ impl Work {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
-        let quality = options.quality()?;
+        let target = options.target_error()?;
         let (settings, wish) = (options.chain()?, options.wish()?);
         options.finish()?;
-        let goal = match (quality, wish) {
+        let goal = match (target, wish) {
             (None, None) => Goal::Given,
             (Some((target, free)), None) => Goal::Quality { target, free },
             (None, Some(wish)) => Goal::Wish(wish),
             (Some(_), Some(_)) => {
                 return Err(refuse(
-                    "`quality` and a wish (`seconds`, `image_error` or `preset`) exclude each other; give one of them",
+                    "`target_error` and a wish (`seconds`, `image_error` or `preset`) exclude each other; give one of them",
                 ));
             }
         };

@@ -192,8 +192,8 @@ impl<'py> Options<'py> {
     }
 
     /// Reads the image error that level 1 may have where it takes over, and whether ε is open. Call it before the options of the chain.
-    pub fn quality(&self) -> PyResult<Option<(f64, bool)>> {
-        let target: Option<f64> = self.some("quality", "a number or None")?;
+    pub fn target_error(&self) -> PyResult<Option<(f64, bool)>> {
+        let target: Option<f64> = self.some("target_error", "a number or None")?;
         let given = self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true));
         Ok(target.map(|target| (target, !given)))
     }

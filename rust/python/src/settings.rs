@@ -80,7 +80,7 @@ fn chain_settings() -> Vec<Named> {
         real("prune_half", limits::PRUNE_HALF, Some(pruning.half)),
         real("seconds", SECONDS, None),
         real("image_error", IMAGE_ERROR, None),
-        real("quality", quality::TARGET, None),
+        real("target_error", quality::TARGET, None),
     ]
 }
 

@@ -65,8 +65,13 @@ pub(super) fn build(
     let baked = Instant::now();
     progress.tell("tune", 0.8)?;
     let references = References::new(parts, parts, &frame, settings)?;
-    let alpha_cutoff =
-        if settings.blended { 0.0 } else { tune::cutoff(&atlas, &page, &frame, !two_sided, &references.tuning)? };
+    let leaves = &references.tuning;
+    let (page, alpha_cutoff) = if settings.blended {
+        (tune::blended(&atlas, &page, &frame, !two_sided, leaves)?, 0.0)
+    } else {
+        let cutoff = tune::cutoff(&atlas, &page, &frame, !two_sided, leaves)?;
+        (page, cutoff)
+    };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
     let engine = engine_page(&page, alpha_cutoff, true);

@@ -61,17 +61,18 @@ fn a_chain_gets_coarser_and_keeps_its_promises() {
 }
 
 #[test]
-fn the_cross_stands_upright_through_the_centre() {
+fn the_cross_has_two_upright_planes_through_the_centre_and_a_horizontal_one() {
     let foliage = ball(100);
     let chain = build_chain(&foliage, None, &ChainSettings { levels: 0, ..settings() }, Progress::silent()).unwrap();
     let cross = &chain.levels[0];
     let boards = &cross.atlas.billboards;
-    assert_eq!(boards.len(), 2);
+    assert_eq!(boards.len(), 3);
     let normal = |i: usize| {
         (boards[i].corners[1] - boards[i].corners[0]).cross(boards[i].corners[3] - boards[i].corners[0]).normalize()
     };
     assert!(normal(0).dot(normal(1)).abs() < 1e-12 && normal(0).z.abs() < 1e-12 && normal(1).z.abs() < 1e-12);
-    for board in boards {
+    assert!(normal(2).z.abs() > 1.0 - 1e-12, "{}", normal(2));
+    for board in &boards[..2] {
         let normal = (board.corners[1] - board.corners[0]).cross(board.corners[3] - board.corners[0]).normalize();
         assert!(normal.dot(board.corners[0]).abs() < 1e-9, "through the center of the sphere");
     }
@@ -258,7 +259,7 @@ fn alpha_blended_leaves_are_not_cut_out() {
     };
     for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {
         assert_eq!(level.alpha_cutoff, 0.0);
-        // The report uses other views than the tuning; the cross impostor is not tuned for coverage.
+        // The report uses other views than the tuning, which differ more on the cross impostor.
         let most = if level.method == "cross" { 0.1 } else { 0.02 };
         assert!((level.coverage - 1.0).abs() < most, "{}", level.coverage);
         let (blended, cut) = (squared_error(level), squared_error(cut));
