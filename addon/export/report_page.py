@@ -107,8 +107,8 @@ def _level(level: LevelFigure) -> list[str]:
 def levels_table(names: Sequence[str], levels: Sequence[Row], radius: float) -> str:
     """Return the table of the levels. `radius`: R of the leaves."""
     heads = [
-        "Level", "Triangles", "Trunk triangles", "Billboards", "Texture", "Image error (128 pixels)", "LOD distance", "in R",
-        "Maximum deviation (R)", "Times cheaper to draw", "GPU MB",
+        "Level", "Triangles", "Trunk triangles", "Billboards", "Texture", "Image error (128 pixels)", "LOD distance",
+        "in R", "Maximum deviation (R)", "Times cheaper to draw", "GPU MB",
     ]  # fmt: skip
     rows = []
     for name, level in zip(names, levels, strict=True):
