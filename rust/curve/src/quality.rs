@@ -118,7 +118,8 @@ impl<'a> Search<'a> {
 
     /// Returns the best ε, or that of the settings if it is not `free`.
     ///
-    /// The cost has one minimum: with a larger ε the leaves are drawn over more distances, with a smaller one the level has more triangles.
+    /// The cost has one minimum: with a larger ε the leaves are drawn over more distances, with a smaller one the level has more
+    /// triangles. No ε is finer than the first unless the level keeps its budget of triangles.
     fn best(&self, trunk: Option<&Foliage>, settings: &ChainSettings, free: bool, progress: Progress) -> Result<Tried> {
         let pixels = TYPICAL_PIXELS.min(settings.pixels);
         let epsilon = if free { FIRST } else { settings.fit.epsilon };
@@ -134,13 +135,14 @@ impl<'a> Search<'a> {
         let largest = settings.fit.max_size.unwrap_or(f64::INFINITY);
         for side in [&COARSER[..], &FINER[..]] {
             for &epsilon in side.iter().filter(|epsilon| **epsilon <= largest) {
-                if best.billboards_with(epsilon) > TOO_MANY * drafts.most as f64 {
+                let is_finer = epsilon < first.epsilon;
+                if is_finer && best.billboards_with(epsilon) > TOO_MANY * drafts.most as f64 {
                     break;
                 }
                 let draft = drafts.with(epsilon, progress.part(done, 0.5 * (1.0 + done)))?;
                 done = 0.5 * (1.0 + done);
                 let next = self.tried(epsilon, &draft)?;
-                if next.cost >= best.cost || (epsilon < first.epsilon && next.billboards > drafts.most) {
+                if next.cost >= best.cost || (is_finer && next.billboards > drafts.most) {
                     break;
                 }
                 best = next;

@@ -700,8 +700,8 @@ def build_chain(
     ``min_visibility``: leaves of which less than this fraction is seen from outside are in no level (``Chain.kept``);
     0 keeps all. No effect with ``keep``. The cross impostor shows all leaves.
     ``texture_size``: columns of level 1's page, and rows unless ``texture_height`` is given. The page of level i has
-    1/2^(i−1) of that. ``None``: pages are as small as texels of 0.7 pixels, where the level takes over, allow, and level
-    1's has at most 2048 columns.
+    1/2^(i−1) of that. ``None``: pages are as small as texels of 0.7 pixels, where the level takes over, allow, and
+    level 1's has at most 2048 columns.
     ``trunk``: the trunk; only the cross impostor shows it.
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
