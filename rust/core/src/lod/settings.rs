@@ -69,7 +69,7 @@ pub struct ChainSettings {
     pub min_visibility: f64,
     /// Largest atlas page of level 1, halved from level to level.
     pub texture_size: PageSize,
-    /// Makes pages as small as their texels allow: a texel is at most a pixel where its level takes over. The page of the cross impostor
+    /// Makes pages as small as their texels allow: a texel is at most 0.7 pixels where its level takes over. The page of the cross impostor
     /// is always made that small.
     pub fitting_pages: bool,
     /// Sub-samples for baking the textures.
