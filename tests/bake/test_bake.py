@@ -261,6 +261,7 @@ def deviations_on_parents(level: Node, following: Node, radius: float) -> NDArra
     return np.concatenate(result)
 
 
+@pytest.mark.timeout(1200)  # The tree of a million triangles takes minutes, and a time-out would end the whole run.
 def test_a_bake_keeps_its_bound_and_is_valid(
     tree_path: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
