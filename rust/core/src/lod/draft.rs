@@ -11,6 +11,7 @@ use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, fit_within};
 use crate::foliage::Foliage;
+use crate::geometry::Outline;
 use crate::metrics::Reference;
 use crate::outlines::outlines;
 use crate::polygons::Scale;
@@ -92,7 +93,7 @@ impl Draft {
         let collapsed = projection.at(foliage, HAND_OVER)?;
         let opacity = fit.opacity(foliage);
         let outlines = outlines(&cloud.planes, &cloud.parents, |t| foliage.corners(t), &opacity);
-        Ok(Self { collapsed, rectangles: outlines.iter().map(|outline| outline.size()).collect(), copies })
+        Ok(Self { collapsed, rectangles: outlines.iter().map(Outline::size).collect(), copies })
     }
 
     /// Returns the number of billboards.
