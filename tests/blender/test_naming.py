@@ -53,9 +53,13 @@ MODULES = sorted(path for path in ADDON.rglob("*.py") if path.name != "flags.py"
 
 
 def test_only_the_command_line_writes_flags() -> None:
-    """`flags.py` belongs to the command line. No other text of the extension contains a flag."""
+    """`flags.py` belongs to the command line. No other text of the extension contains a flag.
+
+    Variables of the style sheet of report.html look like flags.
+    """
     assert len(MODULES) > 80
-    assert [text for path in MODULES for text in texts(path) if FLAG.search(text)] == []
+    found = [text for path in MODULES for text in texts(path) if FLAG.search(text)]
+    assert [text for text in found if not text.startswith("\n:root {")] == []
 
 
 def test_command_line_and_sidebar_know_every_name_in_a_message() -> None:
