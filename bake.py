@@ -107,8 +107,8 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     _find_blender()
     import leafcloud
     from addon.errors import SceneError
-    from addon.settings.bake import notes
     from addon.settings.flags import with_flags
+    from addon.settings.notes import notes
 
     for note in notes(settings):
         console.note(with_flags(note))

@@ -222,7 +222,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     )
     collection, built = build_levels(build)
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
-    missed = quality_warnings(build.schedule.hand_overs, chain.levels)
+    missed = quality_warnings(build.schedule.switch_sizes, chain.levels)
     prepared = replace(prepared, warnings=(*prepared.warnings, *missed))
     return Baked(prepared, chain, collection, tuple(built), build.schedule, view, settled, costs)
 

@@ -102,7 +102,7 @@ class Camera:
 
     @classmethod
     def of(cls, hand_over: HandOver, sphere: Sphere, view: View) -> Camera:
-        """Return the camera whose pictures the crown fills where the next level appears."""
+        """Return a camera. Where the next level appears, the crown fills its pictures."""
         distance = hand_over.ranges[1].appear
         size = pixels_of(2.0 * sphere.radius, distance, view)
         scale = min(1.0, SIDE / size)

@@ -96,27 +96,18 @@ def _predicted(baked: Baked) -> dict[str, Any] | None:
 
 
 def _quality(baked: Baked) -> dict[str, Any] | None:
-    """Return quality and what follows from it; None if `pixels` sets the LOD distances.
+    """Return the row `quality`; None if `pixels` sets the LOD distances.
 
     For each level after LOD 0: `target`, the image error that it may have where it takes over; `crown_pixels`, the
     largest diameter of the crown at which its measured error is within the target, at most 400; `errors`, the image
     error by that diameter.
     """
-    found = baked.schedule.hand_overs
-    if not found:
-        return None
     rows = []
-    for each, level in zip(found, baked.chain.levels, strict=True):
-        measured = level.image_errors()
-        sizes = zip(measured.sizes, measured.errors, strict=True)
-        rows.append(
-            {
-                "target": each.target,
-                "crown_pixels": each.size,
-                "errors": [{"crown_pixels": size, "image_error": error} for size, error in sizes],
-            }
-        )
-    return {"quality": baked.prepared.settings.quality, "levels": rows}
+    for each in baked.schedule.switch_sizes:
+        sizes = zip(each.measured.sizes, each.measured.errors, strict=True)
+        errors = [{"crown_pixels": size, "image_error": error} for size, error in sizes]
+        rows.append({"target": each.target, "crown_pixels": each.size, "errors": errors})
+    return {"quality": baked.prepared.settings.quality, "levels": rows} if rows else None
 
 
 def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:

@@ -18,22 +18,22 @@ PADDING = 10
 Row = Mapping[str, Any]
 
 STYLE = """
-:root { color-scheme: light dark; --ink: #1c2128; --soft: #5c6672; --paper: #f7f8fa; --card: #fff; --line: #d5dae0; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e9ed; --soft: #a3adb8; --paper: #15181c; --card: #1f2429; --line: #373e46; }
-}
-body { margin: 0 auto; max-width: 90rem; padding: 1.5rem; color: var(--ink); background: var(--paper);
+:root { color-scheme: light dark; }
+body { margin: 0 auto; max-width: 90rem; padding: 1.5rem; color: light-dark(#1c2128, #e6e9ed);
+  background: light-dark(#f7f8fa, #15181c);
   font: 15px/1.45 system-ui, sans-serif; }
 h1 { font-size: 1.7rem; margin: 0; } h2 { font-size: 1.4rem; margin: 2rem 0 .5rem; }
-h3 { font-size: 1.1rem; margin: 1.5rem 0 .4rem; } p { margin: .2rem 0; } .soft { color: var(--soft); }
+h3 { font-size: 1.1rem; margin: 1.5rem 0 .4rem; } p { margin: .2rem 0; } .soft { color: light-dark(#5c6672, #a3adb8); }
 .films { display: flex; flex-wrap: wrap; gap: .75rem; align-items: flex-start; }
 img { max-width: 100%; height: auto; border-radius: 6px; } .film { image-rendering: pixelated; }
-.wide { overflow-x: auto; } table { border-collapse: collapse; background: var(--card); font-size: .9rem; }
-th, td { padding: .3rem .6rem; border: 1px solid var(--line); text-align: right; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; background: light-dark(#fff, #1f2429); font-size: .9rem; }
+th, td { padding: .3rem .6rem; border: 1px solid light-dark(#d5dae0, #373e46); text-align: right; }
 td { white-space: nowrap; }
 th { font-weight: 600; } td.text, th.text { text-align: left; white-space: normal; }
 details { margin: .8rem 0; } summary { cursor: pointer; font-weight: 600; }
-pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); padding: .6rem; font-size: .8rem; }
+pre { overflow-x: auto; background: light-dark(#fff, #1f2429);
+  border: 1px solid light-dark(#d5dae0, #373e46); padding: .6rem; font-size: .8rem; }
 .warning { border-left: 4px solid #d08700; padding-left: .6rem; }
 """
 

@@ -38,20 +38,26 @@ FINEST_BOUND = 0.014
 """The smallest error bound that the core chooses by quality."""
 
 
-class HandOver(NamedTuple):
-    """Where a level takes over by its picture.
+class SwitchSize(NamedTuple):
+    """The size at which a level takes over by its picture.
 
-    size: diameter of the crown in pixels, at most `LARGEST_CROWN`. error: image error at the smallest measured size.
-    target: error that quality allows.
+    size: diameter of the crown in pixels, at most `LARGEST_CROWN`. target: image error that quality allows. measured:
+    image errors by size.
     """
 
     size: float
-    error: float
     target: float
+    measured: leafcloud.ImageErrors
+
+    @property
+    def least_error(self) -> float:
+        """The image error at the smallest measured size."""
+        return self.measured.errors[0]
 
     @property
     def is_reached(self) -> bool:
-        return self.error <= self.target
+        """True if the level is within its target at some size."""
+        return self.least_error <= self.target
 
 
 def target_error(quality: float, number: int = 1) -> float:
@@ -72,8 +78,8 @@ def core_target(settings: BakeSettings) -> float | None:
     return target_error(settings.quality)
 
 
-def hand_overs(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tuple[HandOver, ...]:
-    """Measure where each level takes over by its picture; empty if quality does not decide."""
+def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tuple[SwitchSize, ...]:
+    """Measure the size at which each level takes over by its picture; empty if quality does not decide."""
     if not decides_distances(settings):
         return ()
     found = []
@@ -81,12 +87,15 @@ def hand_overs(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tup
         errors, target = level.image_errors(), target_error(settings.quality, number)
         size = errors.largest_size(target)
         largest = errors.sizes[0] if size is None else min(size, LARGEST_CROWN)
-        found.append(HandOver(largest, errors.errors[0], target))
+        found.append(SwitchSize(largest, target, errors))
     return tuple(found)
 
 
-def quality_warnings(found: Sequence[HandOver], levels: Sequence[leafcloud.Level]) -> list[str]:
-    """Return a message for each level whose picture is within its target at no size. `found`: empty, or all levels."""
+def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.Level]) -> list[str]:
+    """Return a message for each level whose image error exceeds its target at every size.
+
+    found: the switch sizes of all levels, or empty if quality does not decide.
+    """
     if not found:
         return []
     warnings = []
@@ -95,8 +104,8 @@ def quality_warnings(found: Sequence[HandOver], levels: Sequence[leafcloud.Level
             continue
         remedy = "leave it out with `cross=False`" if level.cloud is None else "raise `triangles`"
         warnings.append(
-            f"level {number} has an image error of {each.error:.3g} even where the crown is {each.size:.0f} pixels "
-            f"large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"
+            f"level {number} has an image error of {each.least_error:.3g} even where the crown is {each.size:.0f} "
+            f"pixels large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"
         )
     return warnings
 

@@ -14,7 +14,7 @@ from .decision import Decision, is_on
 from .facts import Facts
 from .lod_range import LodRange, View, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
-from .quality import HandOver, distance_of, hand_overs
+from .quality import SwitchSize, distance_of, switch_sizes
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Schedule:
 
     drawn: the levels that the camera sees. A single one is always shown if no level follows the camera.
     trunk_pixels: side of a pixel on the tree where each level after LOD 0 appears; empty: trunks are not simplified.
-    hand_overs: where each level after LOD 0 takes over by its picture; empty if quality does not decide.
+    switch_sizes: of each level after LOD 0; empty if quality does not decide.
     triangles: wished maximum of level 1 with its trunk.
     """
 
@@ -32,7 +32,7 @@ class Schedule:
     drawn: range = range(1)
     pruning: PruneDistances = field(default_factory=PruneDistances)
     trunk_pixels: tuple[float, ...] = ()
-    hand_overs: tuple[HandOver, ...] = ()
+    switch_sizes: tuple[SwitchSize, ...] = ()
     triangles: int | None = None
 
 
@@ -43,7 +43,7 @@ def schedule(
     deviations = [level.max_deviation_leaves * facts.radius for level in levels]
     # A level takes over where its deviation appears smaller than `pixels` pixels, and its picture is within the error
     # that quality allows, or its texels are smaller than a pixel.
-    by_picture = hand_overs(settings, levels)
+    by_picture = switch_sizes(settings, levels)
     alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
     sharp = [far_off(level.texel_size, 1.0, view) for level in levels]
     distances = [

@@ -24,8 +24,6 @@ WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
 _FIX_EPSILON = ("method", "triangles", "max_billboards", "max_texels", "image_epsilon", "chain")
 """Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
-_CHOSEN = ("epsilon", "samples", "effort")
-"""Settings that the wishes choose. The texture size is chosen, too, but only below the given one."""
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
@@ -461,11 +459,11 @@ class BakeSettings:
     def _check_wishes(self) -> None:
         given = [name for name in WISHES if getattr(self, name) is not None]
         if len(given) > 1:
-            raise SettingsError(f"{_listed(given)} exclude each other: set one of them")
+            raise SettingsError(f"{listed(given)} exclude each other: set one of them")
         fixed = [name for name in _FIX_EPSILON if getattr(self, name) != getattr(BakeSettings, name)]
         if given and fixed:
             raise SettingsError(
-                f"{_listed(given)} must be set without {_listed(fixed)}, because it has to choose `epsilon`"
+                f"{listed(given)} must be set without {listed(fixed)}, because it has to choose `epsilon`"
             )
 
     def _require(self, name: str, holds: bool, limit: str) -> None:
@@ -476,19 +474,7 @@ class BakeSettings:
         raise SettingsError(f"`{name}` is {value!r}, it must be {limit}; the default is {usual}")
 
 
-def notes(settings: BakeSettings) -> list[str]:
-    """Return notes about settings that the bake may not follow, because of other settings."""
-    found = []
-    wish = [name for name in WISHES if getattr(settings, name) is not None]
-    chosen = [name for name in _CHOSEN if getattr(settings, name) != getattr(BakeSettings, name)]
-    if wish and chosen:
-        found.append(f"{_listed(wish)} may replace {_listed(chosen)} by other values")
-    if settings.facing_views and not settings.views:
-        found.append("`facing_views` has no effect without `views`")
-    return found
-
-
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Return the names of settings for a message."""
     return " and ".join(f"`{name}`" for name in names)
 

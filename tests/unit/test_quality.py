@@ -11,7 +11,7 @@ import pytest
 from addon.plan.camera_visibility import latest_switches, soonest_switches
 from addon.plan.facts import Facts
 from addon.plan.lod_range import View
-from addon.plan.quality import core_target, distance_of, hand_overs, quality_warnings, target_error
+from addon.plan.quality import core_target, distance_of, quality_warnings, switch_sizes, target_error
 from addon.settings.bake import BakeSettings
 
 VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
@@ -52,13 +52,13 @@ def test_a_sphere_appears_as_large_as_its_distance_says() -> None:
 
 def test_no_level_takes_over_at_a_larger_size_than_400_pixels() -> None:
     levels: Any = [Level(Errors(math.inf, errors=(0.01, 0.01)), cloud="cloud")]
-    [found] = hand_overs(BakeSettings(), levels)
+    [found] = switch_sizes(BakeSettings(), levels)
     assert found.size == 400.0
 
 
 def test_a_level_that_misses_its_target_takes_over_at_the_smallest_size_with_a_warning() -> None:
     levels: Any = [Level(Errors(100.0, errors=(0.01, 0.02)), cloud="cloud"), Level(Errors(None))]
-    found = hand_overs(BakeSettings(), levels)
+    found = switch_sizes(BakeSettings(), levels)
     assert [each.size for each in found] == [100.0, 7.8]
     [warning] = quality_warnings(found, levels)
     assert warning.startswith("level 2 has an image error of 0.09 even where the crown is 8 pixels large")
@@ -69,7 +69,7 @@ def test_a_level_that_misses_its_target_takes_over_at_the_smallest_size_with_a_w
 def test_set_pixels_replace_quality() -> None:
     levels: Any = [Level(Errors(None))]
     settings = BakeSettings(pixels=8.0)
-    assert hand_overs(settings, levels) == ()
+    assert switch_sizes(settings, levels) == ()
     assert quality_warnings((), levels) == []
     assert core_target(settings) is None
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError, described, notes
+from addon.settings.bake import BakeSettings, SettingsError, described
 from addon.settings.fit_options import fit_options
 from addon.settings.flags import parse, settings_of
+from addon.settings.notes import notes
 from addon.settings.setting import Limits
 
 

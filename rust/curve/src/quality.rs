@@ -5,8 +5,8 @@
 //! ([`cost`]). It is found with drafts of level 1 ([`Draft`]): their pictures tell the size at which the level may take over, and
 //! their rectangles the cost of drawing it. A draft takes a small part of the time of a level, and a search three to five drafts.
 //!
-//! A choice depends on FLIP, whose last digits differ between machines, rounded to three digits. So two machines choose differently only if
-//! two costs are equal to a thousandth and an error lies between two roundings.
+//! The choice depends on FLIP. The last digits of FLIP differ between machines, so errors are rounded to three digits. Two machines choose
+//! different bounds only if two costs are equal to a thousandth and an error lies between two roundings.
 
 use leafcloud::error::Result;
 use leafcloud::fit::{FitSettings, Method};
@@ -34,7 +34,8 @@ const TURN: f64 = 0.25;
 const FARTHEST: f64 = 8.0;
 const OCTAVES: i32 = 6;
 
-/// Deviation in pixels for the first fit, whose size limit all drafts have: about the deviation of the measured trees at their target.
+/// Deviation in pixels for the first fit: about that of the measured trees at the default target. All drafts have the size limit of
+/// this fit.
 const TYPICAL_PIXELS: f64 = 2.0;
 
 /// Least number of pixels that a deviation is allowed: less would ask for texels that no picture shows.
@@ -55,12 +56,53 @@ pub fn settings_for(
 ) -> Result<ChainSettings> {
     TARGET.check("target_error", target)?;
     settings.check()?;
-    let search = Search::new(target, foliage, settings)?;
-    let best = search.best(trunk, settings, free && leaves_a_choice(&settings.fit), progress)?;
+    let free = free && leaves_a_choice(&settings.fit);
+    let drafts = drafts(foliage, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
+    let pictures = pictures(foliage, settings)?;
+    let first = Tried::of(&drafts.first, drafts.epsilon(), target, &pictures)?;
+    let best = if free {
+        let search = Search { target, drafts: &drafts, pictures: &pictures, costs: costs(foliage, settings)? };
+        search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?
+    } else {
+        first
+    };
     let deviation = 0.5 * best.epsilon * crown_pixels(best.size);
     let pixels = deviation.clamp(LEAST_PIXELS.min(settings.pixels), settings.pixels);
     let fit = FitSettings { epsilon: best.epsilon, ..settings.fit.clone() };
     Ok(ChainSettings { fit, pixels, ..settings.clone() })
+}
+
+/// Share of the progress for the first draft.
+const FIRST_SHARE: f64 = 0.4;
+
+/// Makes the first draft: with ε [`FIRST`] if it is `free`, else with that of the settings.
+fn drafts<'a>(
+    foliage: &'a Foliage,
+    trunk: Option<&Foliage>,
+    settings: &ChainSettings,
+    free: bool,
+    progress: Progress,
+) -> Result<Drafts<'a>> {
+    let epsilon = if free { FIRST } else { settings.fit.epsilon };
+    let epsilon = settings.fit.max_size.map_or(epsilon, |size| epsilon.min(size));
+    let fit = FitSettings { epsilon, ..settings.fit.clone() };
+    let settings = ChainSettings { fit, pixels: TYPICAL_PIXELS.min(settings.pixels), ..settings.clone() };
+    Drafts::new(&settings, foliage, trunk, progress)
+}
+
+/// Renders the leaves.
+fn pictures(foliage: &Foliage, settings: &ChainSettings) -> Result<Reference> {
+    let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
+    Reference::new(&[foliage], foliage.frame(), views)
+}
+
+/// Returns the cost of drawing the leaves in the middle of each octave.
+fn costs(foliage: &Foliage, settings: &ChainSettings) -> Result<Vec<f64>> {
+    let cost = |radius_pixels: f64| {
+        let scale = radius_pixels / foliage.frame().radius;
+        Ok(drawing_cost(&[foliage], scale, settings.up, Progress::silent())?.total())
+    };
+    middles().map(cost).collect()
 }
 
 /// Returns whether no other setting determines ε.
@@ -81,7 +123,6 @@ struct Tried {
     /// Side of the picture in pixels, where the level takes over.
     size: f64,
     billboards: usize,
-    cost: f64,
 }
 
 /// Exponent of the number of billboards in 1 / ε: 1.2 to 1.9 on the measured trees.
@@ -91,6 +132,12 @@ const GROWTH: f64 = 1.5;
 const TOO_MANY: f64 = 1.2;
 
 impl Tried {
+    fn of(draft: &Draft, epsilon: f64, target: f64, pictures: &Reference) -> Result<Self> {
+        let errors = ImageErrors::of(&pictures.compare(&draft.collapsed)?);
+        let size = errors.largest_size(target).unwrap_or(SMALLEST as f64);
+        Ok(Self { epsilon, size, billboards: draft.billboards() })
+    }
+
     /// Returns the number of billboards that another ε is expected to need.
     fn billboards_with(&self, epsilon: f64) -> f64 {
         self.billboards as f64 * libm::pow(self.epsilon / epsilon, GROWTH)
@@ -99,53 +146,34 @@ impl Tried {
 
 struct Search<'a> {
     target: f64,
-    foliage: &'a Foliage,
-    pictures: Reference,
+    drafts: &'a Drafts<'a>,
+    pictures: &'a Reference,
     /// Cost of drawing the leaves in the middle of each octave.
     costs: Vec<f64>,
 }
 
-impl<'a> Search<'a> {
-    fn new(target: f64, foliage: &'a Foliage, settings: &ChainSettings) -> Result<Self> {
-        let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
-        let pictures = Reference::new(&[foliage], foliage.frame(), views)?;
-        let cost = |radius_pixels: f64| {
-            let scale = radius_pixels / foliage.frame().radius;
-            Ok(drawing_cost(&[foliage], scale, settings.up, Progress::silent())?.total())
-        };
-        Ok(Self { target, foliage, pictures, costs: middles().map(cost).collect::<Result<_>>()? })
-    }
-
-    /// Returns the best ε, or that of the settings if it is not `free`.
+impl Search<'_> {
+    /// Returns the best ε, at most `max_size`.
     ///
     /// The cost has one minimum: with a larger ε the leaves are drawn over more distances, with a smaller one the level has more
     /// triangles. No ε is finer than the first unless the level keeps its budget of triangles.
-    fn best(&self, trunk: Option<&Foliage>, settings: &ChainSettings, free: bool, progress: Progress) -> Result<Tried> {
-        let pixels = TYPICAL_PIXELS.min(settings.pixels);
-        let epsilon = if free { FIRST } else { settings.fit.epsilon };
-        let epsilon = settings.fit.max_size.map_or(epsilon, |size| epsilon.min(size));
-        let fit = FitSettings { epsilon, ..settings.fit.clone() };
-        let settings = ChainSettings { fit, pixels, ..settings.clone() };
-        let drafts = Drafts::new(&settings, self.foliage, trunk, progress.part(0.0, 0.4))?;
-        let mut best = self.tried(epsilon, &drafts.first)?;
-        if !free {
-            return Ok(best);
-        }
-        let (first, mut done) = (best, 0.4);
-        let largest = settings.fit.max_size.unwrap_or(f64::INFINITY);
+    fn best(&self, first: Tried, max_size: Option<f64>, progress: Progress) -> Result<Tried> {
+        let largest = max_size.unwrap_or(f64::INFINITY);
+        let (mut best, mut least, mut done) = (first, self.cost(&first, &self.drafts.first), 0.0);
         for side in [&COARSER[..], &FINER[..]] {
             for &epsilon in side.iter().filter(|epsilon| **epsilon <= largest) {
                 let is_finer = epsilon < first.epsilon;
-                if is_finer && best.billboards_with(epsilon) > TOO_MANY * drafts.most as f64 {
+                if is_finer && best.billboards_with(epsilon) > TOO_MANY * self.drafts.most as f64 {
                     break;
                 }
-                let draft = drafts.with(epsilon, progress.part(done, 0.5 * (1.0 + done)))?;
+                let draft = self.drafts.with(epsilon, progress.part(done, 0.5 * (1.0 + done)))?;
                 done = 0.5 * (1.0 + done);
-                let next = self.tried(epsilon, &draft)?;
-                if next.cost >= best.cost || (is_finer && next.billboards > drafts.most) {
+                let next = Tried::of(&draft, epsilon, self.target, self.pictures)?;
+                let cost = self.cost(&next, &draft);
+                if cost >= least || (is_finer && next.billboards > self.drafts.most) {
                     break;
                 }
-                best = next;
+                (best, least) = (next, cost);
             }
             if best.epsilon != first.epsilon {
                 break;
@@ -154,16 +182,8 @@ impl<'a> Search<'a> {
         Ok(best)
     }
 
-    fn tried(&self, epsilon: f64, draft: &Draft) -> Result<Tried> {
-        let errors = ImageErrors::of(&self.pictures.compare(&draft.collapsed)?);
-        let size = errors.largest_size(self.target).unwrap_or(SMALLEST as f64);
-        let billboards = draft.billboards();
-        Ok(Tried {
-            epsilon,
-            size,
-            billboards,
-            cost: cost(crown_pixels(size), &self.costs, |radius_pixels| draft.cost(radius_pixels)),
-        })
+    fn cost(&self, tried: &Tried, draft: &Draft) -> f64 {
+        cost(crown_pixels(tried.size), &self.costs, |radius_pixels| draft.cost(radius_pixels))
     }
 }
 

@@ -67,6 +67,12 @@ impl<'a> Drafts<'a> {
         Ok(Self { foliage, fit, stretch, copies, most, first })
     }
 
+    /// Returns the ε of the first draft.
+    #[must_use]
+    pub fn epsilon(&self) -> f64 {
+        self.fit.epsilon
+    }
+
     /// Makes a draft with another ε.
     ///
     /// # Errors

@@ -53,8 +53,8 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 64, samples: Samples::new(3)?.unfiltered(), up, turn: TURN })
 }
 
-/// Returns the projection whose collapsed leaves cover as much as the leaves, after its stretch limit. `finer` collapses; `leaves` renders the
-/// reference.
+/// Returns a stretch limit and the projection with it. The coverage of the collapsed leaves is closest to that of the leaves. `finer`
+/// collapses; `leaves` renders the reference.
 pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(f64, Projection)> {
     let mut best: Option<(f64, (f64, Projection))> = None;
     for limit in STRETCHES {

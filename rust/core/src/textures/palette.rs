@@ -15,7 +15,7 @@ pub struct Palette {
     index: Vec<u8>,
 }
 
-/// Pixels whose colors agree in their first bits.
+/// The pixels of one coarse color: the first [`BITS`] of each channel are equal.
 #[derive(Clone, Copy)]
 struct Bin {
     number: usize,
