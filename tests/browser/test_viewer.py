@@ -95,6 +95,10 @@ def moved(tree: Path, folder: Path, protected: Sequence[int] = ()) -> Path:
     return saved(folder / tree.with_suffix(".blend").name)
 
 
+BY_BOUND = ("--pixels", "8")
+"""Flags for LOD distances by the error bound: the tree then prunes long before level 1 takes over."""
+
+
 @pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
@@ -104,7 +108,7 @@ def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.
     elif request.param == "moved":
         bake(moved(shrub, folder), out, *QUICK, "--effects=+pruning")
     else:
-        bake(moved(shrub, folder, protected=[400]), out, *QUICK, "--chain", "both", "--prune-pixels", "60")
+        bake(moved(shrub, folder, protected=[400]), out, *QUICK, *BY_BOUND, "--chain", "both", "--prune-pixels", "60")
     return out
 
 
