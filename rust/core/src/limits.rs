@@ -126,6 +126,9 @@ pub const SEED: Limits = Limits::between(0.0, u64::MAX as f64);
 /// Number of clouds. With 0, the cross impostor is the only level.
 pub const LEVELS: Limits = Limits::between(0.0, 8.0);
 
+/// Upright planes of the cross impostor.
+pub const UPRIGHT_PLANES: Limits = Limits::between(2.0, 5.0);
+
 /// Side of an atlas page in texels.
 pub const ATLAS_SIDE: Limits = Limits::between(16.0, 16_384.0);
 

@@ -4,6 +4,7 @@ mod leaves;
 pub(crate) mod mask;
 mod material;
 mod opaque;
+mod part;
 mod placed;
 mod pyramid;
 mod source_texel;
@@ -41,24 +42,6 @@ pub struct Attributes {
     pub leaf_ids: Vec<i64>,
     /// Whether a triangle's leaf is never pruned; one such triangle protects the leaf.
     pub protected: Vec<bool>,
-}
-
-impl Attributes {
-    /// Returns the attributes of some triangles.
-    fn at(&self, triangles: &[u32]) -> Self {
-        fn chosen<T: Copy>(values: &[T], triangles: &[u32]) -> Vec<T> {
-            if values.is_empty() { Vec::new() } else { triangles.iter().map(|&t| values[t as usize]).collect() }
-        }
-        Self {
-            uvs: chosen(&self.uvs, triangles),
-            normals: chosen(&self.normals, triangles),
-            colors: chosen(&self.colors, triangles),
-            back_colors: chosen(&self.back_colors, triangles),
-            material_ids: chosen(&self.material_ids, triangles),
-            leaf_ids: chosen(&self.leaf_ids, triangles),
-            protected: chosen(&self.protected, triangles),
-        }
-    }
 }
 
 /// Foliage in its local frame (center of the bounding box at the origin, R = 1).
@@ -218,36 +201,6 @@ impl Foliage {
     fn coverage(&self, triangle: usize) -> &Pyramid<u8> {
         let material = self.material_id(triangle);
         self.coverage[material].get_or_init(|| self.materials[material].coverage().expect("a material with an image"))
-    }
-
-    /// Returns the same leaves with other corners; `corners` are local, one entry per triangle.
-    ///
-    /// # Errors
-    /// All triangles have zero area.
-    ///
-    /// # Panics
-    /// If the number of entries is not the number of triangles.
-    pub fn with_corners(&self, corners: &[[DVec3; 3]]) -> Result<Self> {
-        assert_eq!(corners.len(), self.triangles.len(), "an entry for each triangle");
-        let all: Vec<u32> = (0..corners.len() as u32).collect();
-        self.part(&all, corners)
-    }
-
-    /// Returns some of the triangles with other corners; `corners` are local, one entry for each of `triangles`.
-    ///
-    /// # Errors
-    /// No triangles; all have zero area.
-    ///
-    /// # Panics
-    /// If the numbers of entries differ.
-    pub fn part(&self, triangles: &[u32], corners: &[[DVec3; 3]]) -> Result<Self> {
-        assert_eq!(corners.len(), triangles.len(), "an entry for each triangle");
-        let positions: Vec<DVec3> = corners.iter().flatten().map(|&p| self.frame.to_caller(p)).collect();
-        let leaf_ids = triangles.iter().map(|&t| i64::from(self.leaf_ids[t as usize])).collect();
-        let attributes = Attributes { leaf_ids, ..self.attributes.at(triangles) };
-        let faces = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let moved = Self::new(&positions, faces, attributes, self.materials.to_vec())?;
-        Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..moved }.at(self.frame.placement))
     }
 
     /// Returns whether any triangle shows on one side only.

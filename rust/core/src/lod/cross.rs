@@ -1,5 +1,5 @@
-//! The last level, the cross impostor: two perpendicular upright billboards through the center of the bounding sphere, and a horizontal one at
-//! the mean height of the leaves, for views from above. Each shows the whole tree, trunk included. It keeps no ε, and no level morphs to it.
+//! The last level, the cross impostor: upright billboards through the center of the bounding sphere, evenly turned about up, and a horizontal
+//! one at the mean height of the leaves, for views from above. Each shows the whole tree, trunk included. It keeps no ε, and no level morphs to it.
 //! Billboards that show almost nothing are left out.
 
 use std::sync::{Arc, OnceLock};
@@ -38,7 +38,7 @@ pub(super) fn build(
         parts.iter().map(|part| if two_sided { (*part).clone() } else { part.double_sided() }).collect();
     let triangles: Vec<(&Foliage, usize, [DVec3; 3])> = shown.iter().flat_map(|part| in_frame(part, frame)).collect();
     let up = settings.up.normalize();
-    let planes = planes(up, leaves, &triangles);
+    let planes = planes(up, settings.upright_planes, leaves, &triangles);
     let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
@@ -132,11 +132,11 @@ fn in_frame(part: &Foliage, frame: Frame) -> impl Iterator<Item = (&Foliage, usi
 /// A plane is left out if it shows less than this share of the area that the best plane shows.
 const LEAST: f64 = 1.0 / 64.0;
 
-/// Returns the planes of the cross impostor: two upright ones and a horizontal one, each only if it shows enough area.
-fn planes(up: DVec3, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
+/// Returns the planes of the cross impostor: `count` upright ones and a horizontal one, each only if it shows enough area.
+fn planes(up: DVec3, count: usize, leaves: &Foliage, triangles: &[(&Foliage, usize, [DVec3; 3])]) -> Vec<Plane> {
     let flat = Plane { normal: up, distance: middle_height(up, leaves) };
     let shows = |plane: &Plane| triangles.iter().map(|t| area_vector(t.2).dot(plane.normal).abs()).sum::<f64>();
-    let planes: Vec<Plane> = perpendicular_planes(up).into_iter().chain([flat]).collect();
+    let planes: Vec<Plane> = upright_planes(up, count).chain([flat]).collect();
     let enough = LEAST * planes.iter().map(shows).fold(0.0, f64::max);
     planes.into_iter().filter(|plane| shows(plane) >= enough).collect()
 }
@@ -152,15 +152,26 @@ fn middle_height(up: DVec3, leaves: &Foliage) -> f64 {
     moment / area
 }
 
-/// Returns two perpendicular planes through the origin that contain `up`. For up = z they face −y and x, as front and side views do.
-fn perpendicular_planes(up: DVec3) -> [Plane; 2] {
+/// Returns `count` planes through the origin that contain `up`, evenly turned about it. For up = z the first faces −y, as a front view does;
+/// of two, the second faces x, as a side view does.
+fn upright_planes(up: DVec3, count: usize) -> impl Iterator<Item = Plane> {
     let first = [DVec3::NEG_Y, DVec3::NEG_Z]
         .map(|axis| axis - up * axis.dot(up))
         .into_iter()
         .find(|n| n.length() > 0.5)
         .unwrap_or(DVec3::X)
         .normalize();
-    [first, up.cross(first)].map(|normal| Plane { normal, distance: 0.0 })
+    let across = up.cross(first);
+    (0..count).map(move |i| {
+        let angle = std::f64::consts::PI * i as f64 / count as f64;
+        // Exact at 0° and 90°: the cosine of π/2 is not 0 in f64.
+        let normal = match 2 * i {
+            0 => first,
+            half if half == count => across,
+            _ => first * libm::cos(angle) + across * libm::sin(angle),
+        };
+        Plane { normal, distance: 0.0 }
+    })
 }
 
 /// Returns the rectangle around all triangles with one side along `up`.
@@ -170,4 +181,27 @@ fn upright(plane: &Plane, up: DVec3, triangles: &[(&Foliage, usize, [DVec3; 3])]
     let across = up.cross(plane.normal).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let points = in_plane(plane, triangles.iter().flat_map(|t| t.2));
     Outline::along(&points, DVec2::new(x.dot(across), y.dot(across)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn upright_planes_are_even_turns_about_up() {
+        for up in [DVec3::Z, DVec3::Y, DVec3::new(0.6, 0.0, 0.8)] {
+            for count in 2..=5 {
+                let normals: Vec<DVec3> = upright_planes(up, count).map(|plane| plane.normal).collect();
+                assert_eq!(normals.len(), count);
+                let next = |i: usize| if i + 1 == count { -normals[0] } else { normals[i + 1] };
+                for (i, normal) in normals.iter().enumerate() {
+                    assert!(normal.dot(up).abs() < 1e-12 && (normal.length() - 1.0).abs() < 1e-12);
+                    let turn = normal.dot(next(i)).acos();
+                    assert!((turn - std::f64::consts::PI / count as f64).abs() < 1e-9, "{turn}");
+                }
+            }
+        }
+        let [front, side] = [0, 1].map(|i| upright_planes(DVec3::Z, 2).nth(i).unwrap().normal);
+        assert_eq!((front, side), (DVec3::NEG_Y, DVec3::X), "a front view and a side view, exactly");
+    }
 }

@@ -8,6 +8,7 @@ mod draft;
 mod drawn;
 mod hidden;
 mod level;
+pub mod octahedral;
 pub mod prune_trends;
 mod references;
 mod settings;
@@ -20,6 +21,8 @@ mod worth;
 pub use billboards::billboards;
 pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Seconds};
+pub use octahedral::Octahedral;
+pub use references::report_pictures;
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;
@@ -79,12 +82,31 @@ pub struct Chain {
     pub growth: Trend,
     /// κ: factor on the distance of pruned leaves' colors from their mean.
     pub contrast: Trend,
-    /// The leaves' triangles that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
+    /// The triangles of [`Origin::finest`] that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
     /// Seconds of the measurements for optional effects.
     pub measuring_seconds: MeasuringSeconds,
     /// Seconds before the first level: pruning order, reference renderings of the leaves, sky visibility.
     pub prepare_seconds: f64,
+}
+
+/// The leaves of a chain.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin<'a> {
+    /// The leaves that the levels are compared with.
+    pub leaves: &'a Foliage,
+    /// The leaves that the first level is built from: the same, or simplified ones with the same leaf numbers.
+    pub finest: &'a Foliage,
+    /// Deviation of `finest` from `leaves`, caller's units.
+    pub deviation: f64,
+}
+
+impl<'a> Origin<'a> {
+    /// Returns the origin of a chain that is built from the leaves themselves.
+    #[must_use]
+    pub fn of(leaves: &'a Foliage) -> Self {
+        Self { leaves, finest: leaves, deviation: 0.0 }
+    }
 }
 
 /// Fits, packs, bakes and measures every level. `trunk` (trunk and branches) appears in the cross impostor only.
@@ -98,9 +120,23 @@ pub fn build_chain(
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Chain> {
+    build_chain_of(Origin::of(foliage), trunk, settings, progress)
+}
+
+/// As [`build_chain`], with leaves that may be simplified already.
+///
+/// # Errors
+/// As [`build_chain`].
+pub fn build_chain_of(
+    origin: Origin,
+    trunk: Option<&Foliage>,
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<Chain> {
     settings.check()?;
     let started = Instant::now();
-    let frame = *foliage.frame();
+    let Origin { leaves: whole, finest: foliage, deviation } = origin;
+    let frame = *whole.frame();
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = MeasuringSeconds::default();
     let mut seen = Vec::new();
@@ -112,7 +148,7 @@ pub fn build_chain(
         seen = timed(&mut seconds.order, measure)?.iter().map(LeafSamples::share).collect();
     }
     let ranks = prune::order(foliage, &seen, settings.fit.seed);
-    let pivots = pivots(foliage);
+    let pivots = pivots(whole);
     let (mut growth, mut contrast) = Default::default();
     if let Some(pruning) = &settings.pruning {
         growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up, measuring))?;
@@ -128,7 +164,6 @@ pub fn build_chain(
             hidden::without_hidden(foliage, settings.min_visibility, settings.up, measuring)
         })?,
     };
-    let whole = foliage;
     let (foliage, kept) = match &pruned {
         Some(Pruned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
@@ -169,14 +204,14 @@ pub fn build_chain(
             fit,
             triangles: 0,
             is_wish: index == 0 && settings.triangles.is_some(),
-            deviation: made.levels.last().map_or(0.0, |l| l.max_deviation_leaves),
+            deviation: made.levels.last().map_or(deviation, |l| l.max_deviation_leaves),
             page: settings.page(index),
             channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
             references: &references,
         };
         let budgets = made.levels.last().map_or_else(
-            || budget::of_first(settings, whole, trunk.as_ref()),
+            || budget::of_first(settings, origin.finest, trunk.as_ref()),
             |finer| vec![budget::of_next(finer.atlas.triangles())],
         );
         let candidates = budgets.iter().enumerate().map(|(i, &triangles)| {

@@ -7,7 +7,7 @@ use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::metrics::{Reference, Views};
+use crate::metrics::{Comparison, Reference, Views};
 use crate::textures::Samples;
 
 /// The two references of a chain, with different views.
@@ -41,4 +41,13 @@ const REPORT_SAMPLES: usize = 2;
 /// Returns the views that the reported metrics use.
 pub fn report_views(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: REPORT_SIZE, samples: Samples::new(REPORT_SAMPLES)?, up, turn: 0.5 })
+}
+
+/// Returns the pictures of `shown` beside those of the `leaves`, in the views that the reported metrics use.
+///
+/// # Errors
+/// A setting of the views outside its range.
+pub fn report_pictures(leaves: &Foliage, shown: &Foliage, settings: &ChainSettings) -> Result<Comparison> {
+    let views = report_views(settings.views.report, settings.up)?;
+    Reference::new(&[leaves], leaves.frame(), views)?.compare(shown)
 }

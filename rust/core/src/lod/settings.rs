@@ -55,6 +55,8 @@ pub struct ChainSettings {
     pub levels: usize,
     /// Adds the cross impostor as the last level.
     pub cross: bool,
+    /// Number of upright planes of the cross impostor, 2 to 5.
+    pub upright_planes: usize,
     /// Makes every level. Otherwise a level is left out if it saves less than a tenth of the cost of drawing the level before it, where it
     /// takes over.
     pub every_level: bool,
@@ -137,6 +139,7 @@ impl Default for ChainSettings {
             fit: FitSettings::default(),
             levels: 2,
             cross: true,
+            upright_planes: 2,
             every_level: true,
             up: DVec3::Z,
             triangles: None,
@@ -167,6 +170,7 @@ impl ChainSettings {
         self.channels.check()?;
         self.views.check()?;
         limits::LEVELS.check("levels", self.levels as f64)?;
+        limits::UPRIGHT_PLANES.check("upright_planes", self.upright_planes as f64)?;
         if self.levels == 0 && !self.cross {
             return Err(Error::invalid(
                 "`levels` is 0 without a cross impostor; ask for at least one level or for the cross impostor",

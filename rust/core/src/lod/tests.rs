@@ -132,6 +132,7 @@ fn the_same_bytes_on_any_number_of_threads() {
 fn settings_are_checked() {
     let wrong = [
         ChainSettings { levels: 9, ..settings() },
+        ChainSettings { upright_planes: 6, ..settings() },
         ChainSettings { up: DVec3::ZERO, ..settings() },
         ChainSettings { texture_size: 8.into(), ..settings() },
     ];

@@ -27,10 +27,10 @@ const FIRST: f32 = 0.5;
 
 /// Range of cutoffs when keeping coverage. Below it, the blurred surroundings of a leaf count as leaf; above it, only the leaf's middle
 /// does.
-const CUTOFF_RANGE: (f64, f64) = (0.03, 0.9);
+pub const CUTOFF_RANGE: (f64, f64) = (0.03, 0.9);
 
 /// Range of factors that make blended billboards thinner or thicker when keeping coverage.
-const CLEARNESS_RANGE: (f64, f64) = (0.5, 2.0);
+pub const CLEARNESS_RANGE: (f64, f64) = (0.5, 2.0);
 
 /// Coverage below which the search for a cutoff starts lower.
 const MOSTLY_LOST: f64 = 0.5;
@@ -150,7 +150,7 @@ fn excess(leaves: &Reference, atlas: &Atlas, frame: &Frame, material: Material) 
 
 /// Returns the value of the least |excess| found; `excess` falls as the value rises. Uses secants until the sign changes, then regula
 /// falsi, then bisection after two steps from the same side: uniformly faint leaves drop from too much to nothing within one code of alpha.
-fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
+pub fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
     let mut here = (start, excess(start)?);
     let mut best = here;
     let (mut dense, mut sparse) = ((range.0.min(start), None), (range.1.max(start), None));
@@ -180,7 +180,7 @@ fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f6
 }
 
 /// Range of the color factors.
-const TONES: (f32, f32) = (0.8, 1.25);
+pub const TONES: (f32, f32) = (0.8, 1.25);
 
 /// Returns the page with the mean color of the leaves. Projection changes the occlusion among leaves: a pine loses the lit tips of its
 /// outer twigs, 2 % of its light. A uniform difference of 2 % over a crown is visible at distances where single leaves are not. The colors

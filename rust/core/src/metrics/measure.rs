@@ -1,6 +1,8 @@
 //! Figures of renders of the same views: coverage, overlap, mean color and spread. They are sums of counts and table values in a fixed
 //! order, so they are exact on any machine, and settings may be chosen by them.
 
+use glam::Vec3;
+
 use crate::color::decode_table;
 use crate::foliage::Image;
 
@@ -39,6 +41,13 @@ pub fn mean_color(pictures: &[Image]) -> [f64; 3] {
         covered += alpha;
     }
     sums.map(|sum| if covered > 0.0 { sum / covered } else { 0.0 })
+}
+
+/// Returns the ratio of mean linear colors, base over other, per channel; 1 if either is black.
+pub fn tone(base: &[Image], other: &[Image]) -> Vec3 {
+    let (base, other) = (mean_color(base), mean_color(other));
+    let ratio = |(a, b): (f64, f64)| if a > 0.0 && b > 0.0 { (a / b) as f32 } else { 1.0 };
+    Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i]))))
 }
 
 /// Returns the standard deviation of linear luminance over pixels with alpha > ½, all images together; 0 without such pixels.

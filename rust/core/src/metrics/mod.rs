@@ -108,9 +108,7 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn tone(&self, level: &Foliage) -> Result<Vec3> {
-        let (base, other) = (measure::mean_color(&self.pictures), measure::mean_color(&self.pictures_of(level)?));
-        let ratio = |(a, b): (f64, f64)| if a > 0.0 && b > 0.0 { (a / b) as f32 } else { 1.0 };
-        Ok(Vec3::from_array(std::array::from_fn(|i| ratio((base[i], other[i])))))
+        Ok(measure::tone(&self.pictures, &self.pictures_of(level)?))
     }
 
     /// Renders `level` in all views, beside the base.
@@ -119,6 +117,15 @@ impl Reference {
     /// Those of [`render()`].
     pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
         Ok(Comparison { base: Arc::clone(&self.pictures), level: self.pictures_of(level)?.into() })
+    }
+
+    /// Compares the base with pictures that `draw` makes of each view, for levels that are no triangles.
+    ///
+    /// # Errors
+    /// Those of `draw`.
+    pub fn compare_drawn(&self, draw: impl Fn(&View) -> Result<Image>) -> Result<Comparison> {
+        let level: Vec<Image> = self.views.iter().map(draw).collect::<Result<_>>()?;
+        Ok(Comparison { base: Arc::clone(&self.pictures), level: level.into() })
     }
 
     fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
@@ -150,5 +157,11 @@ impl Comparison {
     #[must_use]
     pub fn coverage(&self) -> f64 {
         measure::coverage(self.base.iter().zip(self.level.iter()))
+    }
+
+    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
+    #[must_use]
+    pub fn tone(&self) -> Vec3 {
+        measure::tone(&self.base, &self.level)
     }
 }

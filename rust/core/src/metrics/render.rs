@@ -29,7 +29,7 @@ pub struct View {
 
 impl View {
     /// Returns the directions to the right and up in the image; `eye` is `direction` with the length 1.
-    pub(super) fn axes(&self, eye: DVec3) -> [DVec3; 2] {
+    pub(crate) fn axes(&self, eye: DVec3) -> [DVec3; 2] {
         let right = self.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
         [right, eye.cross(right)]
     }

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 pub use cascade::{LEVELS as CASCADE_LEVELS, keeping_area};
 pub use channels::Channel;
-pub(crate) use dilate::fill_gaps;
+pub(crate) use dilate::{fill_gaps, fill_transparent};
 pub use page::{Channels, Page};
 pub use plain::for_plain_means;
 pub(crate) use raster::rasterise_timed;

@@ -96,15 +96,7 @@ impl Page {
     pub(super) fn of<'a>(images: impl IntoIterator<Item = (Channel<'a>, Image)>) -> Option<Self> {
         let mut images = images.into_iter();
         let Some((Channel::BaseColor, base_color)) = images.next() else { return None };
-        let mut page = Self {
-            base_color,
-            normal: None,
-            orm: None,
-            translucency: None,
-            bent_normal: None,
-            leaf_uv: None,
-            leaf_id: None,
-        };
+        let mut page = Self::of_color(base_color);
         for (channel, image) in images {
             let place = match channel {
                 Channel::Normal(_) => &mut page.normal,
@@ -118,6 +110,20 @@ impl Page {
             *place = Some(image);
         }
         Some(page)
+    }
+
+    /// Returns a page of base color alone.
+    #[must_use]
+    pub fn of_color(base_color: Image) -> Self {
+        Self {
+            base_color,
+            normal: None,
+            orm: None,
+            translucency: None,
+            bent_normal: None,
+            leaf_uv: None,
+            leaf_id: None,
+        }
     }
 
     /// Returns the images with their names, base color first.

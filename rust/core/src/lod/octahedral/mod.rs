@@ -1,0 +1,169 @@
+//! The octahedral impostor: one quad that faces the eye and shows the three nearest of many views of the whole tree, trunk included, from
+//! above the horizon (Brucks, "Octahedral Impostors", 2018).
+//!
+//! The views are on a hemi-octahedral grid ([`mapping`]). `pages` renders them: base color and alpha, normals and depth. [`draw`] has the
+//! law by which they are blended, shifted by the stored depth.
+//!
+//! Views below the horizon show the tree as from the horizon. Roughness, translucency and occlusion are not stored. Error bound: none; the
+//! pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others in all three views is missing.
+//! Baking is O(views · triangles), the pages have `grid²·texels²` texels, whatever the tree. Deterministic on any number of threads.
+
+pub mod draw;
+pub mod mapping;
+mod pages;
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::references::References;
+use super::settings::ChainSettings;
+use super::tune;
+use crate::error::{Error, Result};
+use crate::foliage::{Foliage, Image};
+use crate::metrics::{Comparison, Reference, View};
+use crate::progress::Progress;
+use crate::textures::Page;
+
+/// Number and size of the views.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Views along each side of the grid; 2 to 32.
+    pub grid: usize,
+    /// Texels along each side of a view; 16 to 512.
+    pub texels: usize,
+}
+
+impl Default for Size {
+    /// A page of 1024 × 1024 texels.
+    fn default() -> Self {
+        Self { grid: 16, texels: 64 }
+    }
+}
+
+impl Size {
+    fn check(self) -> Result<()> {
+        let Self { grid, texels } = self;
+        if (2..=32).contains(&grid) && (16..=512).contains(&texels) {
+            return Ok(());
+        }
+        Err(Error::invalid(format!(
+            "an octahedral impostor of {grid} × {grid} views of {texels} texels; ask for 2 to 32 views and 16 to 512 texels"
+        )))
+    }
+}
+
+/// The place of an impostor. Its axes have the length 1; z is up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layout {
+    /// Number and size of the views.
+    pub size: Size,
+    /// The point that all views look at, in the caller's coordinates.
+    pub centre: DVec3,
+    /// The axes as columns, in the caller's coordinates.
+    pub axes: DMat3,
+    /// Half of the width and of the height of each view's picture, and the depth that is stored as 1, in the caller's units.
+    pub extent: DVec3,
+}
+
+impl Layout {
+    /// Returns the layout around all corners of the parts. The views' pictures have a margin of a texel, so that their borders are empty.
+    fn around(parts: &[&Foliage], up: DVec3, size: Size) -> Self {
+        let axes = upright(up);
+        let inverse = axes.transpose();
+        let corners = || {
+            parts.iter().flat_map(|part| {
+                let corners = (0..part.triangle_count()).flat_map(|triangle| part.corners(triangle));
+                corners.map(|p| inverse * part.frame().to_caller(p))
+            })
+        };
+        let (low, high) =
+            corners().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        let centre = low * 0.5 + high * 0.5;
+        let wide = corners().map(|p| (p - centre).truncate().length()).fold(0.0, f64::max);
+        let far = corners().map(|p| (p - centre).length()).fold(f64::MIN_POSITIVE, f64::max);
+        let margin = size.texels as f64 / (size.texels - 2) as f64;
+        // A pole would have no width at all.
+        let extent = DVec3::new(wide.max(0.01 * far) * margin, far * margin, far);
+        Self { size, centre: axes * centre, axes, extent }
+    }
+}
+
+/// Returns axes with z = up. For up = z they are those of the world; for up = y they are x, −z and y.
+fn upright(up: DVec3) -> DMat3 {
+    let up = up.normalize();
+    let level = |axis: DVec3| axis - up * axis.dot(up);
+    let first = if up.x.abs() < 0.9 { level(DVec3::X) } else { level(DVec3::Y) }.normalize();
+    DMat3::from_cols(first, up.cross(first), up)
+}
+
+/// An octahedral impostor: its pages, and how well it shows the tree.
+#[derive(Clone, Debug)]
+pub struct Octahedral {
+    /// The place.
+    pub layout: Layout,
+    /// Base color of all views: sRGB with straight alpha. Alpha is coverage.
+    pub color: Image,
+    /// Normals in the layout's axes, with the depth toward the viewer in alpha, both in [−1, 1] as codes.
+    pub normal_depth: Image,
+    /// Least alpha to draw, for engines that cut out instead of blending.
+    pub alpha_cutoff: f32,
+    /// Pictures of the tree and of the impostor in the report's views, blended.
+    pub pictures: Comparison,
+    /// The same, cut out.
+    pub cut_out: Comparison,
+}
+
+impl Octahedral {
+    /// Bakes the impostor of all parts; `parts[0]` is the leaves. Alpha then covers as much as the tree and colors have its mean, as for all
+    /// levels.
+    ///
+    /// # Errors
+    /// A size or setting outside its range; [`Error::Cancelled`].
+    pub fn build(parts: &[&Foliage], size: Size, settings: &ChainSettings, progress: Progress) -> Result<Self> {
+        size.check()?;
+        let layout = Layout::around(parts, settings.up, size);
+        let triangles = pages::placed(parts, &layout.axes, layout.centre);
+        let bend = settings.channels.normal.unwrap_or(0.0);
+        let (color, normal_depth) =
+            pages::render(&triangles, &layout, settings.samples, bend, progress.part(0.0, 0.8))?;
+        progress.tell("tune", 0.8)?;
+        let references = References::new(parts, parts, parts[0].frame(), settings)?;
+        let color = tuned(&layout, color, &normal_depth, &references.tuning)?;
+        let pages = draw::Pages::new(&layout, &color, &normal_depth);
+        let excess = |cutoff: f64| covered(&references.tuning, |view| pages.draw(view, cutoff as f32));
+        let alpha_cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, excess)? as f32;
+        progress.tell("tune", 0.95)?;
+        let pictures = references.report.compare_drawn(|view| pages.draw(view, 0.0))?;
+        let cut_out = references.report.compare_drawn(|view| pages.draw(view, alpha_cutoff))?;
+        Ok(Self { layout, color, normal_depth, alpha_cutoff, pictures, cut_out })
+    }
+
+    /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0.
+    ///
+    /// # Errors
+    /// A view of no pixels.
+    pub fn draw(&self, view: &View, cutoff: f32) -> Result<Image> {
+        draw::Pages::new(&self.layout, &self.color, &self.normal_depth).draw(view, cutoff)
+    }
+}
+
+/// Returns the color page with coverage and mean color of the leaves.
+fn tuned(layout: &Layout, color: Image, normal_depth: &Image, leaves: &Reference) -> Result<Image> {
+    let page = Page::of_color(color);
+    let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
+    let drawn = |page: &Page| {
+        let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
+        leaves.compare_drawn(|view| pages.draw(view, 0.0))
+    };
+    let excess = |clearness: f64| Ok(libm::log(drawn(&of(clearness))?.coverage().max(1e-9)));
+    let page = of(tune::least_excess(1.0, tune::CLEARNESS_RANGE, excess)?);
+    let tone = drawn(&page)?.tone();
+    Ok(page.toned(tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1))).base_color)
+}
+
+/// Returns ln of the drawn coverage over the base's.
+fn covered(base: &Reference, draw: impl Fn(&View) -> Result<Image>) -> Result<f64> {
+    Ok(libm::log(base.compare_drawn(draw)?.coverage().max(1e-9)))
+}
+
+#[cfg(test)]
+mod tests;

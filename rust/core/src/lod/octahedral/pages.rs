@@ -1,0 +1,148 @@
+//! The pages of an octahedral impostor: every view of the grid, rendered by the rasterizer of the atlas pages.
+
+use glam::{DMat3, DVec2, DVec3, Mat3, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::mapping::{axes, from_grid};
+use super::{Layout, Size};
+use crate::color::quantise;
+use crate::error::Result;
+use crate::foliage::{Foliage, Image};
+use crate::progress::Progress;
+use crate::textures::{
+    Canvas, Channel, Samples, ScreenTriangle, Seen, Shader, Window, fill_transparent, rasterise_timed,
+};
+
+/// What a view shows of each texel.
+enum Texel {
+    Color,
+    /// Bent toward the hull of the crown by this share.
+    Normal(f32),
+    /// Height toward the viewer, as a share of the layout's depth.
+    Depth,
+}
+
+impl Shader for Texel {
+    fn shade(&self, seen: &Seen) -> Vec3 {
+        match self {
+            Self::Color => Channel::BaseColor.shade(seen),
+            Self::Normal(bend) => Channel::Normal(*bend).shade(seen),
+            Self::Depth => {
+                let heights = Vec3::from_array(seen.triangle.corners.map(|corner| corner.z));
+                Vec3::splat(heights.dot(seen.spot.weights))
+            }
+        }
+    }
+}
+
+/// A triangle in the layout's axes, from its center.
+pub(super) struct Placed<'a> {
+    foliage: &'a Foliage,
+    triangle: u32,
+    pub corners: [DVec3; 3],
+}
+
+/// Returns all triangles of the parts in these axes, from a center in the caller's coordinates.
+pub(super) fn placed<'a>(parts: &[&'a Foliage], axes: &DMat3, centre: DVec3) -> Vec<Placed<'a>> {
+    let of_part = |&foliage: &&'a Foliage| {
+        let inverse = axes.transpose();
+        (0..foliage.triangle_count()).map(move |triangle| Placed {
+            foliage,
+            triangle: triangle as u32,
+            corners: foliage.corners(triangle).map(|p| inverse * (foliage.frame().to_caller(p) - centre)),
+        })
+    };
+    parts.iter().flat_map(of_part).collect()
+}
+
+/// Renders all views. Returns base color (sRGB, straight alpha), and normals in the layout's axes with the depth in alpha; both are in
+/// [−1, 1] as codes. Gaps have the values of their surroundings.
+pub(super) fn render(
+    triangles: &[Placed],
+    layout: &Layout,
+    samples: Samples,
+    bend: f32,
+    progress: Progress,
+) -> Result<(Image, Image)> {
+    let Size { grid, texels } = layout.size;
+    let side = grid * texels;
+    let shaders = [Texel::Color, Texel::Normal(bend), Texel::Depth];
+    let mut pages = [vec![[0; 4]; side * side], vec![[0; 4]; side * side]];
+    for row in 0..grid {
+        progress.tell("bake", row as f64 / grid as f64)?;
+        let views: Vec<[Vec<[u8; 4]>; 2]> = (0..grid)
+            .into_par_iter()
+            .map(|column| {
+                let direction = from_grid(DVec2::new(column as f64, row as f64), grid);
+                let view = View::new(direction, layout);
+                let drawn: Vec<ScreenTriangle> = triangles.iter().map(|triangle| view.place(triangle)).collect();
+                let silent = Progress::silent();
+                let (mut canvases, _) = rasterise_timed(&drawn, texels, texels, samples, &shaders, silent)?;
+                canvases.iter_mut().for_each(fill_transparent);
+                Ok(view.codes(&canvases))
+            })
+            .collect::<Result<_>>()?;
+        for (column, view) in views.iter().enumerate() {
+            for (page, pixels) in pages.iter_mut().zip(view) {
+                for (y, line) in pixels.chunks(texels).enumerate() {
+                    page[(row * texels + y) * side + column * texels..][..texels].copy_from_slice(line);
+                }
+            }
+        }
+    }
+    let [color, normal] = pages.map(|pixels| Image::new(side, side, pixels));
+    Ok((color?, normal?))
+}
+
+/// The camera of a view.
+struct View {
+    /// To the right, up, toward the viewer, in the layout's axes; in half sides of the picture and in the layout's depth.
+    right: DVec3,
+    up: DVec3,
+    toward: DVec3,
+    half: f64,
+    /// From the layout's axes to the view's.
+    turn: Mat3,
+    window: Window,
+}
+
+impl View {
+    fn new(direction: DVec3, layout: &Layout) -> Self {
+        let [right, up] = axes(direction);
+        let turn = DMat3::from_cols(right, up, direction).transpose();
+        let texels = layout.size.texels;
+        Self {
+            right: right / layout.extent.x,
+            up: up / layout.extent.y,
+            toward: direction / layout.extent.z,
+            half: texels as f64 / 2.0,
+            turn: turn.as_mat3(),
+            window: Window { columns: 0..texels, rows: 0..texels, view: (turn * layout.axes.transpose()).as_mat3() },
+        }
+    }
+
+    fn place<'a>(&'a self, placed: &Placed<'a>) -> ScreenTriangle<'a> {
+        let Self { right, up, toward, half, .. } = self;
+        let corner =
+            |q: DVec3| DVec3::new(half + half * right.dot(q), half - half * up.dot(q), toward.dot(q)).as_vec3();
+        ScreenTriangle {
+            corners: placed.corners.map(corner),
+            foliage: placed.foliage,
+            triangle: placed.triangle,
+            window: &self.window,
+            reach: f32::INFINITY,
+        }
+    }
+
+    /// Returns the texels of both pages.
+    fn codes(&self, canvases: &[Canvas]) -> [Vec<[u8; 4]>; 2] {
+        let [color, normal, depth] = [&canvases[0], &canvases[1], &canvases[2]];
+        let straight = |p: &Vec4| if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
+        let both = |(n, z): (&Vec4, &Vec4)| {
+            let turned = self.turn.transpose() * straight(n).try_normalize().unwrap_or(Vec3::Z);
+            (turned.extend(straight(z).x) * 0.5 + 0.5).to_array().map(quantise)
+        };
+        let color = Channel::BaseColor.to_image(color);
+        [color.pixels().to_vec(), normal.pixels.iter().zip(&depth.pixels).map(both).collect()]
+    }
+}

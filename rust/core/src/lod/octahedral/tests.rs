@@ -1,0 +1,155 @@
+//! Tests against closed forms: a flat leaf seen head-on, and a cube of points whose places are known.
+
+use glam::{DVec2, DVec3};
+
+use super::*;
+use crate::foliage::{Attributes, Material};
+use crate::lod::octahedral::mapping::from_grid;
+use crate::textures::Samples;
+
+/// Squares of side `2·half` at these centers, with these axes.
+fn squares(all: &[(DVec3, DVec3, DVec3)]) -> Foliage {
+    let corners = |&(c, x, y): &(DVec3, DVec3, DVec3)| [c - x - y, c + x - y, c + x + y, c - x + y];
+    let positions: Vec<DVec3> = all.iter().flat_map(corners).collect();
+    let triangles = (0..all.len() as u32).flat_map(|i| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * i + k)));
+    let base_color = glam::Vec4::new(0.2, 0.5, 0.1, 1.0);
+    let material = Material { base_color, ..Material::default() };
+    Foliage::new(&positions, triangles.collect(), Attributes::default(), vec![material]).unwrap()
+}
+
+fn settings() -> ChainSettings {
+    ChainSettings { samples: Samples::new(4).unwrap(), ..ChainSettings::default() }
+}
+
+fn built(foliage: &Foliage, size: Size, settings: &ChainSettings) -> Octahedral {
+    Octahedral::build(&[foliage], size, settings, Progress::silent()).unwrap()
+}
+
+/// A view that shows ±`radius` around the origin.
+fn view(direction: DVec3, radius: f64) -> View {
+    View { direction, up: DVec3::Z, centre: DVec3::ZERO, radius, size: 64, samples: Samples::new(2).unwrap() }
+}
+
+#[test]
+fn a_leaf_seen_head_on_is_reproduced() {
+    // The view (15, 15) looks along −x at a square of 1 × 1.
+    let leaf = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
+    let size = Size { grid: 16, texels: 64 };
+    let found = built(&leaf, size, &settings());
+    let picture = found.draw(&view(DVec3::X, 1.0), 0.0).unwrap();
+    let exact = crate::metrics::render(&[&leaf], &view(DVec3::X, 1.0)).unwrap();
+    // A texel is 1/26 of the leaf, so its border is blurred over two pixels; all others are equal.
+    let border = |i: usize| [i % 64, i / 64].into_iter().any(|x| (13..=18).contains(&x) || (45..=50).contains(&x));
+    let inner = (0..64 * 64).filter(|&i| !border(i));
+    let off = inner.map(|i| picture.pixels()[i][3].abs_diff(exact.pixels()[i][3])).max().unwrap();
+    assert!(off <= 1, "alpha is off by {off} codes");
+    let [r, g, b, a] = picture.pixels()[32 * 64 + 32];
+    let [x, y, z, _] = exact.pixels()[32 * 64 + 32];
+    assert!(a == 255 && r.abs_diff(x) <= 2 && g.abs_diff(y) <= 2 && b.abs_diff(z) <= 2, "{r} {g} {b}, {x} {y} {z}");
+}
+
+#[test]
+fn depth_moves_a_leaf_to_its_place() {
+    // Small leaves far from the center, turned so that they are seen from every side of a cone about x.
+    let place = DVec3::new(0.8, 0.2, 0.3);
+    let far = DVec3::new(-0.8, -0.2, -0.3);
+    let leaf = |c: DVec3| (c, DVec3::Y * 0.1, DVec3::Z * 0.1);
+    let foliage = squares(&[leaf(place), leaf(far)]);
+    let found = built(&foliage, Size { grid: 8, texels: 64 }, &settings());
+    // Halfway between views, where a blend without depth would show each leaf three times.
+    let grid_place = DVec2::new(6.6, 6.3);
+    let direction = from_grid(grid_place, 8);
+    let picture = found.draw(&view(direction, 1.2), 0.0).unwrap();
+    let [right, up] = mapping::axes(direction);
+    let pixel = |p: DVec3| DVec2::new(32.0 + 32.0 * right.dot(p) / 1.2, 32.0 - 32.0 * up.dot(p) / 1.2);
+    for centre in [place, far] {
+        let at = pixel(centre);
+        let near = |i: usize| DVec2::new((i % 64) as f64 + 0.5, (i / 64) as f64 + 0.5).distance(at) < 8.0;
+        let (mut sum, mut total) = (DVec2::ZERO, 0.0);
+        for i in (0..64 * 64).filter(|&i| near(i)) {
+            let alpha = f64::from(picture.pixels()[i][3]);
+            sum += alpha * DVec2::new((i % 64) as f64 + 0.5, (i / 64) as f64 + 0.5);
+            total += alpha;
+        }
+        assert!((sum / total).distance(at) < 0.4, "the leaf is at {at}, drawn at {}", sum / total);
+        assert_eq!(picture.pixels()[at.y as usize * 64 + at.x as usize][3], 255, "all three views agree in its middle");
+    }
+}
+
+#[test]
+fn the_law_is_the_identity_for_a_view_of_the_grid() {
+    let foliage = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5), (DVec3::X, DVec3::X * 0.1, DVec3::Z * 0.7)]);
+    let layout = Layout::around(&[&foliage], DVec3::Z, Size::default());
+    for (column, row) in [(0, 0), (4, 11), (15, 3)] {
+        let eye = from_grid(DVec2::new(f64::from(column), f64::from(row)), 16);
+        let views = draw::projected(eye, &layout);
+        let own = views.iter().find(|view| view.weight > 0.99).unwrap();
+        assert!(own.right.distance(DVec2::X / layout.extent.x) < 1e-9);
+        assert!(own.up.distance(DVec2::Y / layout.extent.y) < 1e-9);
+        assert!(own.shift.length() < 1e-9, "no parallax");
+    }
+}
+
+#[test]
+fn a_point_is_found_in_every_view_at_its_depth() {
+    // Projecting the point orthographically must agree with following the ray to the point's depth.
+    let foliage = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
+    let layout = Layout::around(&[&foliage], DVec3::Z, Size { grid: 9, texels: 32 });
+    let point = DVec3::new(0.3, -0.4, 0.2);
+    for eye in [DVec3::new(1.0, 0.2, 0.4), DVec3::new(-0.3, 0.1, 0.9), DVec3::new(0.5, 0.5, -0.3)] {
+        let eye = eye.normalize();
+        let [right, up] = mapping::axes(eye);
+        for view in draw::projected(eye, &layout) {
+            let toward = from_grid(DVec2::new(view.tile.0 as f64, view.tile.1 as f64), 9);
+            let [x, y] = mapping::axes(toward);
+            let flat = view.right * right.dot(point) + view.up * up.dot(point);
+            let found = flat + view.shift * (toward.dot(point) / layout.extent.z);
+            let exact = DVec2::new(x.dot(point) / layout.extent.x, y.dot(point) / layout.extent.y);
+            assert!(found.distance(exact) < 1e-9, "{found} {exact}");
+        }
+    }
+}
+
+#[test]
+fn the_impostor_stands_upright_for_any_up() {
+    // A tall pole along y, with up = y, must be tall in the pictures.
+    let pole = squares(&[(DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 2.0), (DVec3::ZERO, DVec3::Z * 0.1, DVec3::Y * 2.0)]);
+    let upright = ChainSettings { up: DVec3::Y, ..settings() };
+    let found = built(&pole, Size { grid: 6, texels: 32 }, &upright);
+    assert!(found.layout.axes.z_axis.distance(DVec3::Y) < 1e-12);
+    assert!((found.layout.extent.y / found.layout.extent.x - 20.0).abs() < 0.1, "{}", found.layout.extent);
+    let coverage = found.pictures.coverage();
+    assert!((coverage - 1.0).abs() < 0.05, "{coverage}");
+}
+
+#[test]
+fn threads_change_nothing() {
+    let foliage = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z), (DVec3::X, DVec3::X * 0.3, DVec3::Y * 0.7)]);
+    let found = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| built(&foliage, Size { grid: 4, texels: 16 }, &settings()))
+    };
+    let (one, three) = (found(1), found(3));
+    assert_eq!((&one.color, &one.normal_depth), (&three.color, &three.normal_depth));
+    assert!(one.pictures == three.pictures && one.alpha_cutoff == three.alpha_cutoff);
+}
+
+#[test]
+fn normals_point_to_the_viewer_in_the_layouts_axes() {
+    let leaf = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
+    let found = built(&leaf, Size { grid: 3, texels: 16 }, &settings());
+    // The view (2, 2) looks from +x, and (0, 0) from −x.
+    let middle = |column: usize, row: usize| found.normal_depth.pixels()[(row * 16 + 8) * 48 + column * 16 + 8];
+    assert_eq!(middle(2, 2)[0], 255);
+    assert_eq!(middle(0, 0)[0], 0);
+    assert!(middle(2, 2)[3].abs_diff(128) <= 1, "the leaf lies in the middle");
+}
+
+#[test]
+fn wrong_sizes_are_refused() {
+    let leaf = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
+    for (grid, texels) in [(1, 64), (33, 64), (16, 8), (16, 1024)] {
+        let error = Octahedral::build(&[&leaf], Size { grid, texels }, &settings(), Progress::silent()).unwrap_err();
+        assert!(error.to_string().contains(&grid.to_string()), "{error}");
+    }
+}

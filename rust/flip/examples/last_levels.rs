@@ -1,0 +1,54 @@
+//! Compares candidates for the last level: `cargo run --release -p leafcloud-flip --example last_levels TREE.glb …`. Prints a table in
+//! Markdown: the image error in pictures of 8 to 64 pixels, the texture (base color; for octahedral impostors also normals and depth) in KiB
+//! without compression, and the cost of drawing by the model of `metrics::drawing_cost` at a crown of 32 pixels. Leaves only, without trunk.
+
+use std::path::Path;
+
+use leafcloud::lod::octahedral::{Octahedral, Size};
+use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::metrics::{Comparison, drawing_cost};
+use leafcloud::{Foliage, Progress, gltf};
+use leafcloud_flip::ImageErrors;
+
+/// Diameter of the crown in pixels, for the cost.
+const CROWN: f64 = 32.0;
+
+/// Cost of a quad of two triangles around the crown, in fragments: its pixels, and eight for each triangle.
+const QUAD: f64 = CROWN * CROWN + 2.0 * 8.0;
+
+fn main() {
+    println!("| tree | last level | error at 8, 16, 32, 64 pixels | KiB | cost |");
+    println!("|---|---|---|---|---|");
+    let names = gltf::DEFAULT_NAMES.map(str::to_owned);
+    for tree in std::env::args().skip(1) {
+        let path = Path::new(&tree);
+        let foliage = gltf::read(path, &names).expect("a glTF file with leaves");
+        let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        for planes in 2..=5 {
+            let settings = ChainSettings { levels: 0, upright_planes: planes, ..ChainSettings::default() };
+            println!("| {name} | {planes} + 1 planes | {}", cross(&foliage, &settings));
+        }
+        let settings = ChainSettings::default();
+        let found =
+            Octahedral::build(&[&foliage], Size::default(), &settings, Progress::silent()).expect("an impostor");
+        let bytes = found.color.pixels().len() * 8;
+        for (kind, pictures) in [("blended", &found.pictures), ("alpha test", &found.cut_out)] {
+            println!("| {name} | octahedral, {kind} | {}", row(pictures, bytes, QUAD));
+        }
+    }
+}
+
+fn cross(foliage: &Foliage, settings: &ChainSettings) -> String {
+    let chain = build_chain(foliage, None, settings, Progress::silent()).expect("a chain");
+    let level = &chain.levels[0];
+    let shown = level.foliage().expect("billboards");
+    let scale = 0.5 * CROWN / level.frame.radius;
+    let cost = drawing_cost(&[&shown], scale, settings.up, Progress::silent()).expect("a cost").total();
+    row(&level.pictures, level.page.base_color.pixels().len() * 4, cost)
+}
+
+fn row(pictures: &Comparison, bytes: usize, cost: f64) -> String {
+    let errors = ImageErrors::of(pictures).0;
+    let errors: Vec<String> = errors.iter().take(4).map(|(_, error)| format!("{error:.3}")).collect();
+    format!("{} | {} | {cost:.0} |", errors.join(", "), bytes / 1024)
+}
