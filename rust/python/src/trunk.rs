@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use leafcloud::groups::number_by_appearance;
 use leafcloud::{Attributes, Foliage, Material};
-use leafcloud_trunk::{Sight, Simplified};
+use leafcloud_simplify::{Sight, Simplified};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -67,7 +67,7 @@ pub fn simplify(
     let simplified = interruptible(py, move |progress| {
         let trunk = Foliage::new(&positions, triangles, attributes, vec![Material::default(); materials])?;
         let sight = Sight { leaves: leaves.as_deref(), pixel, up: DVec3::Z };
-        leafcloud_trunk::simplify(&trunk, sight, change, most, progress)
+        leafcloud_simplify::simplify(&trunk, sight, change, most, progress)
     })?;
     Ok(PySimplified(simplified))
 }

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_trunk::{Sight, Simplified, simplify};
+use leafcloud_simplify::{Sight, Simplified, simplify};
 
 /// Positions, triangles, and attributes of the corners.
 #[derive(Clone, Default)]

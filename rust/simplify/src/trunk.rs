@@ -6,17 +6,13 @@
 //!
 //! Corners of the result are corners of the input: positions, texture coordinates, normals, colors and materials are not recomputed.
 
-mod choice;
-mod part;
-mod picture;
-mod vertices;
-
 use glam::DVec3;
 use leafcloud::{Error, Foliage, Progress, Result, error::number};
 use rayon::prelude::*;
 
-use choice::{Ladder, choose};
-use part::Part;
+use crate::choice::{Ladder, choose};
+use crate::part::{self, Part};
+use crate::picture;
 
 /// How a trunk is seen.
 #[derive(Clone, Copy, Debug)]
