@@ -13,6 +13,7 @@
 pub mod chart;
 mod choice;
 mod front;
+mod leaves;
 mod memory;
 mod model;
 pub mod quality;
@@ -22,6 +23,7 @@ mod within;
 
 pub use choice::Choice;
 pub use front::front;
+pub use leaves::{Form, LeafLevel, leaf_level};
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};
 pub use text::{TextPicture, text_picture};

@@ -11,7 +11,7 @@
 use leafcloud::error::Result;
 use leafcloud::fit::{FitSettings, Method};
 use leafcloud::limits::Limits;
-use leafcloud::lod::{ChainSettings, Draft, Drafts, is_published};
+use leafcloud::lod::{ChainSettings, Draft, Drafts, Origin, is_published};
 use leafcloud::metrics::{Reference, Views, drawing_cost};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress};
@@ -41,14 +41,18 @@ const TYPICAL_PIXELS: f64 = 2.0;
 /// Least number of pixels that a deviation is allowed: less would ask for texels that no picture shows.
 const LEAST_PIXELS: f64 = 0.5;
 
-/// Returns `settings` with the ε that makes the tree cheapest to draw if level 1 may differ from the leaves by the image error `target` where
-/// it takes over, and with the deviation in pixels that is predicted there, at most that of `settings`. `free`: whether ε may change.
+/// Factor on the target of levels after level 1: the tree is smaller where they take over.
+pub const LATER: f64 = 4.0 / 3.0;
+
+/// Returns `settings` with the ε that makes the tree cheapest to draw if the first cloud may differ from the leaves by the image error
+/// `target` where it takes over, and with the deviation in pixels that is predicted there, at most that of `settings`. `free`: whether ε
+/// may change. If the cloud is made from simplified leaves, these are drawn before it.
 ///
 /// # Errors
 /// A target outside [`TARGET`]; the errors of a fit; [`Error::Cancelled`](leafcloud::Error::Cancelled).
 pub fn settings_for(
     target: f64,
-    foliage: &Foliage,
+    origin: Origin,
     trunk: Option<&Foliage>,
     settings: &ChainSettings,
     free: bool,
@@ -57,11 +61,11 @@ pub fn settings_for(
     TARGET.check("target_error", target)?;
     settings.check()?;
     let free = free && leaves_a_choice(&settings.fit);
-    let drafts = drafts(foliage, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
-    let pictures = pictures(foliage, settings)?;
+    let drafts = drafts(origin.finest, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
+    let pictures = pictures(origin.leaves, settings)?;
     let first = Tried::of(&drafts.first, drafts.epsilon(), target, &pictures)?;
     let best = if free {
-        let search = Search { target, drafts: &drafts, pictures: &pictures, costs: costs(foliage, settings)? };
+        let search = Search { target, drafts: &drafts, pictures: &pictures, costs: costs(origin.finest, settings)? };
         search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?
     } else {
         first
@@ -91,13 +95,13 @@ fn drafts<'a>(
 }
 
 /// Renders the leaves.
-fn pictures(foliage: &Foliage, settings: &ChainSettings) -> Result<Reference> {
+pub(crate) fn pictures(foliage: &Foliage, settings: &ChainSettings) -> Result<Reference> {
     let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
     Reference::new(&[foliage], foliage.frame(), views)
 }
 
 /// Returns the cost of drawing the leaves in the middle of each octave.
-fn costs(foliage: &Foliage, settings: &ChainSettings) -> Result<Vec<f64>> {
+pub(crate) fn costs(foliage: &Foliage, settings: &ChainSettings) -> Result<Vec<f64>> {
     let cost = |radius_pixels: f64| {
         let scale = radius_pixels / foliage.frame().radius;
         Ok(drawing_cost(&[foliage], scale, settings.up, Progress::silent())?.total())
@@ -109,6 +113,11 @@ fn costs(foliage: &Foliage, settings: &ChainSettings) -> Result<Vec<f64>> {
 fn leaves_a_choice(fit: &FitSettings) -> bool {
     let is_fixed = fit.max_billboards.is_some() || fit.max_texels.is_some() || fit.image.is_some();
     !is_fixed && fit.method == Method::Stochastic && !is_published(fit.method, fit.effort)
+}
+
+/// Returns the number of the octave with a sphere of `size` pixels, the nearest one beyond the ends.
+pub(crate) fn octave_of(size: f64) -> usize {
+    (libm::log2(size / FARTHEST).floor() as usize).min(OCTAVES as usize - 1)
 }
 
 /// Returns R in pixels in the middle of each octave, ascending.
@@ -183,19 +192,19 @@ impl Search<'_> {
     }
 
     fn cost(&self, tried: &Tried, draft: &Draft) -> f64 {
-        cost(crown_pixels(tried.size), &self.costs, |radius_pixels| draft.cost(radius_pixels))
+        cost(crown_pixels(tried.size), &self.costs, &middles().map(|middle| draft.cost(middle)).collect::<Vec<_>>())
     }
 }
 
 /// Returns the cost of drawing a tree at all distances, in fragments: the leaves where their sphere is larger than `size` pixels, else the
-/// level. Every doubling of the distance counts the same.
-fn cost(size: f64, leaves: &[f64], level: impl Fn(f64) -> f64) -> f64 {
-    let octave = |(radius_pixels, leaves): (f64, &f64)| {
+/// level; both in the middle of each octave. Every doubling of the distance counts the same.
+pub(crate) fn cost(size: f64, leaves: &[f64], level: &[f64]) -> f64 {
+    let octave = |(radius_pixels, (leaves, level)): (f64, (&f64, &f64))| {
         // The share of the octave, in the logarithm, in which the tree is smaller than `size`.
         let share = (libm::log2(size / (2.0 * radius_pixels)) + 0.5).clamp(0.0, 1.0);
-        share * level(radius_pixels) + (1.0 - share) * leaves
+        share * level + (1.0 - share) * leaves
     };
-    middles().zip(leaves).map(octave).sum()
+    middles().zip(leaves.iter().zip(level)).map(octave).sum()
 }
 
 #[cfg(test)]
@@ -203,9 +212,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn octaves_double_from_the_smallest_sphere() {
+        let found = [1.0, 8.0, 15.9, 16.0, 300.0, 511.0, 1e9, f64::INFINITY].map(octave_of);
+        assert_eq!(found, [0, 0, 0, 1, 5, 5, 5, 5]);
+    }
+
+    #[test]
     fn every_octave_counts_the_same() {
         let leaves = vec![10.0; OCTAVES as usize];
-        let at = |size: f64| cost(size, &leaves, |_| 1.0);
+        let at = |size: f64| cost(size, &leaves, &[1.0; OCTAVES as usize]);
         assert!((at(FARTHEST) - 60.0).abs() < 1e-9, "leaves alone");
         assert!((at(512.0) - 6.0).abs() < 1e-9, "the level alone");
         assert!((at(64.0) - 33.0).abs() < 1e-9, "three octaves of each");

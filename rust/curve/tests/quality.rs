@@ -4,13 +4,13 @@ mod common;
 
 use common::crown;
 use leafcloud::fit::FitSettings;
-use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::lod::{ChainSettings, Origin, build_chain};
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::quality::settings_for;
 use leafcloud_flip::{ImageErrors, crown_pixels};
 
 fn chosen(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> ChainSettings {
-    settings_for(target, foliage, None, settings, free, Progress::silent()).unwrap()
+    settings_for(target, Origin::of(foliage), None, settings, free, Progress::silent()).unwrap()
 }
 
 /// Diameter of the crown in pixels where level 1 takes over by these settings.
@@ -63,7 +63,8 @@ fn the_number_of_threads_changes_nothing() {
 fn a_target_outside_its_range_is_refused() {
     let foliage = crown(20);
     for target in [0.0, 1.0, -0.1, f64::NAN] {
-        let found = settings_for(target, &foliage, None, &ChainSettings::default(), true, Progress::silent());
+        let found =
+            settings_for(target, Origin::of(&foliage), None, &ChainSettings::default(), true, Progress::silent());
         let message = found.err().map(|error| error.to_string()).unwrap_or_default();
         assert!(message.starts_with("`target_error` is"), "{target}: {message}");
     }

@@ -41,6 +41,7 @@ Progress = Callable[[str, float], bool | None]
 """Function called with the stage and the fraction done in [0, 1]. Returning ``False`` cancels the work."""
 
 Preset = Literal["draft", "balanced", "final"]
+Form = Literal["auto", "billboards", "leaves"]
 Cost = Literal["seconds", "billboards", "bytes"]
 
 EPSILON_STEP: float
@@ -49,6 +50,8 @@ FRAGMENTS_PER_TRIANGLE: float
 """Price of a triangle in fragments, for its vertices and its set-up; see :func:`drawing_cost`."""
 HAND_OVER: float
 """The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
+LATER_ERROR: float
+"""Factor on the image error that levels after level 1 may have where they take over."""
 LEAST_SAVING: float
 """Fraction of the cost of drawing the level before that a level must save: ``every_level`` in :func:`build_chain`."""
 RAMP: float
@@ -381,6 +384,58 @@ class Level:
     def foliage(self) -> Foliage:
         """Return the billboards as foliage of the same tree."""
 
+class LeafLevel:
+    """Level 1 as simplified leaves with the materials of the tree's own. It has no page and no cloud."""
+    @property
+    def cloud(self) -> None: ...
+    @property
+    def method(self) -> str:
+        """The string "simplified"."""
+    @property
+    def corners(self) -> NDArray[np.uint32]:
+        """(s, 3) triangles made of corners of the leaves, counted through all triangles: corner c is corner c mod 3 of
+        triangle c // 3. Their attributes are those of the corners. All leaves are there, in the same order."""
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(s, 3, 3) positions of the corners. Simplified leaves grow about their pivots to keep their area."""
+    @property
+    def targets(self) -> NDArray[np.float64]:
+        """(t, 3, 3) position of each corner of the leaves at a = 1: a point of its simplified leaf."""
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+    @property
+    def max_deviation_leaves(self) -> float:
+        """Maximum distance of a corner of the leaves from its target, fraction of R."""
+    @property
+    def texel_size(self) -> float:
+        """0: the level has no page."""
+    @property
+    def page_share(self) -> float:
+        """1: the level shares no page."""
+    @property
+    def two_sided(self) -> bool:
+        """False: the leaves' materials decide."""
+    @property
+    def coverage(self) -> float:
+        """As :attr:`Level.coverage`."""
+    @property
+    def image_error(self) -> float:
+        """As :attr:`Level.image_error`."""
+    def image_errors(self) -> ImageErrors:
+        """As :meth:`Level.image_errors`."""
+    @property
+    def seconds(self) -> BakeSeconds:
+        """Seconds: ``fit`` for finding the leaves and choosing among them, 0 for the rest."""
+    def morphed(self, before: Foliage, a: float) -> Foliage:
+        """Return the leaves ``before`` at ``a`` in [0, 1] of their transition to the level.
+
+        Raises ``LeafcloudError`` for another foliage, and for ``a`` out of range."""
+    def foliage(self) -> Foliage:
+        """Return the simplified leaves as foliage of the same tree."""
+
+AnyLevel = LeafLevel | Level
+
 class LeftOut(TypedDict):
     """A level that was not made: it saves less than a tenth of the cost of drawing the level before it."""
 
@@ -396,7 +451,12 @@ class LeftOut(TypedDict):
 class Chain:
     """All levels after the leaves, finest first."""
     @property
-    def levels(self) -> list[Level]: ...
+    def levels(self) -> list[LeafLevel | Level]:
+        """All levels: the leaf level, if there is one, then ``clouds``."""
+    @property
+    def clouds(self) -> list[Level]:
+        """The clouds and the cross impostor. If there is a leaf level, the first is made of it: the leaf level's
+        triangles are those of its parents, targets and pivots, and of ``kept``."""
     @property
     def left_out(self) -> list[LeftOut]:
         """The levels that were not made, with ``every_level=False``."""
@@ -625,6 +685,7 @@ class ChainOptions(LevelOptions, total=False):
     image_error: float | None  # None
     preset: Preset | None  # None
     target_error: float | None  # None
+    form: Form | None  # "auto"
 
 def fit(
     foliage: Foliage,
@@ -709,6 +770,9 @@ def build_chain(
     ``target_error``: image error in (0, 1) that level 1 may have where it takes over. Lowers ``pixels`` to the
     predicted deviation there, and chooses ``epsilon``, unless given, so that the tree is cheapest to draw over all
     distances: a smaller ε takes over nearer and has more triangles. ``None``: the other options decide.
+    ``form``, with ``target_error``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
+    "auto": leaves where they make the tree a tenth cheaper to draw. With a leaf level, ``LATER_ERROR`` times
+    ``target_error`` counts for the first cloud.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides. ``None``: where leaves are single-sided.

@@ -5,10 +5,11 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use leafcloud::lod::{self, Chain, ChainSettings};
+use leafcloud::geometry::Frame;
+use leafcloud::lod::{self, Chain, ChainSettings, Origin};
 use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::settings_for;
-use leafcloud_curve::{Built, Curve, Offer, Sweep, Wish, build_within, sweep};
+use leafcloud_curve::quality::{LATER, settings_for};
+use leafcloud_curve::{Curve, LeafLevel, Offer, Sweep, Wish, build_within, leaf_level, sweep};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -16,15 +17,16 @@ use pyo3::types::PyDict;
 use crate::curve::PyCurve;
 use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
+use crate::leaf_level::PyLeafLevel;
 use crate::levels::{CloudInFrame, PyChain, PyCloud};
-use crate::options::Options;
+use crate::options::{Options, Quality};
 use crate::work::{self, PATIENCE, guard};
 
 /// The result of work.
 #[derive(Clone)]
 enum Output {
     Cloud(CloudInFrame),
-    Chain(Arc<Chain>, f64, Option<Offer>),
+    Chain(Built),
     Curve(Arc<Curve>),
 }
 
@@ -32,9 +34,27 @@ impl Output {
     fn into_python(self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(match self {
             Self::Cloud(cloud) => Py::new(py, PyCloud(cloud))?.into_any(),
-            Self::Chain(chain, radius, offer) => Py::new(py, PyChain { chain, radius, offer })?.into_any(),
+            Self::Chain(built) => Py::new(py, built.into_python())?.into_any(),
             Self::Curve(curve) => Py::new(py, PyCurve(curve))?.into_any(),
         })
+    }
+}
+
+/// A chain, with what decided its settings.
+#[derive(Clone)]
+struct Built {
+    chain: Arc<Chain>,
+    /// Frame of the leaves.
+    frame: Frame,
+    offer: Option<Offer>,
+    leaf_level: Option<Arc<LeafLevel>>,
+}
+
+impl Built {
+    fn into_python(self) -> PyChain {
+        let Self { chain, frame, offer, leaf_level } = self;
+        let leaf_level = leaf_level.map(|level| PyLeafLevel { level, frame });
+        PyChain { chain, radius: frame.radius, offer, leaf_level }
     }
 }
 
@@ -42,11 +62,7 @@ impl Output {
 enum Goal {
     /// The caller alone.
     Given,
-    /// The image error that level 1 may have where it takes over; `free`: whether ε may change.
-    Quality {
-        target: f64,
-        free: bool,
-    },
+    Quality(Quality),
     Wish(Wish),
 }
 
@@ -57,22 +73,35 @@ impl Goal {
         trunk: Option<&Foliage>,
         settings: &ChainSettings,
         progress: Progress,
-    ) -> leafcloud::Result<(Chain, Option<Offer>)> {
+    ) -> leafcloud::Result<Built> {
+        let built =
+            |chain, offer, leaf_level| Built { chain: Arc::new(chain), frame: *foliage.frame(), offer, leaf_level };
         match *self {
-            Self::Given => Ok((lod::build_chain(foliage, trunk, settings, progress)?, None)),
-            Self::Quality { target, free } => {
-                let choosing = progress.part(0.0, SHARE_OF_CHOICE);
-                let settings = settings_for(target, foliage, trunk, settings, free, choosing)?;
+            Self::Given => Ok(built(lod::build_chain(foliage, trunk, settings, progress)?, None, None)),
+            Self::Quality(Quality { target, free, form }) => {
+                let simplifying = progress.part(0.0, SHARE_OF_LEAVES);
+                let leaf_level = leaf_level(target, foliage, settings, form, simplifying)?;
+                let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
+                let target = if leaf_level.is_some() { LATER * target } else { target };
+                let choosing = progress.part(SHARE_OF_LEAVES, SHARE_OF_CHOICE);
+                let settings = settings_for(target.min(MOST_TARGET), origin, trunk, settings, free, choosing)?;
                 let building = progress.part(SHARE_OF_CHOICE, 1.0);
-                Ok((lod::build_chain(foliage, trunk, &settings, building)?, None))
+                let chain = lod::build_chain_of(origin, trunk, &settings, building)?;
+                Ok(built(chain, None, leaf_level.map(Arc::new)))
             }
             Self::Wish(wish) => {
-                let Built { chain, offer, .. } = build_within(foliage, trunk, settings, wish, progress)?;
-                Ok((chain, Some(offer)))
+                let within = build_within(foliage, trunk, settings, wish, progress)?;
+                Ok(built(within.chain, Some(within.offer), None))
             }
         }
     }
 }
+
+/// Greatest target of a cloud.
+const MOST_TARGET: f64 = 0.99;
+
+/// Share of the progress for simplifying leaves.
+const SHARE_OF_LEAVES: f64 = 0.1;
 
 /// Share of the progress for choosing settings by quality.
 const SHARE_OF_CHOICE: f64 = 0.3;
@@ -98,12 +127,12 @@ impl Work {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
-        let target = options.target_error()?;
+        let target = options.quality()?;
         let (settings, wish) = (options.chain()?, options.wish()?);
         options.finish()?;
         let goal = match (target, wish) {
             (None, None) => Goal::Given,
-            (Some((target, free)), None) => Goal::Quality { target, free },
+            (Some(quality), None) => Goal::Quality(quality),
             (None, Some(wish)) => Goal::Wish(wish),
             (Some(_), Some(_)) => {
                 return Err(refuse(
@@ -142,8 +171,8 @@ impl Work {
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
             Self::Chain(foliage, trunk, settings, goal) => {
-                let (chain, offer) = goal.build(foliage, trunk.as_deref(), settings, progress)?;
-                Ok(Output::Chain(Arc::new(chain), foliage.frame().radius, offer))
+                let built = goal.build(foliage, trunk.as_deref(), settings, progress)?;
+                Ok(Output::Chain(built))
             }
             Self::Curve(foliage, trunk, settings, wanted) => {
                 let curve = sweep(foliage, trunk.as_deref(), settings, *wanted, progress)?;

@@ -17,6 +17,7 @@ use crate::curve::offer_dict;
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::ktx2;
+use crate::leaf_level::PyLeafLevel;
 use crate::tools::cost_dict;
 use crate::work::{guard, interruptible};
 
@@ -82,6 +83,8 @@ pub struct PyChain {
     pub radius: f64,
     /// The settings chosen for a wish.
     pub offer: Option<Offer>,
+    /// Level 1 as simplified leaves, before the levels of `chain`.
+    pub leaf_level: Option<PyLeafLevel>,
 }
 
 #[pymethods]
@@ -93,11 +96,17 @@ impl PyChain {
 
     #[getter]
     fn seconds(&self) -> f64 {
-        Stages::of(&self.chain).total()
+        Stages::of(&self.chain).total() + self.leaf_level.as_ref().map_or(0.0, |own| own.level.seconds)
     }
 
     #[getter]
-    fn levels(&self) -> Vec<PyLevel> {
+    fn levels(&self, py: Python<'_>) -> PyResult<Vec<Py<PyAny>>> {
+        let own = self.leaf_level.iter().map(|level| Ok(Py::new(py, level.clone())?.into_any()));
+        own.chain(self.clouds().into_iter().map(|level| Ok(Py::new(py, level)?.into_any()))).collect()
+    }
+
+    #[getter]
+    fn clouds(&self) -> Vec<PyLevel> {
         let level = |index| PyLevel { chain: Arc::clone(&self.chain), index, radius: self.radius };
         (0..self.chain.levels.len()).map(level).collect()
     }
@@ -158,11 +167,15 @@ impl PyChain {
 /// Puts the levels of several chains with the same number on one page. Chains may have different numbers of levels.
 #[pyfunction]
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
-    let whose: Vec<_> = chains.iter().map(|chain| (chain.get().radius, chain.get().offer)).collect();
+    let own = |chain: &Bound<'_, PyChain>| {
+        let chain = chain.get();
+        (chain.radius, chain.offer, chain.leaf_level.clone())
+    };
+    let whose: Vec<_> = chains.iter().map(own).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
     let shared = interruptible(py, move |_| share_all(&chains))?;
-    let with_radius = |(chain, (radius, offer))| PyChain { chain: Arc::new(chain), radius, offer };
-    Ok(shared.into_iter().zip(whose).map(with_radius).collect())
+    let with_own = |(chain, (radius, offer, leaf_level))| PyChain { chain: Arc::new(chain), radius, offer, leaf_level };
+    Ok(shared.into_iter().zip(whose).map(with_own).collect())
 }
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
@@ -469,7 +482,7 @@ impl PyLevel {
 }
 
 #[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
-pub struct PyImageErrors(ImageErrors);
+pub struct PyImageErrors(pub ImageErrors);
 
 #[pymethods]
 impl PyImageErrors {

@@ -11,6 +11,7 @@ mod errors;
 mod foliage;
 mod job;
 mod ktx2;
+mod leaf_level;
 mod levels;
 mod options;
 mod pictures;
@@ -31,6 +32,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<foliage::PyMaterial>()?;
     module.add_class::<foliage::PyFoliage>()?;
     module.add_class::<levels::PyCloud>()?;
+    module.add_class::<leaf_level::PyLeafLevel>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<levels::PyChain>()?;
     module.add_class::<levels::PyImageErrors>()?;

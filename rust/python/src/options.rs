@@ -5,7 +5,7 @@ use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::{ChainSettings, PruneSettings, ViewCounts};
 use leafcloud::textures::Channels;
-use leafcloud_curve::{Preset, Sweep, Wish};
+use leafcloud_curve::{Form, Preset, Sweep, Wish};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -13,6 +13,17 @@ use crate::arrays;
 use crate::errors::{Failure, read, refuse};
 
 const COUNT: &str = "a whole number between 0 and 2^64 - 1";
+
+/// Choice of the levels by quality.
+#[derive(Clone, Copy)]
+pub struct Quality {
+    /// The image error that level 1 may have where it takes over.
+    pub target: f64,
+    /// Whether ε may change.
+    pub free: bool,
+    /// The form of level 1.
+    pub form: Form,
+}
 
 /// Keyword options. Reading an option removes it.
 pub struct Options<'py>(Option<Bound<'py, PyDict>>);
@@ -142,6 +153,7 @@ impl<'py> Options<'py> {
             fit: self.fit_with(up)?,
             levels: self.count("levels", default.levels)?,
             cross: self.flag("cross", default.cross)?,
+            upright_planes: default.upright_planes,
             every_level: self.flag("every_level", default.every_level)?,
             up,
             triangles: self.some("triangles", "a whole number between 0 and 2^64 - 1, or None")?,
@@ -191,11 +203,23 @@ impl<'py> Options<'py> {
         }
     }
 
-    /// Reads the image error that level 1 may have where it takes over, and whether ε is open. Call it before the options of the chain.
-    pub fn target_error(&self) -> PyResult<Option<(f64, bool)>> {
+    /// Reads what quality decides, if it decides. Call it before the options of the chain.
+    pub fn quality(&self) -> PyResult<Option<Quality>> {
         let target: Option<f64> = self.some("target_error", "a number or None")?;
-        let given = self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true));
-        Ok(target.map(|target| (target, !given)))
+        let form: Option<String> = self.some("form", "a name or None")?;
+        let free = !self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true));
+        let form = match form.as_deref() {
+            None | Some("auto") => Form::Auto,
+            Some("billboards") => Form::Billboards,
+            Some("leaves") if target.is_none() => {
+                return Err(refuse("form=\"leaves\" needs `target_error`, which judges the simplified leaves"));
+            }
+            Some("leaves") => Form::Leaves,
+            Some(other) => {
+                return Err(refuse(format!("form is {other:?}; use \"auto\", \"billboards\" or \"leaves\"")));
+            }
+        };
+        Ok(target.map(|target| Quality { target, free, form }))
     }
 
     /// Refuses the remaining options as unknown.

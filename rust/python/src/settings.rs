@@ -5,6 +5,7 @@ use leafcloud::limits::{self, Limits};
 use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
+use leafcloud_curve::quality::LATER;
 use leafcloud_curve::{IMAGE_ERROR, SECONDS, quality};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMappingProxy};
@@ -33,6 +34,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySetting>()?;
     module.add("SETTINGS", PyMappingProxy::new(module.py(), settings.as_mapping()))?;
     module.add("EPSILON_STEP", EPSILON_STEP)?;
+    module.add("LATER_ERROR", LATER)?;
     module.add("LEAST_SAVING", LEAST_SAVING)?;
     module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;
     module.add("HAND_OVER", transition::HAND_OVER)?;

@@ -1,0 +1,148 @@
+//! `LeafLevel`: level 1 as simplified leaves, in the tree's own coordinates.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use leafcloud::Foliage;
+use leafcloud::geometry::Frame;
+use leafcloud_curve::LeafLevel;
+use leafcloud_flip::{ImageErrors, image_error};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::point_groups;
+use crate::errors::{read, refuse};
+use crate::foliage::PyFoliage;
+use crate::levels::PyImageErrors;
+use crate::work::interruptible;
+
+#[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]
+#[derive(Clone)]
+pub struct PyLeafLevel {
+    pub level: Arc<LeafLevel>,
+    /// Frame of the tree's own leaves.
+    pub frame: Frame,
+}
+
+impl PyLeafLevel {
+    /// Returns triangles in local coordinates as (n, 3, 3) in the tree's.
+    fn in_tree<'py>(&self, py: Python<'py>, triangles: &[[DVec3; 3]]) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let placed = |corners: &[DVec3; 3]| self.frame.placement.wound(*corners).map(|p| self.frame.to_tree(p));
+        point_groups(py, triangles.iter().map(placed))
+    }
+}
+
+#[pymethods]
+impl PyLeafLevel {
+    #[classattr]
+    fn cloud() -> Option<Py<PyAny>> {
+        None
+    }
+
+    #[classattr]
+    fn method() -> &'static str {
+        "simplified"
+    }
+
+    #[getter]
+    fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let placement = self.frame.placement;
+        // A mirror changes the order of a triangle's corners, of the input's triangles as of the result's.
+        let place = |corner: u32| corner - corner % 3 + placement.wound([0, 1, 2])[corner as usize % 3];
+        let rows = self.level.leaves.corners.iter();
+        let flat: Vec<u32> = rows.flat_map(|corners| placement.wound(*corners).map(place)).collect();
+        let count = flat.len() / 3;
+        flat.into_pyarray(py).reshape([count, 3])
+    }
+
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.in_tree(py, &self.level.leaves.places)
+    }
+
+    #[getter]
+    fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        self.in_tree(py, &self.level.leaves.targets)
+    }
+
+    #[getter]
+    fn triangles(&self) -> usize {
+        self.level.leaves.corners.len()
+    }
+
+    #[getter]
+    fn max_deviation_leaves(&self) -> f64 {
+        self.level.leaves.deviation
+    }
+
+    #[getter]
+    fn coverage(&self) -> f64 {
+        self.level.pictures.coverage()
+    }
+
+    #[getter]
+    fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
+        let level = Arc::clone(&self.level);
+        interruptible(py, move |_| Ok(image_error(&level.pictures)))
+    }
+
+    fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
+        let level = Arc::clone(&self.level);
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&level.pictures))))
+    }
+
+    #[classattr]
+    fn texel_size() -> f64 {
+        0.0
+    }
+
+    #[classattr]
+    fn page_share() -> f64 {
+        1.0
+    }
+
+    #[classattr]
+    fn two_sided() -> bool {
+        false
+    }
+
+    #[getter]
+    fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("fit", self.level.seconds)?;
+        for stage in ["pack", "bake", "look"] {
+            dict.set_item(stage, 0.0)?;
+        }
+        Ok(dict)
+    }
+
+    fn morphed(&self, py: Python<'_>, before: &Bound<'_, PyAny>, a: &Bound<'_, PyAny>) -> PyResult<PyFoliage> {
+        let before: Bound<'_, PyFoliage> = read(before, "before", "a Foliage")?;
+        let a: f64 = read(a, "a", "a number in [0, 1]")?;
+        if !(0.0..=1.0).contains(&a) {
+            return Err(refuse(format!("a is {a:?}; it must lie in [0, 1]")));
+        }
+        let (level, before) = (Arc::clone(&self.level), Arc::clone(&before.get().0));
+        let (given, wanted) = (before.triangle_count(), level.leaves.targets.len());
+        if given != wanted {
+            return Err(refuse(format!(
+                "the leaves have {given} triangles, but {wanted} morph; give the foliage that the level is made of"
+            )));
+        }
+        let foliage = interruptible(py, move |_| {
+            let at = |(t, targets): (usize, &[DVec3; 3])| {
+                let from = before.corners(t);
+                std::array::from_fn(|i| from[i].lerp(targets[i], a))
+            };
+            let corners: Vec<[DVec3; 3]> = level.leaves.targets.iter().enumerate().map(at).collect();
+            before.with_corners(&corners)
+        })?;
+        Ok(PyFoliage(Arc::new(foliage)))
+    }
+
+    fn foliage(&self) -> PyFoliage {
+        let foliage: Foliage = self.level.leaves.foliage.clone();
+        PyFoliage(Arc::new(foliage))
+    }
+}
