@@ -180,7 +180,7 @@ def fragment_rows(tree: Path, baked: Baked) -> list[Row]:
     whole = [[part] if trunk is None else [part, trunk] for part, trunk in zip(drawn, trunks, strict=True)]
     height = crown_height(baked)
 
-    def row(number: int, level: leafcloud.Level) -> Row:
+    def row(number: int, level: leafcloud.AnyLevel) -> Row:
         scale = pixels_of(1.0, baked.switch_distances[number], baked.view)
         own, all_leaves = (leafcloud.drawing_cost([part], scale) for part in (drawn[number], leaves))
         own_whole, whole_tree = (leafcloud.drawing_cost(parts, scale) for parts in (whole[number], whole[0]))
@@ -189,7 +189,7 @@ def fragment_rows(tree: Path, baked: Baked) -> list[Row]:
             tree=tree.stem,
             cards=has_cards(tree),
             level=number,
-            is_cross=level.cloud is None,
+            is_cross=level.method == "cross",
             triangles=own_whole["triangles"],
             triangles_share=own_whole["triangles"] / whole_tree["triangles"],
             crown=height * scale,
@@ -207,7 +207,7 @@ def fragment_rows(tree: Path, baked: Baked) -> list[Row]:
 
 def speeds_of(tree: Path, baked: Baked, *, cycles: bool, three: bool) -> list[Speed]:
     """Time each cloud and the leaves where the cloud takes over."""
-    numbers = [number for number, level in enumerate(baked.chain.levels, start=1) if level.cloud is not None]
+    numbers = [number for number, level in enumerate(baked.chain.levels, start=1) if level.method != "cross"]
     pictures = {number: Picture.of(baked, number) for number in numbers}
     shown = in_three(baked, pictures) if three else {}
     camera = light_up(SIZE, MANY) if cycles else None

@@ -94,7 +94,7 @@ def mesh_bytes(trunk: bpy.types.Object | None) -> int:
 def as_billboards(trunk: leafcloud.Foliage, level: leafcloud.Level, error: float) -> tuple[str, str]:
     """Fit billboards to `trunk` within `error`; return their number and their KiB (corners, texels with mips)."""
     epsilon = min(error / trunk.radius, 1.0)
-    [own] = leafcloud.build_chain(trunk, levels=1, cross=False, epsilon=epsilon, texture_size=1024).levels
+    [own] = leafcloud.build_chain(trunk, levels=1, cross=False, epsilon=epsilon, texture_size=1024).clouds
     texels = own.texels * (own.texel_size / level.texel_size) ** 2
     nbytes = CORNER_BYTES * own.corners.size / 3 + 4.0 * texels * 4.0 / 3.0
     return str(len(own.corners)), f"{nbytes / 1024:.0f}"

@@ -28,7 +28,7 @@ def cut(image: NDArray[np.uint8], left: int, top: int) -> NDArray[np.uint8]:
 
 def main() -> None:
     tree, out = sys.argv[1:]
-    level = leafcloud.build_chain(leafcloud.read_gltf(tree), levels=1, cross=False, normals=0.0).levels[0]
+    level = leafcloud.build_chain(leafcloud.read_gltf(tree), levels=1, cross=False, normals=0.0).clouds[0]
     assert level.normal is not None
     color, normal = level.base_color, level.normal.copy()
     dilated = color.copy()

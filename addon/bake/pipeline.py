@@ -43,6 +43,7 @@ from ..plan.wind import BREEZE, stature
 from ..scene.scene_facts import read_scene_facts
 from ..scene.wind import wind_on
 from ..settings.bake import BakeSettings
+from ..settings.choices import Form
 from ..settings.fit_options import fit_options
 from .lighting import light_of
 from .part import described_part
@@ -161,8 +162,19 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         image_error=settings.image_error,
         preset=settings.preset,
         target_error=core_target(settings),
+        form=level_1_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
+
+
+def level_1_form(prepared: Prepared) -> Form:
+    """Return the form that the core may choose for level 1.
+
+    Simplified leaves have the leaves' materials: they are no choice for blended leaves, which an order of drawing needs
+    to be billboards, nor for baked light.
+    """
+    needs_pages = is_on(prepared.effects, "blend_order") or prepared.light is not None
+    return "billboards" if needs_pages and prepared.settings.form == "auto" else prepared.settings.form
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:

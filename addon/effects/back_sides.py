@@ -47,7 +47,7 @@ class BackSidesEffect(Effect):
         return replace(decision, on=True, reason=f"leaves show on one side only on level {', '.join(two_sided)}")
 
     def texture_bytes(self, chain: leafcloud.Chain) -> int:
-        return sum(level.texels // 2 for level in chain.levels if level.two_sided) * BYTES_PER_TEXEL
+        return sum(level.texels // 2 for level in chain.clouds if level.two_sided) * BYTES_PER_TEXEL
 
     def add_to_cloud(self, built: BuiltLevel, level: leafcloud.Level, build: Build) -> BuiltLevel:
         """Draw each pair as one polygon in Blender, where a ray tracer's rays would meet both."""

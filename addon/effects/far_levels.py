@@ -48,7 +48,7 @@ class FarLevelsEffect(Effect):
         return (Rate(lambda known: known.far_texels, BYTES_PER_TEXEL, fixed=0.25, seconds=4.6e-7),)
 
     def core_seconds(self, chain: leafcloud.Chain, decisions: Sequence[Decision]) -> float:
-        return sum(map(_own_seconds, chain.levels[1:]))
+        return sum(map(_own_seconds, chain.clouds[1:]))
 
 
 def _own_seconds(level: leafcloud.Level) -> float:

@@ -49,7 +49,7 @@ class ShadowProxyEffect(Effect):
         from ..levels.building import own_bytes
         from ..levels.shadow_proxy import add_shadow_proxy
 
-        first = build.chain.levels[0]
+        first = build.chain.clouds[0]
         build.costs.add_bytes(self.name, own_bytes(first, first.base_color))
         add_shadow_proxy(collection, build)
 

@@ -42,9 +42,11 @@ class TransitionsEffect(Effect):
 
     def add_to_member(self, obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
         from ..levels.fading import let_fade
+        from ..mesh.baked_levels import level_number
 
         if lod_range.fades:
-            let_fade(obj)
+            number = level_number(obj)
+            let_fade(obj, is_cloud=number is not None and number >= build.first_cloud)
 
 
 EFFECT = TransitionsEffect()

@@ -145,4 +145,5 @@ def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:
         built.object.data.materials[0].name: level
         for tree in trees
         for built, level in zip(tree.levels[1:], tree.chain.levels, strict=True)
+        if isinstance(level, leafcloud.Level)
     }

@@ -46,7 +46,7 @@ class HandOver:
 
     before: Subject
     after: Subject
-    level: leafcloud.Level
+    level: leafcloud.AnyLevel
     ranges: tuple[LodRange, LodRange]
     trunk: LodRange
 

@@ -98,7 +98,7 @@ class TreeFigures:
 
 
 def subjects_of(
-    foliage: leafcloud.Foliage, trunks: Sequence[leafcloud.Foliage | None], levels: Sequence[leafcloud.Level]
+    foliage: leafcloud.Foliage, trunks: Sequence[leafcloud.Foliage | None], levels: Sequence[leafcloud.AnyLevel]
 ) -> list[Subject]:
     """Return all levels, the leaves first. `trunks`: the trunk of each."""
     names = ["Leaves", *(level_name(level, number) for number, level in enumerate(levels, 1))]
@@ -109,9 +109,9 @@ def subjects_of(
     ]
 
 
-def level_name(level: leafcloud.Level, number: int) -> str:
+def level_name(level: leafcloud.AnyLevel, number: int) -> str:
     """Return the name of level `number` in labels."""
-    return "Cross impostor" if level.cloud is None else f"Level {number}"
+    return "Cross impostor" if level.method == "cross" else f"Level {number}"
 
 
 def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:
@@ -139,11 +139,14 @@ def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False
     triangles = f"{total:,} triangles" + (" with trunk" if row["trunk_triangles"] else "")
     if row["level"] == 0:
         return [triangles]
-    width, height = row["texture_size"]
+    texture = "the leaves' textures"
+    if row["texture_size"] is not None:
+        width, height = row["texture_size"]
+        texture = f"texture {width} × {height}" + (" for all trees" if is_shared else "")
     distance, crown = row["switch_distance"], row["drawing"]["crown_pixels"]
     return [
         triangles,
-        f"texture {width} × {height}" + (" for all trees" if is_shared else ""),
+        texture,
         f"image error {row['image_error']:.3f} at 128 pixels",
         f"LOD distance {canvas.number(distance)} ({canvas.number(distance / radius)} R)",
         f"crown {crown:,.0f} pixels there" if crown >= 10.0 else f"crown {crown:.2g} pixels there",

@@ -31,7 +31,10 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
     levels = [_leaves(baked.levels[0], write_seconds[0])]
     for level, built, seconds in zip(baked.chain.levels, baked.levels[1:], write_seconds[1:], strict=True):
         distance = baked.switch_distances[built.number]
-        levels.append(_level(level, built, prepared.settings, distance, seconds))
+        if isinstance(level, leafcloud.LeafLevel):
+            levels.append(_leaf_level(level, built, distance, seconds))
+        else:
+            levels.append(_level(level, built, prepared.settings, distance, seconds))
     if prepared.tree.trunk is not None and is_on(baked.effects, "trunk_levels"):
         for row, built in zip(levels, baked.levels, strict=True):
             # The cross impostor has no trunk mesh: its textures show the trunk.
@@ -133,6 +136,24 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
     }
 
 
+def _leaf_level(
+    level: leafcloud.LeafLevel, built: BuiltLevel, switch_distance: float, write_seconds: float
+) -> dict[str, Any]:
+    """Return the row of a level of simplified leaves, which has no billboards and no texture of its own."""
+    row = _leaves(built, write_seconds)
+    return {
+        **row,
+        "level": built.number,
+        "method": level.method,
+        "max_deviation": level.max_deviation_leaves,
+        "max_deviation_leaves": level.max_deviation_leaves,
+        "mean_deviation": None,
+        "image_error": level.image_error,
+        "switch_distance": switch_distance,
+        "seconds": {**level.seconds, "write": write_seconds},
+    }
+
+
 def _level(
     level: leafcloud.Level, built: BuiltLevel, settings: BakeSettings, switch_distance: float, write_seconds: float
 ) -> dict[str, Any]:
@@ -179,13 +200,18 @@ def _drawing(cost: LevelDrawing) -> dict[str, Any]:
 
 
 def _hidden_triangles(baked: Baked) -> int:
-    """Return the number of LOD 0's triangles that are in no other level, because the crown hides their leaves."""
+    """Return the number of triangles that are in no cloud, because the crown hides their leaves.
+
+    They are triangles of the simplified leaves if there are some, else of LOD 0.
+    """
     kept = baked.chain.kept
-    if kept is None or baked.chain.levels[0].cloud is None:  # The cross impostor shows all leaves.
+    if kept is None or baked.chain.clouds[0].cloud is None:  # The cross impostor shows all leaves.
         return 0
     triangles, growth = kept
     is_pruned = bool((growth != 1.0).any())
-    return 0 if is_pruned else baked.prepared.foliage.triangle_count - len(triangles)
+    first = baked.chain.levels[0]
+    whole = first.triangles if isinstance(first, leafcloud.LeafLevel) else baked.prepared.foliage.triangle_count
+    return 0 if is_pruned else whole - len(triangles)
 
 
 def _left_out(baked: Baked) -> list[dict[str, Any]]:

@@ -8,6 +8,8 @@ from dataclasses import replace
 import bpy
 from mathutils import Matrix
 
+import leafcloud
+
 from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
@@ -15,7 +17,7 @@ from ..plan.lod_range import LodRange, trunk_range
 from ..plan.trunk_limits import trunk_limits
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
-from .leaves import leaf_object
+from .leaves import leaf_object, simplified_object
 from .mesh import read_own_randoms
 from .rollback import removed_on_failure
 from .trunk import Trunk, TrunkView, simplified, whole
@@ -31,17 +33,28 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
         collection = bpy.data.collections.new(build.name)
         behind = build.chain.levels
         following = [*behind[1:], None]
-        clouds = [cloud_object(level, following[n], n + 1, build) for n, level in enumerate(behind)]
-        trunks = _trunks(build, [_triangles(cloud) for cloud in clouds])
+        objects = [_object(level, following[n], n + 1, build) for n, level in enumerate(behind)]
+        trunks = _trunks(build, [_triangles(obj) for obj in objects])
         levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
-        for number, (level, cloud) in enumerate(zip(behind, clouds, strict=True), start=1):
-            built = _add_level(collection, cloud, number, trunks[number], build)
-            for effect in build.charged():
-                built = effect.add_to_cloud(built, level, build)
+        for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
+            built = _add_level(collection, obj, number, trunks[number], build)
+            if not isinstance(level, leafcloud.LeafLevel):
+                for effect in build.charged():
+                    built = effect.add_to_cloud(built, level, build)
             levels.append(built)
         for effect in build.charged():
             effect.add_to_tree(collection, build)
     return collection, levels
+
+
+def _object(
+    level: leafcloud.AnyLevel, following: leafcloud.AnyLevel | None, number: int, build: Build
+) -> bpy.types.Object:
+    """Create the object of level `number`. `following`: the next level, None after the last."""
+    if isinstance(level, leafcloud.LeafLevel):
+        return simplified_object(level, build)
+    assert not isinstance(following, leafcloud.LeafLevel)  # Only level 1 may be leaves.
+    return cloud_object(level, following, number, build)
 
 
 def _triangles(obj: bpy.types.Object) -> int:
@@ -55,17 +68,20 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
     `triangles`: those of each later level, without trunk.
     """
     tree, costs, pixels = build.tree, build.costs, build.schedule.trunk_pixels
-    clouds = [level for level in build.chain.levels if level.cloud is not None]
-    crosses = [None] * (len(build.chain.levels) - len(clouds))
+    near = [level for level in build.chain.levels if level.method != "cross"]
+    crosses = [None] * (len(build.chain.levels) - len(near))
     if tree.trunk is None:
-        return [None, *(None for _ in clouds), *crosses]
+        return [None, *(None for _ in near), *crosses]
     first = whole(f"{build.name}_trunk", tree.trunk)
     if not pixels:
-        return [first, *(first for _ in clouds), *crosses]
+        return [first, *(first for _ in near), *crosses]
     with costs.spent_on("trunk_levels"):
         whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
-        limits = trunk_limits(triangles[: len(clouds)], whole_tree, build.schedule.triangles)
-        views = [TrunkView(*view) for view in zip(clouds, pixels, limits, strict=False)]
+        leaf_levels = int(build.leaf_level is not None)
+        limits = trunk_limits(triangles[leaf_levels : len(near)], whole_tree, build.schedule.triangles)
+        # Before simplified leaves only the picture limits the trunk.
+        limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
+        views = [TrunkView(*view) for view in zip(near, pixels, limits, strict=False)]
         coarser = simplified(first, tree.trunk, tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *crosses]
@@ -86,7 +102,7 @@ def _add_level(
         members[trunk_object] = trunk_range(ranges, number)
     for member, lod_range in members.items():
         collection.objects.link(member)
-        if number == 0 or member is trunk_object:
+        if number < build.first_cloud or member is trunk_object:
             read_own_randoms(member)
         if build.follows_camera:
             add_lod_modifier(member, _lod_settings(lod_range, build, prunes=number == 0 and member is obj))

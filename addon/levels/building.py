@@ -78,6 +78,17 @@ class Build:
     wind: WindSettings | None = None
     owners: tuple[int, ...] = ()
 
+    @property
+    def leaf_level(self) -> leafcloud.LeafLevel | None:
+        """Level 1 if it is simplified leaves, else None."""
+        first = self.chain.levels[0]
+        return first if isinstance(first, leafcloud.LeafLevel) else None
+
+    @property
+    def first_cloud(self) -> int:
+        """Number of the first level with an atlas page."""
+        return 1 if self.leaf_level is None else 2
+
     def has(self, effect: str) -> bool:
         """Return whether the effect is on."""
         return any(each.name == effect for each in self.effects)

@@ -12,19 +12,18 @@ from typing import cast
 
 import bpy
 
-from ..mesh.baked_levels import level_number
 from ..nodes.laws import HIDDEN_SHARE
 
 RENDERERS = ("CYCLES", "EEVEE")
 
 
-def let_fade(obj: bpy.types.Object) -> None:
+def let_fade(obj: bpy.types.Object, *, is_cloud: bool) -> None:
     """Make a level or a trunk fade by `leaf_hidden_share`.
 
     Clouds have materials of their own. Leaves and trunks get copies, linked to the object: other objects and files use
     the artist's materials of their meshes.
     """
-    if level_number(obj):
+    if is_cloud:
         for material in obj.data.materials:
             add_fade(material.node_tree)
         return

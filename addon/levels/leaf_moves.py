@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,20 +24,27 @@ class LeafMoves:
     pivot_targets: NDArray[np.float64]
 
 
-def leaf_moves(chain: leafcloud.Chain, corners: NDArray[np.float32]) -> LeafMoves:
-    """Return the moves of leaves with `corners` (t, 3, 3) onto the chain's first level, a cloud.
+def moves_to_leaves(level: leafcloud.LeafLevel, pivots: NDArray[np.float64]) -> LeafMoves:
+    """Return the moves of leaves with `pivots` (t, 3) onto their simplified leaves. They are on no billboard."""
+    return LeafMoves(np.full(len(pivots), NO_BILLBOARD, np.int32), level.targets, pivots)
+
+
+def leaf_moves(
+    chain: leafcloud.Chain, corners: NDArray[np.floating[Any]], chain_pivots: NDArray[np.float64]
+) -> LeafMoves:
+    """Return the moves of leaves with `corners` (t, 3, 3) and pivots (t, 3) onto the chain's first cloud.
 
     Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
     coincide with the cloud. Leaves without a billboard shrink into their pivots.
     """
-    level = chain.levels[0]
+    level = chain.clouds[0]
     assert level.cloud is not None
     parents = level.cloud.parents.astype(np.int32)
     if chain.kept is None:
         return LeafMoves(parents, level.targets, level.pivot_targets)
     kept, growth = chain.kept
     billboards = np.full(len(corners), NO_BILLBOARD, np.int32)
-    pivot_targets = chain.pivots
+    pivot_targets = chain_pivots.copy()
     targets = np.broadcast_to(pivot_targets[:, None], corners.shape).copy()
     pivots = level.pivot_targets[:, None]
     billboards[kept] = parents

@@ -1,25 +1,40 @@
-"""LOD 0: the tree's own leaves, sorted for pruning, with their places on the first cloud."""
+"""Levels made of leaves: LOD 0, the tree's own leaves in the order of pruning, and level 1 as simplified leaves."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
+import leafcloud
+
+from ..geometry import Geometry
 from .baked_light import add_light
 from .building import Build
-from .leaf_moves import leaf_moves
+from .leaf_moves import LeafMoves, leaf_moves, moves_to_leaves
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 from .shape import Shape, object_of, pruning_of, transition_of
+from .trunk import gathered, outward
 from .wind import leaf_wind_attributes
 
 
 def leaf_object(build: Build) -> bpy.types.Object:
     """Create the object of LOD 0."""
-    shape, schedule = _shape(build), build.schedule
-    materials = build.tree.leaves.materials
+    geometry, level = build.tree.leaves, build.leaf_level
+    pivots, moves = build.chain.pivots, None
+    if build.has("transitions"):
+        if level is not None:
+            moves = moves_to_leaves(level, pivots)
+        elif build.chain.clouds[0].cloud is not None:
+            moves = leaf_moves(build.chain, geometry.positions[geometry.triangles], pivots)
+    shape, schedule = _shape(geometry, build.foliage.leaf_ids, pivots, moves, build), build.schedule
+    if build.light is not None:
+        shape = replace(shape, light=build.light.at(_order(geometry, build.foliage.leaf_ids, build)))
+    materials = geometry.materials
     mesh = create_mesh(f"{build.name}_LOD0", shape.surface, materials, layer_names(materials))
     if shape.light is not None:
         with build.costs.spent_on("baked_light", shape.light.nbytes):
@@ -33,15 +48,55 @@ def leaf_object(build: Build) -> bpy.types.Object:
     return object_of(mesh, shape, extras, schedule.lod_ranges[0], build)
 
 
-def _shape(build: Build) -> Shape:
-    """Return the leaves sorted by material, then by rank. The triangles of a leaf stay together."""
-    geometry, chain = build.tree.leaves, build.chain
-    leaf_ids = build.foliage.leaf_ids
-    ranks = chain.ranks[leaf_ids]
-    order = np.lexsort((leaf_ids, ranks, geometry.material_ids))
+def simplified_object(level: leafcloud.LeafLevel, build: Build) -> bpy.types.Object:
+    """Create the object of level 1 as simplified leaves. They have the materials of the tree's own leaves."""
+    own = level.corners[:, 0] // 3
+    leaf_ids, pivots = build.foliage.leaf_ids[own], build.chain.pivots[own]
+    geometry = _placed(build.tree.leaves, level, leaf_ids)
     moves = None
-    if build.has("transitions") and chain.levels[0].cloud is not None:
-        moves = leaf_moves(chain, geometry.positions[geometry.triangles])
+    if build.has("transitions") and build.chain.clouds[0].cloud is not None:
+        moves = leaf_moves(build.chain, level.positions, pivots)
+    shape = _shape(geometry, leaf_ids, pivots, moves, build)
+    mesh = create_mesh(f"{build.name}_LOD1", shape.surface, geometry.materials, layer_names(geometry.materials))
+    extras = {
+        "level": 1,
+        "switch_distance": build.schedule.switch_distances[1],
+        "max_deviation": level.max_deviation_leaves,
+    }
+    return object_of(mesh, shape, extras, build.schedule.lod_ranges[1], build)
+
+
+def _placed(leaves: Geometry, level: leafcloud.LeafLevel, leaf_ids: NDArray[np.integer[Any]]) -> Geometry:
+    """Return the simplified leaves as a geometry. Triangles of one leaf keep their common vertices.
+
+    `leaf_ids` (s,): the leaf of each simplified triangle.
+    """
+    same = gathered(leaves, level.corners)
+    keys = np.stack([same.triangles.ravel(), np.repeat(leaf_ids, 3)], axis=1)
+    _, first, vertices = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    grown = replace(
+        same,
+        positions=level.positions.reshape(-1, 3)[first].astype(np.float32),
+        triangles=vertices.reshape(-1, 3).astype(np.int32),
+    )
+    return outward(grown, leaves, level.corners)
+
+
+def _order(geometry: Geometry, leaf_ids: NDArray[np.integer[Any]], build: Build) -> NDArray[np.int64]:
+    """Return the triangles sorted by material, then by rank. The triangles of a leaf stay together."""
+    return np.lexsort((leaf_ids, build.chain.ranks[leaf_ids], geometry.material_ids))
+
+
+def _shape(
+    geometry: Geometry,
+    leaf_ids: NDArray[np.integer[Any]],
+    pivots: NDArray[np.float64],
+    moves: LeafMoves | None,
+    build: Build,
+) -> Shape:
+    """Return the mesh data of leaves. `leaf_ids` (t,) and `pivots` (t, 3): of each triangle's leaf."""
+    order = _order(geometry, leaf_ids, build)
+    ranks = build.chain.ranks[leaf_ids]
     billboards = np.zeros(len(order), np.int32) if moves is None else moves.billboards[order]
     split = split_vertices(geometry.triangles[order], billboards - billboards.min(initial=0))
     of_vertex = order[split.first // 3]
@@ -52,8 +107,7 @@ def _shape(build: Build) -> Shape:
     return Shape(
         surface=triangle_surface(geometry, order, split),
         ranks=ranks[order],
-        pruning=pruning_of(ranks[of_vertex], chain.pivots[of_vertex], build),
+        pruning=pruning_of(ranks[of_vertex], pivots[of_vertex], build),
         transition=transition,
-        light=None if build.light is None else build.light.at(order),
-        wind=leaf_wind_attributes(leaf_ids, moves, of_vertex, build),
+        wind=leaf_wind_attributes(leaf_ids, moves, of_vertex, build, pivots),
     )

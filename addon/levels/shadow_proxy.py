@@ -29,7 +29,7 @@ def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
 
     Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page for engines.
     """
-    name, level = f"{collection.name}_shadow", build.chain.levels[0]
+    name, level = f"{collection.name}_shadow", build.chain.clouds[0]
     pixels, cutoff = level.for_engines()
     if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
         cutoff = float(pixels[..., 3].max()) / 510.0

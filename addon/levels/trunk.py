@@ -39,11 +39,11 @@ class Trunk:
 class TrunkView:
     """How a level's trunk is seen where the level appears.
 
-    level: the cloud that hides parts of the trunk. pixel: side of a pixel on the tree, world units. limit: maximum
-    number of triangles.
+    level: the leaves or the cloud that hide parts of the trunk. pixel: side of a pixel on the tree, world units.
+    limit: maximum number of triangles.
     """
 
-    level: leafcloud.Level
+    level: leafcloud.AnyLevel
     pixel: float
     limit: int
 

@@ -61,26 +61,32 @@ def add_wind(obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
 
 
 def leaf_wind_attributes(
-    leaf_ids: NDArray[np.integer[Any]], moves: LeafMoves | None, of_vertex: NDArray[np.integer[Any]], build: Build
+    leaf_ids: NDArray[np.integer[Any]],
+    moves: LeafMoves | None,
+    of_vertex: NDArray[np.integer[Any]],
+    build: Build,
+    leaf_pivots: NDArray[np.float64],
 ) -> WindAttributes | None:
     """Return the wind attributes for vertices of the triangles `of_vertex` (v,); None without wind.
+
+    `leaf_pivots` (t, 3): of each triangle's leaf.
 
     Leaves without a billboard keep swaying with their own branch.
     """
     if build.wind is None:
         return None
     chain = build.chain
-    pivots = chain.pivots[of_vertex]
+    pivots = leaf_pivots[of_vertex]
     carriers = None
     if moves is not None:
         billboards = moves.billboards[of_vertex][:, None]
-        carried = chain.levels[0].plane_pivots()[billboards[:, 0]]
+        carried = chain.clouds[0].plane_pivots()[billboards[:, 0]]
         carriers = np.where(billboards < 0, pivots, carried).astype(np.float32)
     return WindAttributes(
         pivot=None if build.has("pruning") else pivots.astype(np.float32),
         billboard_pivot=carriers,
         phase=phases(leaf_ids[of_vertex]),
-        flutter=freedom(chain.pivots.astype(np.float32))[of_vertex],
+        flutter=freedom(leaf_pivots.astype(np.float32))[of_vertex],
     )
 
 

@@ -83,7 +83,7 @@ class Effect(ABC):
 
     def core_seconds(self, chain: leafcloud.Chain, decisions: Sequence[Decision]) -> float:
         """Return the seconds that the effect took in the core."""
-        return sum(level.channel_seconds.get(channel, 0.0) for level in chain.levels for channel in self.channels)
+        return sum(level.channel_seconds.get(channel, 0.0) for level in chain.clouds for channel in self.channels)
 
     def settled(self, decision: Decision, chain: leafcloud.Chain) -> Decision:
         """Return the decision after the core's work."""

@@ -47,19 +47,22 @@ class LodRange:
         return self.fade_in_end > self.appear or self.fade_out_start < self.vanish
 
 
-def lod_ranges(switch_distances: Sequence[float], clouds: Sequence[bool], *, transitions: bool) -> tuple[LodRange, ...]:
+def lod_ranges(
+    switch_distances: Sequence[float], targets: Sequence[bool], *, transitions: bool
+) -> tuple[LodRange, ...]:
     """Return the LOD range of every level.
 
-    Level i takes over at `switch_distances[i]`, which rise from 0. `clouds[i]` is true for a billboard cloud.
+    Level i takes over at `switch_distances[i]`, which rise from 0. `targets[i]` is true for a level that the
+    level before can morph to: simplified leaves and clouds.
 
-    With `transitions` each level morphs to the next level if that is a cloud, and cross-fades with any next level. The
+    With `transitions` each level morphs to the next level if it can, and cross-fades with any next level. The
     next level appears shortly before the morph ends, or at its switch distance. It fades in before this level fades
     out, so pixels that both levels cover never become transparent.
     """
     result: list[LodRange] = []
     appear = whole = gone = switch_distances[0]
-    for end, cloud in zip((*switch_distances[1:], math.inf), (*clouds[1:], False), strict=True):
-        morphs = transitions and cloud
+    for end, is_target in zip((*switch_distances[1:], math.inf), (*targets[1:], False), strict=True):
+        morphs = transitions and is_target
         start = max(START_SHARE * end, gone) if morphs else math.inf
         hand_over = start + leafcloud.HAND_OVER * (end - start) if morphs else end
         fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if transitions else 0.0

@@ -24,5 +24,5 @@ def pays(name: str, decisions: Sequence[Decision]) -> bool:
 
 def seconds(name: str, chain: leafcloud.Chain, decisions: Sequence[Decision]) -> float:
     """Return the core's seconds for the image, if they are charged to the effect `name`; else 0."""
-    spent = (level.channel_seconds.get(CHANNEL, 0.0) for level in chain.levels)
+    spent = (level.channel_seconds.get(CHANNEL, 0.0) for level in chain.clouds)
     return sum(spent) if pays(name, decisions) else 0.0

@@ -21,9 +21,6 @@ UNNOTICED = 0.06
 RANGE = 3.0
 """Factor on the error from the middle of the setting to its ends."""
 
-LATER = 4.0 / 3.0
-"""Factor on the error of levels after level 1."""
-
 TYPICAL_PIXELS = 2.0
 """Typical deviation in pixels where a level takes over at the default quality: 1 to 4 on the measured trees."""
 
@@ -63,7 +60,7 @@ class SwitchSize(NamedTuple):
 def target_error(quality: float, number: int = 1) -> float:
     """Return the image error that level `number` may have where it takes over."""
     error = UNNOTICED * RANGE ** (1.0 - 2.0 * quality)
-    return error if number == 1 else LATER * error
+    return error if number == 1 else leafcloud.LATER_ERROR * error
 
 
 def decides_distances(settings: BakeSettings) -> bool:
@@ -78,7 +75,7 @@ def core_target(settings: BakeSettings) -> float | None:
     return target_error(settings.quality)
 
 
-def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> tuple[SwitchSize, ...]:
+def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.AnyLevel]) -> tuple[SwitchSize, ...]:
     """Measure the size at which each level takes over by its picture; empty if quality does not decide."""
     if not decides_distances(settings):
         return ()
@@ -91,7 +88,7 @@ def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.Level]) -> t
     return tuple(found)
 
 
-def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.Level]) -> list[str]:
+def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.AnyLevel]) -> list[str]:
     """Return a message for each level whose image error exceeds its target at every size.
 
     found: the switch sizes of all levels, or empty if quality does not decide.
@@ -102,7 +99,7 @@ def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.Lev
     for number, (each, level) in enumerate(zip(found, levels, strict=True), start=1):
         if each.is_reached:
             continue
-        remedy = "leave it out with `cross=False`" if level.cloud is None else "raise `triangles`"
+        remedy = "leave it out with `cross=False`" if level.method == "cross" else "raise `triangles`"
         warnings.append(
             f"level {number} has an image error of {each.least_error:.3g} even where the crown is {each.size:.0f} "
             f"pixels large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"

@@ -37,7 +37,7 @@ class Schedule:
 
 
 def schedule(
-    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], levels: Sequence[leafcloud.Level], view: View
+    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], levels: Sequence[leafcloud.AnyLevel], view: View
 ) -> Schedule:
     """Return the schedule of a finished chain. `view` sets the switch distances."""
     deviations = [level.max_deviation_leaves * facts.radius for level in levels]
@@ -45,7 +45,7 @@ def schedule(
     # that quality allows, or its texels are smaller than a pixel.
     by_picture = switch_sizes(settings, levels)
     alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
-    sharp = [far_off(level.texel_size, 1.0, view) for level in levels]
+    sharp = [] if by_picture else [far_off(level.texel_size, 1.0, view) for level in levels]
     distances = [
         max(far_off(deviation, settings.switch_pixels, view), picture)
         for deviation, picture in zip(deviations, alike or sharp, strict=True)
@@ -54,13 +54,13 @@ def schedule(
     if settings.chain == "pruning":
         distances = [max(*distances, cut_off_distance(start, settings.prune_half))]
     switch_distances = rising([0.0, *distances])
-    clouds = [False, *(level.cloud is not None for level in levels)]
-    ranges = lod_ranges(switch_distances, clouds, transitions=bool(is_on(effects, "transitions")))
+    targets = [False, *(level.method != "cross" for level in levels)]
+    ranges = lod_ranges(switch_distances, targets, transitions=bool(is_on(effects, "transitions")))
     simplified = is_on(effects, "trunk_levels")
     return Schedule(
         switch_distances,
         ranges,
-        _drawn(settings, facts, ranges),
+        _drawn(settings, facts, ranges, levels),
         _prune_distances(settings, facts, effects, start, ranges[1].appear),
         tuple(each.appear / far_off(1.0, 1.0, view) for each in ranges[1:]) if simplified else (),
         by_picture,
@@ -77,7 +77,9 @@ def keep_at_switch(settings: BakeSettings, facts: Facts, effects: Sequence[Decis
     return share_at_level_1(settings, facts)
 
 
-def _drawn(settings: BakeSettings, facts: Facts, ranges: Sequence[LodRange]) -> range:
+def _drawn(
+    settings: BakeSettings, facts: Facts, ranges: Sequence[LodRange], levels: Sequence[leafcloud.AnyLevel]
+) -> range:
     """Return the levels that the scene's cameras see; level 0 alone if the viewer may be anywhere.
 
     The range never begins or ends at a coarser level than camera visibility estimated before the bake.
@@ -86,7 +88,9 @@ def _drawn(settings: BakeSettings, facts: Facts, ranges: Sequence[LodRange]) -> 
     if seen is None or camera is None:
         return range(1)
     first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
-    return range(min(first, seen.first), min(last, seen.last) + 1)
+    # The plan does not know of a leaf level before the clouds.
+    clouds_after = int(levels[0].method == "simplified")
+    return range(min(first, seen.first), min(last, seen.last + clouds_after) + 1)
 
 
 def _prune_distances(

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import leafcloud
 
+from .choices import CHAINS, ENGINES, FORMS, Form
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Limits, NamedSetting, Setting
 
@@ -24,12 +25,6 @@ WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
 _FIX_EPSILON = ("method", "triangles", "max_billboards", "max_texels", "image_epsilon", "chain")
 """Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
-ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
-CHAINS = {
-    "billboards": "all leaves until the first cloud takes over",
-    "pruning": "fewer leaves with distance, then the cross impostor, without clouds",
-    "both": "fewer leaves with distance, then a first cloud made of the remaining leaves",
-}
 
 
 class SettingsError(ValueError):
@@ -80,6 +75,7 @@ class BakeSettings:
             unset=f"chosen by `quality`, or {_default('epsilon')} where other settings decide",
         ),
     ] = None
+    form: Annotated[Form, Setting("Form of level 1, with `quality`", "NAME", choices=FORMS)] = "auto"
     candidates: Annotated[
         int,
         Setting(
@@ -442,6 +438,11 @@ class BakeSettings:
             raise SettingsError(
                 "`chain=pruning` and `cross=False` exclude each other: after pruned leaves the cross impostor is the "
                 "only level; change one of them"
+            )
+
+        if self.form == "leaves" and (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
+            raise SettingsError(
+                "`form=leaves` needs `quality`, which judges the leaves: set neither `pixels` nor a wish nor `chain`"
             )
 
     def _check_effects(self) -> None:

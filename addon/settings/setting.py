@@ -54,7 +54,7 @@ class Setting:
     unit: str = ""
     limits: Limits | None = None
     unset: str = ""
-    choices: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[Any, str] = field(default_factory=dict)
 
     @property
     def limit(self) -> str:

@@ -58,6 +58,7 @@ class _Shown:
 
 _SHOWN = {
     "quality": _Shown("Quality"),
+    "form": _Shown("Form"),
     "epsilon": _Shown("Error Bound", slider=0.2, digits=3),
     "levels": _Shown("Levels", slider=4),
     "cross": _Shown("Cross"),

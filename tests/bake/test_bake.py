@@ -270,14 +270,16 @@ def test_a_bake_keeps_its_bound_and_is_valid(
     name, radius = tree_path.stem, report["input"]["radius"]
     assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
     nodes = read_glb(tmp_path / f"{name}.glb")
-    for number, epsilon in [(0, 0.04), (1, 0.1)]:
+    # Before the first cloud there may be simplified leaves.
+    before = int(report["levels"][1]["method"] == "simplified")
+    for number, epsilon in [(before, 0.04), (before + 1, 0.1)]:
         level, following = nodes[f"{name}_LOD{number}"], nodes[f"{name}_LOD{number + 1}"]
         found = deviations_on_parents(level, following, radius)
         farthest = np.nanmax(found)
         assert farthest <= (epsilon + ROUNDING) * radius, f"LOD {number}"
         assert farthest == pytest.approx(report["levels"][number + 1]["max_deviation"] * radius, rel=1e-3)
-        assert np.isnan(found).sum() == (report["hidden_triangles"] if number == 0 else 0)
-    assert not nodes[f"{name}_LOD2"].primitives[0].targets
+        assert np.isnan(found).sum() == (report["hidden_triangles"] if number == before else 0)
+    assert not nodes[f"{name}_LOD{before + 2}"].primitives[0].targets
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 

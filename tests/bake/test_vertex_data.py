@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scenes import add_mesh, import_part
 from viewing import PAGE, PATIENCE
 
-from addon.settings.bake import ENGINES
+from addon.settings.choices import ENGINES
 from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"

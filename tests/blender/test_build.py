@@ -112,7 +112,8 @@ def chain() -> SimpleNamespace:
     cross = FakeLevel(
         np.array(rectangle(0.5)), nothing.reshape(0, 3, 3), nothing, nothing, np.zeros(1, np.float32), None
     )
-    return SimpleNamespace(levels=[first, second, cross], ranks=RANKS, pivots=first.pivots, kept=None)
+    levels = [first, second, cross]
+    return SimpleNamespace(levels=levels, clouds=levels, ranks=RANKS, pivots=first.pivots, kept=None)
 
 
 def context(source: Tree, made: SimpleNamespace, *, transitions: bool = True, pruning: bool = True) -> Build:

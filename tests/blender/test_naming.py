@@ -20,7 +20,8 @@ from addon.plan.camera_visibility import seen_as_set
 from addon.plan.effects import camera_note, plan_effects
 from addon.plan.facts import Camera, Facts, Lights
 from addon.plan.lod_range import View
-from addon.settings.bake import ENGINES, BakeSettings, SettingsError, described
+from addon.settings.bake import BakeSettings, SettingsError, described
+from addon.settings.choices import ENGINES
 from addon.settings.flags import with_flags
 from addon.ui.properties import LeafcloudSettings, bake_settings, with_labels
 

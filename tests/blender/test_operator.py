@@ -9,7 +9,8 @@ import bpy
 import pytest
 
 import leafcloud
-from addon.settings.bake import CHAINS, EFFECTS, BakeSettings
+from addon.settings.bake import EFFECTS, BakeSettings
+from addon.settings.choices import CHAINS
 from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 

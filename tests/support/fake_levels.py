@@ -36,6 +36,10 @@ class FakeLevel:
     triangles: int = field(init=False)
     base_color: NDArray[np.uint8] = field(init=False)
 
+    @property
+    def method(self) -> str:
+        return "cross" if self.cloud is None else "stochastic"
+
     def __post_init__(self) -> None:
         unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
         count = len(self.corners) // 4

@@ -36,6 +36,10 @@ class Level:
     measured: Errors
     cloud: Any = None
 
+    @property
+    def method(self) -> str:
+        return "cross" if self.cloud is None else "stochastic"
+
     def image_errors(self) -> Errors:
         return self.measured
 
