@@ -36,7 +36,7 @@ pub struct Collapse<'a> {
     faces: Vec<Option<[u32; 3]>>,
     /// Faces at each vertex.
     fans: Vec<BTreeSet<u32>>,
-    /// Vertices whose nearest face is this one.
+    /// Vertices of the source that are nearest to each face.
     nearby: Vec<Vec<u32>>,
     /// Number of changes around each vertex.
     versions: Vec<u32>,
@@ -97,12 +97,14 @@ impl<'a> Collapse<'a> {
             if is_stale || is_last || self.departs(next.from, next.to) {
                 continue;
             }
+            // Also a vertex that loses its only face at the edge changes, and is in no ring afterward.
+            let changed: BTreeSet<u32> =
+                [next.from, next.to].into_iter().flat_map(|vertex| self.ring(vertex)).collect();
             self.apply(next.from, next.to);
-            let ring = self.ring(next.to);
-            for &vertex in ring.iter().chain([&next.to]) {
+            for &vertex in &changed {
                 self.versions[vertex as usize] += 1;
             }
-            for &vertex in ring.iter().chain([&next.to]) {
+            for &vertex in &changed {
                 self.offer(vertex, &mut queue);
             }
         }
@@ -186,7 +188,8 @@ impl<'a> Collapse<'a> {
             let corners = faces[face as usize].expect("a face of a fan");
             corners.into_iter().find(|&corner| self.vertex_of[corner as usize] == vertex)
         };
-        // Pairs of the corners of an edge: a face whose corner has the texture coordinates of the first gets the second.
+        // Both corners of the edge in each face that goes. A face that stays gets the second, if its own corner has the texture
+        // coordinates of the first.
         let pairs: Vec<(u32, u32)> = gone
             .iter()
             .filter_map(|&face| Some((corner_of(&self.faces, face, from)?, corner_of(&self.faces, face, to)?)))

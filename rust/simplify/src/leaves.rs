@@ -31,8 +31,8 @@ pub struct SimplifiedLeaves {
     pub deviation: f64,
 }
 
-/// Returns `foliage` with the fewest triangles found whose leaves, before they grow, stay within `bound`, in R. No leaf is left out. `None` if no leaf gets
-/// simpler.
+/// Returns the leaves with the fewest triangles found within `bound` of `foliage`, in R, before they grow. No leaf is left out. `None` if no
+/// leaf gets simpler.
 ///
 /// The result does not depend on the number of threads.
 ///
@@ -82,11 +82,11 @@ struct Leaf {
 
 impl Leaf {
     fn within(foliage: &Foliage, triangles: &[u32], bound: f64) -> Self {
-        let corners = if triangles.len() > MOST_TRIANGLES {
-            triangles.iter().map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()
-        } else {
-            Collapse::new(foliage, triangles, bound).run()
-        };
+        let whole = || triangles.iter().map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let corners: Part =
+            if triangles.len() > MOST_TRIANGLES { whole() } else { Collapse::new(foliage, triangles, bound).run() };
+        let is_seen = |t: &[u32; 3]| area_vector(t.map(|corner| foliage.corner(corner))) != DVec3::ZERO;
+        let corners = if corners.iter().any(is_seen) { corners } else { whole() };
         let before: Vec<[DVec3; 3]> = triangles.iter().map(|&t| foliage.corners(t as usize)).collect();
         let after: Vec<[DVec3; 3]> = corners.iter().map(|t| t.map(|corner| foliage.corner(corner))).collect();
         let [(_, had), (pivot, has)] = [&before, &after].map(|leaf| centroid(leaf));

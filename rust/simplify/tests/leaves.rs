@@ -126,3 +126,25 @@ fn needles_and_points_among_leaves_stay_finite() {
         assert!(found.foliage.triangle_count() >= 1);
     }
 }
+
+#[test]
+fn leaves_that_no_surface_is_like_stay_finite() {
+    // Triangles of random corners share edges three at a time and meet at single points.
+    for seed in 0..60u64 {
+        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) + 1;
+        let mut next = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let vertices = 8 + next(16);
+        let place = |i: u64| DVec3::new((i % 4) as f64, (i / 4 % 3) as f64, 0.1 * (i / 12) as f64);
+        let positions: Vec<DVec3> = (0..vertices).map(place).collect();
+        let triangles: Vec<[u32; 3]> = (0..30).map(|_| [0; 3].map(|_| next(vertices) as u32)).collect();
+        let attributes = Attributes { leaf_ids: vec![0; 30], ..Attributes::default() };
+        let Ok(soup) = Foliage::new(&positions, triangles, attributes, vec![Material::default()]) else { continue };
+        for bound in [0.01, 0.3, 2.0] {
+            let Some(found) = simpler(&soup, bound) else { continue };
+            assert!(found.targets.as_flattened().iter().all(|p| p.is_finite()), "seed {seed}");
+        }
+    }
+}
