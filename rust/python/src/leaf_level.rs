@@ -14,7 +14,7 @@ use pyo3::types::PyDict;
 use crate::arrays::point_groups;
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
-use crate::levels::PyImageErrors;
+use crate::image_errors::PyImageErrors;
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]

@@ -7,7 +7,7 @@ use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, share_page};
 use leafcloud::{Cloud, Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
-use leafcloud_flip::{ImageErrors, crown_pixels, image_error};
+use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -16,6 +16,7 @@ use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
+use crate::image_errors::PyImageErrors;
 use crate::ktx2;
 use crate::leaf_level::PyLeafLevel;
 use crate::tools::cost_dict;
@@ -478,25 +479,5 @@ impl PyLevel {
     fn foliage(&self) -> PyResult<PyFoliage> {
         let foliage = guard(|| self.level().foliage())?;
         Ok(PyFoliage(Arc::new(foliage)))
-    }
-}
-
-#[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
-pub struct PyImageErrors(pub ImageErrors);
-
-#[pymethods]
-impl PyImageErrors {
-    #[getter]
-    fn sizes(&self) -> Vec<f64> {
-        self.0.0.iter().map(|(side, _)| crown_pixels(*side as f64)).collect()
-    }
-
-    #[getter]
-    fn errors(&self) -> Vec<f64> {
-        self.0.0.iter().map(|(_, error)| *error).collect()
-    }
-
-    fn largest_size(&self, target: f64) -> Option<f64> {
-        self.0.largest_size(target).map(crown_pixels)
     }
 }

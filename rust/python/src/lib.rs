@@ -9,6 +9,7 @@ mod blend;
 mod curve;
 mod errors;
 mod foliage;
+mod image_errors;
 mod job;
 mod ktx2;
 mod leaf_level;
@@ -35,7 +36,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<leaf_level::PyLeafLevel>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<levels::PyChain>()?;
-    module.add_class::<levels::PyImageErrors>()?;
+    module.add_class::<image_errors::PyImageErrors>()?;
     module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
     module.add_class::<trunk::PySimplified>()?;
