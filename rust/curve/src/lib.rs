@@ -13,6 +13,7 @@
 pub mod chart;
 mod choice;
 mod front;
+mod last;
 mod leaves;
 mod memory;
 mod model;
@@ -23,6 +24,7 @@ mod within;
 
 pub use choice::Choice;
 pub use front::front;
+pub use last::{Last, Place, octahedral};
 pub use leaves::{Form, LeafLevel, leaf_level};
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};

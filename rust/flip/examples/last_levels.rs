@@ -13,9 +13,6 @@ use leafcloud_flip::ImageErrors;
 /// Diameter of the crown in pixels, for the cost.
 const CROWN: f64 = 32.0;
 
-/// Cost of a quad of two triangles around the crown, in fragments: its pixels, and eight for each triangle.
-const QUAD: f64 = CROWN * CROWN + 2.0 * 8.0;
-
 fn main() {
     println!("| tree | last level | error at 8, 16, 32, 64 pixels | KiB | cost |");
     println!("|---|---|---|---|---|");
@@ -32,9 +29,9 @@ fn main() {
         let found =
             Octahedral::build(&[&foliage], Size::default(), &settings, Progress::silent()).expect("an impostor");
         let bytes = found.color.pixels().len() * 8;
-        for (kind, pictures) in [("blended", &found.pictures), ("alpha test", &found.cut_out)] {
-            println!("| {name} | octahedral, {kind} | {}", row(pictures, bytes, QUAD));
-        }
+        let scale = 0.5 * CROWN / found.frame.radius;
+        let cost = found.layout.cost(&found.frame, scale, settings.up).total();
+        println!("| {name} | octahedral | {}", row(&found.pictures, bytes, cost));
     }
 }
 

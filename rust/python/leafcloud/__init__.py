@@ -22,6 +22,7 @@ from ._native import (
     LeafLevel,
     Level,
     Material,
+    OctahedralLevel,
     Setting,
     Simplified,
     __version__,

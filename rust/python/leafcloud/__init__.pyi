@@ -42,6 +42,7 @@ Progress = Callable[[str, float], bool | None]
 
 Preset = Literal["draft", "balanced", "final"]
 Form = Literal["auto", "billboards", "leaves"]
+Last = Literal["auto", "cross", "octahedral"]
 Cost = Literal["seconds", "billboards", "bytes"]
 
 EPSILON_STEP: float
@@ -434,7 +435,87 @@ class LeafLevel:
     def foliage(self) -> Foliage:
         """Return the simplified leaves as foliage of the same tree."""
 
-AnyLevel = LeafLevel | Level
+class OctahedralLevel:
+    """The last level as an octahedral impostor: one quad that faces the eye and shows the three nearest of ``grid`` ×
+    ``grid`` views of leaves and trunk, by the law of shaders/octahedral.glsl. It has no cloud."""
+    @property
+    def cloud(self) -> None: ...
+    @property
+    def method(self) -> str:
+        """The string "octahedral"."""
+    @property
+    def cross(self) -> Level:
+        """The cross impostor, for files that are read without the shader."""
+    @property
+    def triangles(self) -> int:
+        """2."""
+    @property
+    def color(self) -> NDArray[np.uint8]:
+        """(h, w, 4) base color of all views: sRGB, with coverage as straight alpha. Row 0 is on top."""
+    @property
+    def normal_depth(self) -> NDArray[np.uint8]:
+        """(h, w, 4) normals in the layout's axes, and in alpha the depth toward the viewer, all in [-1, 1] as codes."""
+    @property
+    def alpha_cutoff(self) -> float:
+        """Least alpha to draw, for engines that cut out instead of blending."""
+    @property
+    def grid(self) -> int:
+        """Views along each side of the page."""
+    @property
+    def view_texels(self) -> int:
+        """Texels along each side of a view."""
+    @property
+    def texels(self) -> int:
+        """Texels of a page."""
+    @property
+    def texel_size(self) -> float:
+        """Side of a texel, world units."""
+    @property
+    def to_layout(self) -> NDArray[np.float64]:
+        """(3, 4) rows of the transform from the tree's coordinates to the layout's axes around the middle of the tree,
+        with up as the third axis and the stored depth as the unit."""
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Half of the width and of the height of a view's picture, in the layout's unit."""
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half of the tree's box along the layout's axes, in its unit."""
+    @property
+    def max_deviation_leaves(self) -> float:
+        """A texel, fraction of R: visible surfaces are drawn within it."""
+    @property
+    def page_share(self) -> float:
+        """1: the level shares no page."""
+    @property
+    def two_sided(self) -> bool:
+        """False."""
+    @property
+    def coverage(self) -> float:
+        """As :attr:`Level.coverage`."""
+    @property
+    def image_error(self) -> float:
+        """As :attr:`Level.image_error`, drawn with blending."""
+    def image_errors(self) -> ImageErrors:
+        """As :meth:`Level.image_errors`."""
+    @property
+    def seconds(self) -> BakeSeconds:
+        """Seconds: ``bake`` for all of it, 0 for the rest."""
+    def render(
+        self,
+        direction: Sequence[float],
+        size: int,
+        *,
+        centre: Sequence[float],
+        radius: float,
+        up: Sequence[float] = (0.0, 0.0, 1.0),
+        samples: int = 4,
+    ) -> NDArray[np.uint8]:
+        """Draw the impostor, blended, as :func:`render` draws foliage."""
+    def drawing_cost(self, scale: float, *, up: Sequence[float] = (0.0, 0.0, 1.0)) -> DrawingCost:
+        """Return the cost of drawing it, as :func:`drawing_cost`. A pixel counts as three fragments: it blends three
+        views."""
+
+AnyLevel = LeafLevel | Level | OctahedralLevel
 
 class LeftOut(TypedDict):
     """A level that was not made: it saves less than a tenth of the cost of drawing the level before it."""
@@ -451,8 +532,9 @@ class LeftOut(TypedDict):
 class Chain:
     """All levels after the leaves, finest first."""
     @property
-    def levels(self) -> list[LeafLevel | Level]:
-        """All levels: the leaf level, if there is one, then ``clouds``."""
+    def levels(self) -> list[AnyLevel]:
+        """All levels: the leaf level, if there is one, then ``clouds``. An octahedral impostor replaces the cross
+        impostor."""
     @property
     def clouds(self) -> list[Level]:
         """The clouds and the cross impostor. If there is a leaf level, the first is made of it: the leaf level's
@@ -686,6 +768,7 @@ class ChainOptions(LevelOptions, total=False):
     preset: Preset | None  # None
     target_error: float | None  # None
     form: Form | None  # "auto"
+    last: Last | None  # "cross"
 
 def fit(
     foliage: Foliage,

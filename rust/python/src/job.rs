@@ -5,11 +5,9 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use leafcloud::geometry::Frame;
-use leafcloud::lod::{self, Chain, ChainSettings, Origin};
+use leafcloud::lod::ChainSettings;
 use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::{LATER, settings_for};
-use leafcloud_curve::{Curve, LeafLevel, Offer, Sweep, Wish, build_within, leaf_level, sweep};
+use leafcloud_curve::{Curve, Sweep, sweep};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -17,9 +15,9 @@ use pyo3::types::PyDict;
 use crate::curve::PyCurve;
 use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
-use crate::leaf_level::PyLeafLevel;
-use crate::levels::{CloudInFrame, PyChain, PyCloud};
-use crate::options::{Options, Quality};
+use crate::goal::{Built, Goal, Wanted};
+use crate::levels::{CloudInFrame, PyCloud};
+use crate::options::Options;
 use crate::work::{self, PATIENCE, guard};
 
 /// The result of work.
@@ -40,76 +38,10 @@ impl Output {
     }
 }
 
-/// A chain, with what decided its settings.
-#[derive(Clone)]
-struct Built {
-    chain: Arc<Chain>,
-    /// Frame of the leaves.
-    frame: Frame,
-    offer: Option<Offer>,
-    leaf_level: Option<Arc<LeafLevel>>,
-}
-
-impl Built {
-    fn into_python(self) -> PyChain {
-        let Self { chain, frame, offer, leaf_level } = self;
-        let leaf_level = leaf_level.map(|level| PyLeafLevel { level, frame });
-        PyChain { chain, radius: frame.radius, offer, leaf_level }
-    }
-}
-
-/// What decides the settings of a chain.
-enum Goal {
-    /// The caller alone.
-    Given,
-    Quality(Quality),
-    Wish(Wish),
-}
-
-impl Goal {
-    fn build(
-        &self,
-        foliage: &Foliage,
-        trunk: Option<&Foliage>,
-        settings: &ChainSettings,
-        progress: Progress,
-    ) -> leafcloud::Result<Built> {
-        let built =
-            |chain, offer, leaf_level| Built { chain: Arc::new(chain), frame: *foliage.frame(), offer, leaf_level };
-        match *self {
-            Self::Given => Ok(built(lod::build_chain(foliage, trunk, settings, progress)?, None, None)),
-            Self::Quality(Quality { target, free, form }) => {
-                let simplifying = progress.part(0.0, SHARE_OF_LEAVES);
-                let leaf_level = leaf_level(target, foliage, settings, form, simplifying)?;
-                let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
-                let target = if leaf_level.is_some() { LATER * target } else { target };
-                let choosing = progress.part(SHARE_OF_LEAVES, SHARE_OF_CHOICE);
-                let settings = settings_for(target.min(MOST_TARGET), origin, trunk, settings, free, choosing)?;
-                let building = progress.part(SHARE_OF_CHOICE, 1.0);
-                let chain = lod::build_chain_of(origin, trunk, &settings, building)?;
-                Ok(built(chain, None, leaf_level.map(Arc::new)))
-            }
-            Self::Wish(wish) => {
-                let within = build_within(foliage, trunk, settings, wish, progress)?;
-                Ok(built(within.chain, Some(within.offer), None))
-            }
-        }
-    }
-}
-
-/// Greatest target of a cloud.
-const MOST_TARGET: f64 = 0.99;
-
-/// Share of the progress for simplifying leaves.
-const SHARE_OF_LEAVES: f64 = 0.1;
-
-/// Share of the progress for choosing settings by quality.
-const SHARE_OF_CHOICE: f64 = 0.3;
-
 /// Work with all its input.
 enum Work {
     Fit(Arc<Foliage>, leafcloud::fit::FitSettings),
-    Chain(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Goal),
+    Chain(Arc<Foliage>, Option<Arc<Foliage>>, Wanted),
     Curve(Arc<Foliage>, Option<Arc<Foliage>>, ChainSettings, Sweep),
 }
 
@@ -128,7 +60,7 @@ impl Work {
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
         let target = options.quality()?;
-        let (settings, wish) = (options.chain()?, options.wish()?);
+        let (settings, wish, last) = (options.chain()?, options.wish()?, options.last()?);
         options.finish()?;
         let goal = match (target, wish) {
             (None, None) => Goal::Given,
@@ -140,7 +72,7 @@ impl Work {
                 ));
             }
         };
-        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, settings, goal))
+        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, Wanted { settings, goal, last }))
     }
 
     fn curve(
@@ -170,10 +102,7 @@ impl Work {
                 let tell = |cloud: leafcloud::Cloud| better(output(cloud));
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
-            Self::Chain(foliage, trunk, settings, goal) => {
-                let built = goal.build(foliage, trunk.as_deref(), settings, progress)?;
-                Ok(Output::Chain(built))
-            }
+            Self::Chain(foliage, trunk, wanted) => wanted.build(foliage, trunk.as_deref(), progress).map(Output::Chain),
             Self::Curve(foliage, trunk, settings, wanted) => {
                 let curve = sweep(foliage, trunk.as_deref(), settings, *wanted, progress)?;
                 Ok(Output::Curve(Arc::new(curve)))

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use leafcloud::atlas::Billboard;
 use leafcloud::geometry::{Frame, Plane};
-use leafcloud::lod::{Chain, LeftOut, Level, share_page};
+use leafcloud::lod::{Chain, LeftOut, Level, Octahedral, share_page};
 use leafcloud::{Cloud, Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
 use leafcloud_flip::{ImageErrors, image_error};
@@ -19,6 +19,7 @@ use crate::foliage::PyFoliage;
 use crate::image_errors::PyImageErrors;
 use crate::ktx2;
 use crate::leaf_level::PyLeafLevel;
+use crate::octahedral_level::PyOctahedralLevel;
 use crate::tools::cost_dict;
 use crate::work::{guard, interruptible};
 
@@ -86,6 +87,8 @@ pub struct PyChain {
     pub offer: Option<Offer>,
     /// Level 1 as simplified leaves, before the levels of `chain`.
     pub leaf_level: Option<PyLeafLevel>,
+    /// The last level as an octahedral impostor, drawn in place of the cross impostor of `chain`.
+    pub octahedral: Option<Arc<Octahedral>>,
 }
 
 #[pymethods]
@@ -97,13 +100,20 @@ impl PyChain {
 
     #[getter]
     fn seconds(&self) -> f64 {
-        Stages::of(&self.chain).total() + self.leaf_level.as_ref().map_or(0.0, |own| own.level.seconds)
+        let leaves = self.leaf_level.as_ref().map_or(0.0, |own| own.level.seconds);
+        Stages::of(&self.chain).total() + leaves + self.octahedral.as_ref().map_or(0.0, |own| own.seconds)
     }
 
     #[getter]
     fn levels(&self, py: Python<'_>) -> PyResult<Vec<Py<PyAny>>> {
         let own = self.leaf_level.iter().map(|level| Ok(Py::new(py, level.clone())?.into_any()));
-        own.chain(self.clouds().into_iter().map(|level| Ok(Py::new(py, level)?.into_any()))).collect()
+        let mut clouds = self.clouds();
+        let last = self
+            .octahedral
+            .as_ref()
+            .and_then(|impostor| Some(PyOctahedralLevel { impostor: Arc::clone(impostor), cross: clouds.pop()? }));
+        let clouds = clouds.into_iter().map(|level| Ok(Py::new(py, level)?.into_any()));
+        own.chain(clouds).chain(last.map(|level| Ok(Py::new(py, level)?.into_any()))).collect()
     }
 
     #[getter]
@@ -170,12 +180,18 @@ impl PyChain {
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
     let own = |chain: &Bound<'_, PyChain>| {
         let chain = chain.get();
-        (chain.radius, chain.offer, chain.leaf_level.clone())
+        (chain.radius, chain.offer, chain.leaf_level.clone(), chain.octahedral.clone())
     };
     let whose: Vec<_> = chains.iter().map(own).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
     let shared = interruptible(py, move |_| share_all(&chains))?;
-    let with_own = |(chain, (radius, offer, leaf_level))| PyChain { chain: Arc::new(chain), radius, offer, leaf_level };
+    let with_own = |(chain, (radius, offer, leaf_level, octahedral))| PyChain {
+        chain: Arc::new(chain),
+        radius,
+        offer,
+        leaf_level,
+        octahedral,
+    };
     Ok(shared.into_iter().zip(whose).map(with_own).collect())
 }
 

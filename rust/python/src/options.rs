@@ -5,7 +5,7 @@ use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::{ChainSettings, PruneSettings, ViewCounts};
 use leafcloud::textures::Channels;
-use leafcloud_curve::{Form, Preset, Sweep, Wish};
+use leafcloud_curve::{Form, Last, Preset, Sweep, Wish};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -220,6 +220,17 @@ impl<'py> Options<'py> {
             }
         };
         Ok(target.map(|target| Quality { target, free, form }))
+    }
+
+    /// Reads the form of the last level.
+    pub fn last(&self) -> PyResult<Last> {
+        let last: Option<String> = self.some("last", "a name or None")?;
+        match last.as_deref() {
+            Some("auto") => Ok(Last::Auto),
+            None | Some("cross") => Ok(Last::Cross),
+            Some("octahedral") => Ok(Last::Octahedral),
+            Some(other) => Err(refuse(format!("last is {other:?}; use \"auto\", \"cross\" or \"octahedral\""))),
+        }
     }
 
     /// Refuses the remaining options as unknown.

@@ -31,22 +31,41 @@ pub fn render<'py>(
     samples: Option<&Bound<'py, PyAny>>,
     filtered: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-    let samples = samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?;
     let filtered: bool = filtered.map_or(Ok(true), |value| read(value, "filtered", "True or False"))?;
-    let view = View {
-        direction: arrays::vector(direction, "direction")?,
-        up: up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))?,
-        centre: arrays::vector(centre, "centre")?,
-        radius: read(radius, "radius", "a number above 0")?,
-        size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
-        samples: if filtered { samples } else { samples.unfiltered() },
-    };
+    let mut view = view(direction, size, centre, radius, up, samples)?;
+    if !filtered {
+        view.samples = view.samples.unfiltered();
+    }
     let parts = foliages(parts)?;
     let image = interruptible(py, move |progress| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
         metrics::render_watched(&parts, &view, progress)
     })?;
     arrays::image_array(py, &image)
+}
+
+/// Reads a view; `up` is z by default.
+pub fn view(
+    direction: &Bound<'_, PyAny>,
+    size: &Bound<'_, PyAny>,
+    centre: &Bound<'_, PyAny>,
+    radius: &Bound<'_, PyAny>,
+    up: Option<&Bound<'_, PyAny>>,
+    samples: Option<&Bound<'_, PyAny>>,
+) -> PyResult<View> {
+    Ok(View {
+        direction: arrays::vector(direction, "direction")?,
+        up: upright(up)?,
+        centre: arrays::vector(centre, "centre")?,
+        radius: read(radius, "radius", "a number above 0")?,
+        size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
+        samples: samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?,
+    })
+}
+
+/// Reads an up direction; z by default.
+pub fn upright(up: Option<&Bound<'_, PyAny>>) -> PyResult<glam::DVec3> {
+    up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))
 }
 
 #[pyfunction]
@@ -59,7 +78,7 @@ pub fn drawing_cost<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let parts = foliages(parts)?;
     let scale = read(scale, "scale", "a number of pixels above 0")?;
-    let up = up.map_or(Ok(glam::DVec3::Z), |v| arrays::vector(v, "up"))?;
+    let up = upright(up)?;
     let cost = interruptible(py, move |progress| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
         metrics::drawing_cost(&parts, scale, up, progress)

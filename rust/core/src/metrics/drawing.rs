@@ -16,7 +16,13 @@ use crate::progress::Progress;
 use crate::textures::Samples;
 
 /// Number of directions.
-pub const VIEWS: usize = 6;
+const VIEWS: usize = 6;
+
+/// Returns the views in which the cost of drawing is counted.
+#[must_use]
+pub fn counted_views(up: DVec3) -> Views {
+    Views { count: VIEWS, size: 1, samples: Samples::default(), up, turn: 0.0 }
+}
 
 /// Greatest side of a counted picture, in pixels. Larger pictures are counted at this size, and their fragments scaled by area.
 const LARGEST: f64 = 4096.0;
@@ -59,8 +65,7 @@ pub fn drawing_cost(parts: &[&Foliage], scale: f64, up: DVec3, progress: Progres
     if !up.is_finite() || up.try_normalize().is_none() {
         return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", up.to_array())));
     }
-    let views = Views { count: VIEWS, size: 1, samples: Samples::default(), up, turn: 0.0 };
-    let axes: Vec<[DVec3; 2]> = views.around(first.frame()).map(|view| view.axes(view.direction)).collect();
+    let axes: Vec<[DVec3; 2]> = counted_views(up).around(first.frame()).map(|view| view.axes(view.direction)).collect();
     counted(parts, scale, &axes, progress)
 }
 

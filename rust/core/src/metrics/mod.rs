@@ -7,7 +7,7 @@ mod measure;
 mod render;
 mod visibility;
 
-pub use drawing::{DrawingCost, drawing_cost};
+pub use drawing::{DrawingCost, counted_views, drawing_cost};
 use render::silhouette;
 pub use render::{View, render, render_watched, seen_behind};
 pub use visibility::{LeafSamples, visibility};

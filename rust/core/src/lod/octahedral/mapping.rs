@@ -1,10 +1,14 @@
 //! The hemi-octahedral map between directions and the grid of views (Cigolla, Wang, Dong, Haine, Sillion, "Survey of Efficient
 //! Representations for Independent Unit Vectors", 2014), and the three views around a direction.
 //!
-//! Directions have the length 1 and z up. A direction is divided by |x| + |y| + |z|; then u = x + y and v = x − y go from −1 to 1 over the
-//! grid, with up in the middle and the horizon along the border. Closed forms, exact to rounding.
+//! Directions have the length 1 and z up. Trees are also seen from a little below, as on a slope, so z counts as z + [`BELOW`] (|x| + |y|). A
+//! direction is divided by its |x| + |y| + z, counted so; then u = x + y and v = x − y go from −1 to 1 over the grid, with up in the middle and the
+//! lowest views along the border: 27° to 35° below the horizon. Closed forms, exact to rounding.
 
 use glam::{DVec2, DVec3};
+
+/// How far the views reach below the horizon: the tangent of the angle, toward the axes.
+pub const BELOW: f64 = 0.5;
 
 /// A view of the grid, and its weight in the picture from a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,14 +26,16 @@ pub struct Weighted {
 pub fn from_grid(place: DVec2, grid: usize) -> DVec3 {
     let p = place * (2.0 / (grid - 1) as f64) - 1.0;
     let (x, y) = (0.5 * (p.x + p.y), 0.5 * (p.x - p.y));
-    DVec3::new(x, y, (1.0 - x.abs() - y.abs()).max(0.0)).normalize()
+    let sum = x.abs() + y.abs();
+    DVec3::new(x, y, (1.0 - sum).max(0.0) - BELOW * sum).normalize()
 }
 
-/// Returns the place of a direction on the grid, in views: x is the column, y the row. Directions below the horizon have the place of the
-/// horizon.
+/// Returns the place of a direction on the grid, in views: x is the column, y the row. Directions below the lowest views have the place of the
+/// lowest.
 #[must_use]
 pub fn to_grid(direction: DVec3, grid: usize) -> DVec2 {
-    let sum = direction.x.abs() + direction.y.abs() + direction.z.max(0.0);
+    let level = direction.x.abs() + direction.y.abs();
+    let sum = level + (direction.z + BELOW * level).max(0.0);
     let (x, y) = (direction.x / sum.max(f64::MIN_POSITIVE), direction.y / sum.max(f64::MIN_POSITIVE));
     (DVec2::new(x + y, x - y) * 0.5 + 0.5) * (grid - 1) as f64
 }
@@ -67,20 +73,23 @@ mod tests {
         let mut random = Random(7);
         std::iter::repeat_with(move || DVec3::from_array(std::array::from_fn(|_| random.signed())))
             .filter(|d| d.length() > 0.1)
-            .map(|d| d.normalize().with_z(d.normalize().z.abs()).normalize())
+            .map(|d| DVec3::new(d.x, d.y, d.z.max(-BELOW * (d.x.abs() + d.y.abs()))).normalize())
             .take(2000)
     }
 
     #[test]
-    fn the_grid_has_up_in_its_middle_and_the_axes_in_its_corners() {
+    fn the_grid_has_up_in_its_middle_and_the_axes_below_the_horizon_in_its_corners() {
         let close = |a: DVec3, b: DVec3| assert!(a.distance(b) < 1e-12, "{a} {b}");
         close(from_grid(DVec2::splat(2.0), 5), DVec3::Z);
-        close(from_grid(DVec2::new(4.0, 4.0), 5), DVec3::X);
-        close(from_grid(DVec2::new(4.0, 0.0), 5), DVec3::Y);
-        close(from_grid(DVec2::new(0.0, 0.0), 5), DVec3::NEG_X);
-        close(from_grid(DVec2::new(0.0, 4.0), 5), DVec3::NEG_Y);
+        let lowest = |x: f64, y: f64| DVec3::new(x, y, -0.5).normalize();
+        close(from_grid(DVec2::new(4.0, 4.0), 5), lowest(1.0, 0.0));
+        close(from_grid(DVec2::new(4.0, 0.0), 5), lowest(0.0, 1.0));
+        close(from_grid(DVec2::new(0.0, 0.0), 5), lowest(-1.0, 0.0));
+        close(from_grid(DVec2::new(0.0, 4.0), 5), lowest(0.0, -1.0));
         // The middle of a side lies between two axes.
-        close(from_grid(DVec2::new(4.0, 2.0), 5), DVec3::new(1.0, 1.0, 0.0).normalize());
+        close(from_grid(DVec2::new(4.0, 2.0), 5), lowest(0.5, 0.5));
+        // Along an axis, z = 0 at 1 − s − s / 2 = 0, which is two thirds of the way from the middle to the corner.
+        close(from_grid(DVec2::splat(2.0 + 2.0 * 2.0 / 3.0), 5), DVec3::X);
     }
 
     #[test]
@@ -113,10 +122,10 @@ mod tests {
     }
 
     #[test]
-    fn below_the_horizon_the_horizon_is_drawn() {
-        let level = DVec3::new(0.6, 0.8, 0.0);
-        let lower = DVec3::new(0.3, 0.4, -0.5).normalize();
-        assert!(to_grid(lower, 16).distance(to_grid(level, 16)) < 1e-12);
+    fn below_the_lowest_views_the_lowest_are_drawn() {
+        let lowest = DVec3::new(0.6, 0.8, -0.7).normalize();
+        let lower = DVec3::new(0.3, 0.4, -0.9).normalize();
+        assert!(to_grid(lower, 16).distance(to_grid(lowest, 16)) < 1e-12);
         assert!(to_grid(DVec3::NEG_Z, 16).is_finite());
     }
 

@@ -1,27 +1,35 @@
 //! The octahedral impostor: one quad that faces the eye and shows the three nearest of many views of the whole tree, trunk included, from
-//! above the horizon (Brucks, "Octahedral Impostors", 2018).
+//! above and from a little below (Brucks, "Octahedral Impostors", 2018).
 //!
 //! The views are on a hemi-octahedral grid ([`mapping`]). `pages` renders them: base color and alpha, normals and depth. [`draw`] has the
 //! law by which they are blended, shifted by the stored depth.
 //!
-//! Views below the horizon show the tree as from the horizon. Roughness, translucency and occlusion are not stored. Error bound: none; the
-//! pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others in all three views is missing.
+//! `cost` has the cost of drawing it. Eyes below the lowest views see the tree as from these. Roughness, translucency and occlusion are not
+//! stored. Error bound: none; the pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others
+//! in all three views is missing.
 //! Baking is O(views · triangles), the pages have `grid²·texels²` texels, whatever the tree. Deterministic on any number of threads.
 
+mod cost;
 pub mod draw;
 pub mod mapping;
 mod pages;
 
-use glam::{DMat3, DVec3, Vec3};
+use std::time::Instant;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::references::References;
 use super::settings::ChainSettings;
 use super::tune;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
+use crate::geometry::{Frame, Placement};
 use crate::metrics::{Comparison, Reference, View};
 use crate::progress::Progress;
-use crate::textures::Page;
+use crate::textures::{Page, Samples};
+
+/// Samples along each side of a texel. Textures of leaves are filtered over the distance between samples.
+const SAMPLES: usize = 2;
 
 /// Number and size of the views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,11 +70,14 @@ pub struct Layout {
     pub axes: DMat3,
     /// Half of the width and of the height of each view's picture, and the depth that is stored as 1, in the caller's units.
     pub extent: DVec3,
+    /// Half of the tree's box around the center, along the axes, in the caller's units.
+    pub half: DVec3,
 }
 
 impl Layout {
     /// Returns the layout around all corners of the parts. The views' pictures have a margin of a texel, so that their borders are empty.
-    fn around(parts: &[&Foliage], up: DVec3, size: Size) -> Self {
+    #[must_use]
+    pub fn around(parts: &[&Foliage], up: DVec3, size: Size) -> Self {
         let axes = upright(up);
         let inverse = axes.transpose();
         let corners = || {
@@ -83,7 +94,21 @@ impl Layout {
         let margin = size.texels as f64 / (size.texels - 2) as f64;
         // A pole would have no width at all.
         let extent = DVec3::new(wide.max(0.01 * far) * margin, far * margin, far);
-        Self { size, centre: axes * centre, axes, extent }
+        Self { size, centre: axes * centre, axes, extent, half: (high - low) * 0.5 }
+    }
+
+    /// Returns the transform from the tree's own coordinates to the layout's axes, with lengths as shares of the stored depth.
+    #[must_use]
+    pub fn of_tree(&self, placement: &Placement) -> DAffine3 {
+        let place = |p: DVec3| self.axes.transpose() * (placement.to_world(p) - self.centre) / self.extent.z;
+        let [origin, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(place);
+        DAffine3::from_cols(x - origin, y - origin, z - origin, origin)
+    }
+
+    /// Returns the side of a texel, in the caller's units.
+    #[must_use]
+    pub fn texel(&self) -> f64 {
+        2.0 * self.extent.y / self.size.texels as f64
     }
 }
 
@@ -100,6 +125,8 @@ fn upright(up: DVec3) -> DMat3 {
 pub struct Octahedral {
     /// The place.
     pub layout: Layout,
+    /// The frame of the leaves.
+    pub frame: Frame,
     /// Base color of all views: sRGB with straight alpha. Alpha is coverage.
     pub color: Image,
     /// Normals in the layout's axes, with the depth toward the viewer in alpha, both in [−1, 1] as codes.
@@ -108,8 +135,8 @@ pub struct Octahedral {
     pub alpha_cutoff: f32,
     /// Pictures of the tree and of the impostor in the report's views, blended.
     pub pictures: Comparison,
-    /// The same, cut out.
-    pub cut_out: Comparison,
+    /// Seconds for all of it.
+    pub seconds: f64,
 }
 
 impl Octahedral {
@@ -120,11 +147,12 @@ impl Octahedral {
     /// A size or setting outside its range; [`Error::Cancelled`].
     pub fn build(parts: &[&Foliage], size: Size, settings: &ChainSettings, progress: Progress) -> Result<Self> {
         size.check()?;
+        let started = Instant::now();
         let layout = Layout::around(parts, settings.up, size);
         let triangles = pages::placed(parts, &layout.axes, layout.centre);
         let bend = settings.channels.normal.unwrap_or(0.0);
         let (color, normal_depth) =
-            pages::render(&triangles, &layout, settings.samples, bend, progress.part(0.0, 0.8))?;
+            pages::render(&triangles, &layout, Samples::new(SAMPLES)?, bend, progress.part(0.0, 0.8))?;
         progress.tell("tune", 0.8)?;
         let references = References::new(parts, parts, parts[0].frame(), settings)?;
         let color = tuned(&layout, color, &normal_depth, &references.tuning)?;
@@ -133,8 +161,8 @@ impl Octahedral {
         let alpha_cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, excess)? as f32;
         progress.tell("tune", 0.95)?;
         let pictures = references.report.compare_drawn(|view| pages.draw(view, 0.0))?;
-        let cut_out = references.report.compare_drawn(|view| pages.draw(view, alpha_cutoff))?;
-        Ok(Self { layout, color, normal_depth, alpha_cutoff, pictures, cut_out })
+        let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
+        Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
     }
 
     /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0.

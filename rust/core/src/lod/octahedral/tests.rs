@@ -32,9 +32,9 @@ fn view(direction: DVec3, radius: f64) -> View {
 
 #[test]
 fn a_leaf_seen_head_on_is_reproduced() {
-    // The view (15, 15) looks along −x at a square of 1 × 1.
+    // The view (10, 10) of 13 × 13 looks along −x at a square of 1 × 1.
     let leaf = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
-    let size = Size { grid: 16, texels: 64 };
+    let size = Size { grid: 13, texels: 64 };
     let found = built(&leaf, size, &settings());
     let picture = found.draw(&view(DVec3::X, 1.0), 0.0).unwrap();
     let exact = crate::metrics::render(&[&leaf], &view(DVec3::X, 1.0)).unwrap();
@@ -119,7 +119,7 @@ fn the_impostor_stands_upright_for_any_up() {
     assert!(found.layout.axes.z_axis.distance(DVec3::Y) < 1e-12);
     assert!((found.layout.extent.y / found.layout.extent.x - 20.0).abs() < 0.1, "{}", found.layout.extent);
     let coverage = found.pictures.coverage();
-    assert!((coverage - 1.0).abs() < 0.05, "{coverage}");
+    assert!((coverage - 1.0).abs() < 0.1, "a pole two texels wide: {coverage}");
 }
 
 #[test]
@@ -137,12 +137,12 @@ fn threads_change_nothing() {
 #[test]
 fn normals_point_to_the_viewer_in_the_layouts_axes() {
     let leaf = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
-    let found = built(&leaf, Size { grid: 3, texels: 16 }, &settings());
-    // The view (2, 2) looks from +x, and (0, 0) from −x.
-    let middle = |column: usize, row: usize| found.normal_depth.pixels()[(row * 16 + 8) * 48 + column * 16 + 8];
-    assert_eq!(middle(2, 2)[0], 255);
-    assert_eq!(middle(0, 0)[0], 0);
-    assert!(middle(2, 2)[3].abs_diff(128) <= 1, "the leaf lies in the middle");
+    let found = built(&leaf, Size { grid: 7, texels: 16 }, &settings());
+    // The view (5, 5) looks from +x, and (1, 1) from −x.
+    let middle = |column: usize, row: usize| found.normal_depth.pixels()[(row * 16 + 8) * 112 + column * 16 + 8];
+    assert_eq!(middle(5, 5)[0], 255);
+    assert_eq!(middle(1, 1)[0], 0);
+    assert!(middle(5, 5)[3].abs_diff(128) <= 1, "the leaf lies in the middle");
 }
 
 #[test]
@@ -152,4 +152,31 @@ fn wrong_sizes_are_refused() {
         let error = Octahedral::build(&[&leaf], Size { grid, texels }, &settings(), Progress::silent()).unwrap_err();
         assert!(error.to_string().contains(&grid.to_string()), "{error}");
     }
+}
+
+#[test]
+fn the_cost_of_a_tall_box_is_that_of_its_rectangles() {
+    // A square of 2 × 2 in the ground plane, and one 6 high: the box is 2 × 2 × 6, and 2 √2 wide across its corners.
+    let foliage = squares(&[(DVec3::ZERO, DVec3::X, DVec3::Y), (DVec3::ZERO, DVec3::X, DVec3::Z * 3.0)]);
+    let layout = Layout::around(&[&foliage], DVec3::Z, Size::default());
+    let margin = 64.0 / 62.0;
+    let close = |found: DVec2, x: f64, y: f64| assert!(found.distance(DVec2::new(x, y)) < 1e-9, "{found}");
+    close(layout.quad(DVec3::X), 2f64.sqrt() * margin, 3.0);
+    close(layout.quad(DVec3::Z), 2f64.sqrt() * margin, 2f64.sqrt() * margin);
+    let cost = layout.cost(foliage.frame(), 10.0, DVec3::Z);
+    assert_eq!((cost.triangles, cost.layers), (2, 3.0));
+    assert!((cost.fragments - 300.0 * cost.area).abs() < 1e-9 * cost.fragments, "three for each pixel");
+}
+
+#[test]
+fn the_transform_from_a_tree_has_the_depth_as_unit() {
+    // A tree that stands on its side, twice as large in the world and far away.
+    let rows = [[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, 6.0], [0.0, 0.0, 2.0, 7.0], [0.0, 0.0, 0.0, 1.0]];
+    let placement = Placement::new(rows).unwrap();
+    let local = squares(&[(DVec3::ZERO, DVec3::X, DVec3::Z * 3.0)]);
+    let layout = Layout { centre: DVec3::new(5.0, 6.0, 7.0), ..Layout::around(&[&local], DVec3::Z, Size::default()) };
+    let depth = layout.extent.z;
+    let found = layout.of_tree(&placement);
+    let exact = DVec3::new(-2.0, 2.0, 6.0) / depth;
+    assert!(found.transform_point3(DVec3::new(1.0, 1.0, 3.0)).distance(exact) < 1e-12);
 }

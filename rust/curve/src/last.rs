@@ -1,0 +1,96 @@
+//! The form of the last level: the cross impostor, or an octahedral impostor where it is cheaper.
+//!
+//! The octahedral impostor looks like the leaves at a larger size, so it replaces the level before over more distances. But a pixel of it
+//! costs three of another level's. It is chosen if it saves a tenth of the cost of the level before, in the middle of these distances.
+
+use leafcloud::error::Result;
+use leafcloud::lod::octahedral::{Layout, Octahedral, Size};
+use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING};
+use leafcloud::metrics::{Comparison, drawing_cost};
+use leafcloud::{Error, Foliage, Progress};
+use leafcloud_flip::{ImageErrors, SMALLEST, crown_pixels};
+
+/// Which form the last level may have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Last {
+    /// The octahedral impostor where it is cheaper, else the cross impostor.
+    Auto,
+    /// The cross impostor.
+    #[default]
+    Cross,
+    /// The octahedral impostor.
+    Octahedral,
+}
+
+/// What an octahedral impostor would show and replace.
+#[derive(Clone, Copy)]
+pub struct Place<'a> {
+    /// The leaves, then the trunk if there is one.
+    pub parts: &'a [&'a Foliage],
+    /// The level before the cross impostor.
+    pub before: &'a Foliage,
+    /// The chain of the tree.
+    pub chain: &'a Chain,
+}
+
+/// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if there is none.
+///
+/// `target`: the image error that it may have where it takes over; without it, [`Last::Auto`] keeps the cross impostor.
+///
+/// # Errors
+/// [`Last::Octahedral`] without a cross impostor, which plain files show; [`Error::Cancelled`].
+pub fn octahedral(
+    last: Last,
+    target: Option<f64>,
+    place: Place,
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<Option<Octahedral>> {
+    let cross = place.chain.levels.last().filter(|level| level.is_cross());
+    let build = || Octahedral::build(place.parts, Size::default(), settings, progress);
+    match (last, cross, target) {
+        (Last::Octahedral, None, _) => Err(Error::invalid(
+            "last is \"octahedral\", but the chain has no cross impostor, which files have for readers without the shader; set `cross`",
+        )),
+        (Last::Octahedral, Some(_), _) => build().map(Some),
+        (Last::Auto, Some(cross), Some(target)) => {
+            let (up, size) = (settings.up, Size::default());
+            let range = Range { smallest: crown(&cross.pictures, target), place, up };
+            let layout = Layout::around(place.parts, up, size);
+            // At best it takes over where its texels are as large as pixels.
+            if range.saving(size.texels as f64, &layout)? < LEAST_SAVING {
+                return Ok(None);
+            }
+            let built = build()?;
+            let is_worth_it = range.saving(crown(&built.pictures, target), &layout)? >= LEAST_SAVING;
+            Ok(is_worth_it.then_some(built))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Returns the diameter of the crown in pixels up to which a level is within the target.
+fn crown(pictures: &Comparison, target: f64) -> f64 {
+    crown_pixels(ImageErrors::of(pictures).largest_size(target).unwrap_or(SMALLEST as f64))
+}
+
+/// The sizes of the crown at which the octahedral impostor replaces the level before.
+struct Range<'a> {
+    /// Diameter in pixels where the cross impostor takes over.
+    smallest: f64,
+    place: Place<'a>,
+    up: glam::DVec3,
+}
+
+impl Range<'_> {
+    /// Returns the share of the cost that the impostor saves in the middle of the range that ends at `largest` pixels; 0 without a range.
+    fn saving(&self, largest: f64, layout: &Layout) -> Result<f64> {
+        if largest <= self.smallest {
+            return Ok(0.0);
+        }
+        let frame = self.place.parts[0].frame();
+        let scale = 0.5 * (self.smallest * largest).sqrt() / frame.radius;
+        let before = drawing_cost(&[self.place.before], scale, self.up, Progress::silent())?.total();
+        Ok(1.0 - layout.cost(frame, scale, self.up).total() / before)
+    }
+}
