@@ -50,7 +50,7 @@ def main() -> None:
 
 def row(tree: Path) -> str:
     foliage = leafcloud.read_gltf(str(tree))
-    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=1024, blended=True).levels
+    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=1024, blended=True).clouds
     count, corners = level.corners.shape[:2]
     second = np.arange(1, corners - 1)
     fan = np.stack([0 * second, second, second + 1], axis=1)

@@ -78,7 +78,7 @@ def look(foliage: leafcloud.Foliage, part: leafcloud.Foliage) -> NDArray[np.uint
 
 def strip(foliage: leafcloud.Foliage, rows: list[leafcloud.CurveRow]) -> NDArray[np.uint8]:
     """Return a picture of the tree at points of its curve, with the leaves themselves last."""
-    levels = [leafcloud.build_chain(foliage, **options(row)).levels[0].foliage() for row in rows]
+    levels = [leafcloud.build_chain(foliage, **options(row)).clouds[0].foliage() for row in rows]
     gap = np.full((PICTURE, GAP, 4), 255, np.uint8)
     pictures = [picture for part in (*levels, foliage) for picture in (gap, look(foliage, part))]
     return np.ascontiguousarray(np.hstack(pictures[1:]))

@@ -21,7 +21,7 @@ from statistics import mean
 import matplotlib
 import numpy as np
 from commits import measured_commit
-from fidelity import Pictures, flip, lines_of, rendered, smaller
+from fidelity import Pictures, Shown, flip, lines_of, rendered, smaller
 from matplotlib import pyplot
 from plants import PLANTS, write
 from stage import ROOT, bake_alone, measured_trees
@@ -29,6 +29,7 @@ from stage import ROOT, bake_alone, measured_trees
 import leafcloud
 from addon.bake.values import Baked
 from addon.plan.camera_visibility import pixels_of
+from addon.plan.lod_range import shows_trunk
 from addon.settings.bake import BakeSettings
 
 matplotlib.use("Agg")  # Without a display.
@@ -47,7 +48,7 @@ DOCUMENT = ROOT / "docs" / "bench" / "defaults.md"
 INTRODUCTION = """# Plants of every kind, baked without settings
 
 Made by `make bench-defaults` on {commit}: the measured trees, and the plants of `bench/plants.py`. FLIP is that of
-each level against the leaves, without trunks, within four pixels of either silhouette, from 8 views, flat-lit.
+each level against the leaves, for impostors with the trunk, within four pixels of either silhouette, from 8 views, flat-lit.
 
 - *crown*: pixels across the leaves' sphere where the level takes over. *there*: FLIP at this size (at most {most}²).
 - *error*: the image error in `report.json`, FLIP at 128². *fragments*: over the leaves', where the level takes over.
@@ -76,6 +77,8 @@ class Row:
     fragments: float
     distance: float
     seconds: float
+    over_cross: float
+    """FLIP at 64² of an octahedral impostor over that of the cross impostor; 0 for other levels."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,12 @@ class Goal:
 GOALS = (
     Goal("FLIP of level 1 where it takes over: most", 0.06, lambda row: row.there),
     Goal("FLIP of later levels where they take over: most", 0.08, lambda row: row.there, later=True),
+    Goal(
+        "octahedral impostors: FLIP at 64², over the cross impostor's: most",
+        0.5,
+        lambda row: row.over_cross,
+        later=True,
+    ),
     Goal("image error of level 1: mean", 0.07, lambda row: row.error, judge=mean),
     Goal("image error of level 1: most", 0.10, lambda row: row.error),
 )
@@ -102,39 +111,80 @@ def measure(plant: Path) -> tuple[list[Row], list[Pictures]]:
     begin = time.perf_counter()
     baked = bake_alone(plant.resolve(), BakeSettings())
     seconds = time.perf_counter() - begin
-    leaves = baked.prepared.foliage
-    base = rendered(leaves, leaves, SIZE, SAMPLES)
-    rows, pictures = [], [base]
+    prepared, rows = baked.prepared, []
+    pictures = [rendered(prepared.foliage, [prepared.foliage], SIZE, SAMPLES)]
     for number, level in enumerate(baked.chain.levels, start=1):
-        shown = rendered(leaves, level.foliage(), SIZE, SAMPLES)
-        pictures.append(shown)
-        rows.append(row_of(plant.stem, baked, number, (base, shown), seconds))
+        trunk = [prepared.trunk] if prepared.trunk is not None and shows_trunk(level) else []
+        base = [prepared.foliage, *trunk]
+        compared = Compared(prepared.foliage, base, level)
+        pictures.append(compared.pictures(SIZE)[1])
+        rows.append(row_of(plant.stem, baked, number, compared, seconds))
     return rows, pictures
 
 
-def row_of(plant: str, baked: Baked, number: int, pictures: tuple[Pictures, Pictures], seconds: float) -> Row:
-    leaves, level = baked.prepared.foliage, baked.chain.levels[number - 1]
+@dataclass(frozen=True)
+class Compared:
+    """A level and what it is compared with: the leaves, and the trunk if the level's textures show it."""
+
+    leaves: leafcloud.Foliage
+    base: Sequence[leafcloud.Foliage]
+    level: leafcloud.AnyLevel
+
+    @property
+    def shown(self) -> Shown:
+        return self.level if isinstance(self.level, leafcloud.OctahedralLevel) else [self.level.foliage()]
+
+    def pictures(self, size: int) -> tuple[Pictures, Pictures]:
+        """Return pictures of the base and of the level."""
+        base, shown = (rendered(self.leaves, each, size, SAMPLES) for each in (self.base, self.shown))
+        return base, shown
+
+    @property
+    def over_cross(self) -> float:
+        """FLIP at 64² of an octahedral impostor over that of the cross impostor; 0 for other levels."""
+        if not isinstance(self.level, leafcloud.OctahedralLevel):
+            return 0.0
+        cross = Compared(self.leaves, self.base, self.level.cross)
+        own, its = (flip(*(smaller(each, 4) for each in of.pictures(SIZE))) for of in (self, cross))
+        return own / its
+
+
+def row_of(plant: str, baked: Baked, number: int, compared: Compared, seconds: float) -> Row:
+    leaves, level = compared.leaves, compared.level
     scale = pixels_of(1.0, baked.switch_distances[number], baked.view)
     crown = 2.0 * leaves.radius * scale
-    size = round(min(max(crown, LEAST), MOST))
-    own, all_leaves = (leafcloud.drawing_cost([each], scale)["fragments"] for each in (level.foliage(), leaves))
+    pictures = compared.pictures(SIZE)
     return Row(
         plant=plant,
         level=number,
         method=level.method,
         billboards=len(level.plane_ids) if isinstance(level, leafcloud.Level) else 0,
-        triangles=baked.levels[number].triangles + baked.levels[number].trunk_triangles,
-        texels=math.prod(level.base_color.shape[:2]) if isinstance(level, leafcloud.Level) else 0,
+        triangles=level.triangles + baked.levels[number].trunk_triangles,
+        texels=texels_of(level),
         crown=crown,
-        there=flip(*(rendered(leaves, each, size, SAMPLES) for each in (leaves, level.foliage()))),
+        there=flip(*compared.pictures(round(min(max(crown, LEAST), MOST)))),
         large=flip(*pictures),
         small=flip(*(smaller(each, 4) for each in pictures)),
         error=level.image_error,
         coverage=level.coverage,
-        fragments=own / all_leaves,
+        fragments=fragments_of(compared.shown, scale) / fragments_of([leaves], scale),
         distance=baked.switch_distances[number] / leaves.radius,
         seconds=seconds,
+        over_cross=compared.over_cross,
     )
+
+
+def fragments_of(shown: Shown, scale: float) -> float:
+    if isinstance(shown, leafcloud.OctahedralLevel):
+        return shown.drawing_cost(scale)["fragments"]
+    return leafcloud.drawing_cost(shown, scale)["fragments"]
+
+
+def texels_of(level: leafcloud.AnyLevel) -> int:
+    """Return the texels of the level's page."""
+    if isinstance(level, leafcloud.OctahedralLevel):
+        return level.texels
+    return math.prod(level.base_color.shape[:2]) if isinstance(level, leafcloud.Level) else 0
 
 
 def goal_table(rows: Sequence[Row]) -> str:
@@ -152,7 +202,7 @@ def table(rows: Sequence[Row]) -> str:
     body = [
         [
             row.plant,
-            "cross" if row.method == "cross" else str(row.level),
+            row.method if row.method in ("cross", "octahedral") else str(row.level),
             f"{row.billboards:,}",
             f"{row.triangles:,}",
             f"{row.texels:,}",
@@ -169,8 +219,8 @@ def table(rows: Sequence[Row]) -> str:
 
 def contact_sheet(pictures: dict[str, list[Pictures]], path: Path) -> None:
     """Draw the leaves and the levels of each plant."""
-    rows, columns = math.ceil(len(pictures) / BESIDE), BESIDE * max(map(len, pictures.values()))
-    figure, axes = pyplot.subplots(rows, columns, figsize=(1.3 * columns, 1.3 * rows), squeeze=False)
+    rows, columns = math.ceil(len(pictures) / BESIDE), BESIDE * (1 + max(map(len, pictures.values())))
+    figure, axes = pyplot.subplots(rows, columns, figsize=(1.4 * columns, 1.3 * rows), squeeze=False)
     for each in axes.ravel():
         each.set(xticks=[], yticks=[], frame_on=False)
     for row, (plant, levels) in zip(axes.reshape(BESIDE * rows, -1), pictures.items(), strict=False):
@@ -178,6 +228,7 @@ def contact_sheet(pictures: dict[str, list[Pictures]], path: Path) -> None:
         for cell, level in zip(row, levels, strict=False):
             light, alpha = level[SHOWN][..., :3], level[SHOWN][..., 3:]
             cell.imshow(np.clip(np.maximum(light + 0.7 * (1.0 - alpha), 0.0) ** (1.0 / 2.2), 0.0, 1.0))
+    # The last column of each plant is empty, for the next plant's name.
     figure.subplots_adjust(0.04, 0.0, 1.0, 1.0, 0.02, 0.02)
     figure.savefig(path, dpi=100)
     pyplot.close(figure)

@@ -75,6 +75,10 @@ level takes over. *×*: speed relative to the leaves.
 """
 
 
+Impostor = leafcloud.OctahedralLevel
+"""The cross impostor is measured in its place (`last` of the settings)."""
+
+
 @dataclass(frozen=True)
 class Row:
     """A level and the leaves, compared where the level takes over. All figures but counts are over the leaves'.
@@ -176,7 +180,7 @@ GOALS = (
 def fragment_rows(tree: Path, baked: Baked) -> list[Row]:
     """Return a row for each level."""
     leaves, trunks = baked.prepared.foliage, level_trunks(baked)
-    drawn = [leaves, *(level.foliage() for level in baked.chain.levels)]
+    drawn = [leaves, *(level.foliage() for level in baked.chain.levels if not isinstance(level, Impostor))]
     whole = [[part] if trunk is None else [part, trunk] for part, trunk in zip(drawn, trunks, strict=True)]
     height = crown_height(baked)
 
@@ -365,7 +369,7 @@ def main() -> None:
     rows: list[Row] = []
     speeds: list[Speed] = []
     for tree in options.trees or measured_trees():
-        baked = bake_alone(tree.resolve(), BakeSettings(engine="three"))
+        baked = bake_alone(tree.resolve(), BakeSettings(engine="three", last="cross"))
         rows += fragment_rows(tree, baked)
         speeds += speeds_of(tree, baked, **parts)
         print(fragment_table(rows)[-1], speed_table(speeds)[-1], sep="\n", file=sys.stderr, flush=True)

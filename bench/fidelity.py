@@ -51,6 +51,7 @@ LEVELS = {"level 1": math.isqrt(TEXELS), "a quarter": math.isqrt(TEXELS // 4)}
 """Width of the atlas page in texels."""
 
 Pictures = NDArray[np.float32]
+Shown = Sequence[leafcloud.Foliage] | leafcloud.OctahedralLevel
 """(views, size, size, 4), linear light, premultiplied."""
 
 INTRODUCTION = f"""# Fidelity
@@ -132,18 +133,21 @@ def reference(folder: Path, samples: int) -> dict[str, Pictures]:
 
 def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
     """Render the same views of a file with the project's own renderer."""
-    return rendered(base, leafcloud.read_gltf(str(model), names=names), SIZE)
+    return rendered(base, [leafcloud.read_gltf(str(model), names=names)], SIZE)
 
 
-def rendered(base: leafcloud.Foliage, foliage: leafcloud.Foliage, size: int, samples: int = JUDGED) -> Pictures:
-    """Render views of `foliage` that the sphere of `base` fills, with the project's own renderer."""
+def rendered(base: leafcloud.Foliage, shown: Shown, size: int, samples: int = JUDGED) -> Pictures:
+    """Render views of parts or of an impostor that the sphere of `base` fills, with the project's own renderer."""
     golden = math.pi * (3.0 - math.sqrt(5.0))
     pictures = []
     for i in range(VIEWS):
         z = 1.0 - 1.5 * (i + 0.5) / VIEWS
         direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
         frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius}
-        pictures.append(leafcloud.render([foliage], direction, size, samples=samples, filtered=False, **frame))
+        if isinstance(shown, leafcloud.OctahedralLevel):
+            pictures.append(shown.render(direction, size, samples=samples, **frame))
+        else:
+            pictures.append(leafcloud.render(shown, direction, size, samples=samples, filtered=False, **frame))
     codes = np.stack(pictures).astype(np.float32) / 255.0
     light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
     light[..., 3] = codes[..., 3]

@@ -35,12 +35,15 @@ class LevelDrawing:
 
 def drawing_costs(baked: Baked) -> list[LevelDrawing]:
     """Return the costs of every level, LOD 0 first."""
-    drawn = [baked.prepared.foliage, *(level.foliage() for level in baked.chain.levels)]
+    drawn = [baked.prepared.foliage, *map(_drawn, baked.chain.levels)]
     trunks = level_trunks(baked)
 
     @cache
     def leaves(number: int, scale: float) -> leafcloud.DrawingCost:
-        return leafcloud.drawing_cost([drawn[number]], scale)
+        level = drawn[number]
+        if isinstance(level, leafcloud.OctahedralLevel):
+            return level.drawing_cost(scale)
+        return leafcloud.drawing_cost([level], scale)
 
     @cache
     def trunk(number: int, scale: float) -> leafcloud.DrawingCost | None:
@@ -59,6 +62,11 @@ def drawing_costs(baked: Baked) -> list[LevelDrawing]:
         )
 
     return [cost(number) for number in range(len(drawn))]
+
+
+def _drawn(level: leafcloud.AnyLevel) -> leafcloud.Foliage | leafcloud.OctahedralLevel:
+    """Return what is drawn of a level: its foliage, or the octahedral impostor itself."""
+    return level if isinstance(level, leafcloud.OctahedralLevel) else level.foliage()
 
 
 def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:

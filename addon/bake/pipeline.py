@@ -43,7 +43,7 @@ from ..plan.wind import BREEZE, stature
 from ..scene.scene_facts import read_scene_facts
 from ..scene.wind import wind_on
 from ..settings.bake import BakeSettings
-from ..settings.choices import Form
+from ..settings.choices import DRAW_OCTAHEDRAL, Form, Last
 from ..settings.fit_options import fit_options
 from .lighting import light_of
 from .part import described_part
@@ -163,6 +163,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         preset=settings.preset,
         target_error=core_target(settings),
         form=level_1_form(prepared),
+        last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
 
@@ -175,6 +176,17 @@ def level_1_form(prepared: Prepared) -> Form:
     """
     needs_pages = is_on(prepared.effects, "blend_order") or prepared.light is not None
     return "billboards" if needs_pages and prepared.settings.form == "auto" else prepared.settings.form
+
+
+def last_form(prepared: Prepared) -> Last:
+    """Return the form that the core may choose for the last level.
+
+    Other engines than three.js draw no octahedral impostor, so it is chosen for them only if asked for.
+    """
+    settings = prepared.settings
+    _, cross = prepared.levels
+    is_drawn = settings.last == "octahedral" or settings.engine in DRAW_OCTAHEDRAL
+    return settings.last if cross and is_drawn else "cross"
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:

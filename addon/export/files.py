@@ -17,8 +17,10 @@ import leafcloud
 from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
+from ..levels.octahedral import plain_files
 from ..levels.shadow_proxy import left_out, shadow_proxy_of
 from ..material.blended import masked
+from ..mesh.baked_levels import plain_mesh
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
 from ..plan.pages import KTX2_ENGINES
@@ -52,6 +54,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
             load = GpuLoad()
             edits = [*_edits(trees), load.read]
             for tree in trees:
+                changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))
             for number in range(max(len(tree.levels) for tree in trees)):
@@ -130,7 +133,7 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
 
 def _lod_chain(tree: Baked) -> LodChain:
     names = tuple(level.object.name for level in tree.levels)
-    return LodChain(names, screen_coverages(tree.switch_distances, tree.prepared.foliage.radius, tree.view))
+    return LodChain(names, screen_coverages(tree.schedule.plain_distances, tree.prepared.foliage.radius, tree.view))
 
 
 def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
@@ -142,8 +145,7 @@ def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:
 def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:
     """Return the clouds and cross impostors by the name of their only material."""
     return {
-        built.object.data.materials[0].name: level
+        plain_mesh(built.object).materials[0].name: level
         for tree in trees
-        for built, level in zip(tree.levels[1:], tree.chain.levels, strict=True)
-        if isinstance(level, leafcloud.Level)
+        for built, level in zip(tree.levels[-len(tree.chain.clouds) :], tree.chain.clouds, strict=True)
     }

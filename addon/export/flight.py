@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +107,7 @@ class Camera:
         scale = min(1.0, SIDE / size)
         side = max(math.ceil(scale * size), 4)
         whole = cls(sphere, view, side, (0, side, 0, side), scale, 1)
-        seen = [whole.picture(each.parts, distance) for each in (hand_over.before, hand_over.after)]
+        seen = [whole.picture(each, distance) for each in (hand_over.before, hand_over.after)]
         top, bottom, left, right = canvas.silhouette(seen)
         times = max(min(SIDE // (bottom - top), SIDE // (right - left), MOST), 1)
         # The square grows until the box is as wide as the text.
@@ -116,13 +115,11 @@ class Camera:
         box = (top + wider, bottom + wider, left + wider - wider // 2, right + 2 * wider - wider // 2)
         return cls(sphere, view, side + 2 * wider, box, scale, times)
 
-    def picture(self, parts: Sequence[leafcloud.Foliage], distance: float) -> canvas.Picture:
+    def picture(self, subject: Subject, distance: float) -> canvas.Picture:
         """Return the picture (h, w, 4) of the box from `distance`."""
         size = self.scale * pixels_of(2.0 * self.sphere.radius, distance, self.view)
         radius = self.sphere.radius * self.pixels / size
-        picture = leafcloud.render(
-            parts, DIRECTION, self.pixels, centre=self.sphere.centre, radius=radius, samples=SAMPLES
-        )
+        picture = subject.render(DIRECTION, self.pixels, centre=self.sphere.centre, radius=radius, samples=SAMPLES)
         return canvas.cropped(picture, self.box)
 
 
@@ -130,16 +127,18 @@ def _frame(hand_over: HandOver, camera: Camera, distance: float) -> canvas.Block
     first, second = hand_over.ranges
     morph = leafcloud.transition(distance, first.start, first.end) if math.isfinite(first.end) else 0.0
     going, coming = _share_left(first, distance), _share_come(second, distance)
-    before, after = hand_over.before.parts, hand_over.after.parts
-    # Near levels have one trunk at a time. The cross impostor shows it in its textures.
-    trunk = before[1:] if distance < hand_over.trunk.vanish else after[1:]
+    before, after, level = hand_over.before, hand_over.after, hand_over.level
+    # Near levels have one trunk at a time. An impostor shows it in its textures.
+    trunk = (before if distance < hand_over.trunk.vanish else after).parts[1:]
     height, width = camera.box[1] - camera.box[0], camera.box[3] - camera.box[2]
     color = canvas.empty(height, width, canvas.GROUND)
     if going > 0.0:
-        leaves = hand_over.level.morphed(before[0], morph) if morph > 0.0 else before[0]
-        color = _faded(camera.picture((leaves, *trunk), distance), going, color)
+        leaves = before.parts[0]
+        if morph > 0.0 and not isinstance(level, leafcloud.OctahedralLevel):
+            leaves = level.morphed(leaves, morph)
+        color = _faded(camera.picture(replace(before, parts=(leaves, *trunk)), distance), going, color)
     if coming > 0.0:
-        drawn = (after[0], *trunk) if len(after) > 1 else after
+        drawn = replace(after, parts=(after.parts[0], *trunk)) if len(after.parts) > 1 else after
         color = _faded(camera.picture(drawn, distance), coming, color)
     told = [f"distance {canvas.number(distance)}"]
     if 0.0 < coming + 1.0 - going < 2.0:

@@ -9,6 +9,9 @@ not flipped on the back. The occlusion is the red channel of `metallicRoughnessT
 
 `leafUvTexture` and `leafIdTexture`: the leaf that a texel shows, and the place in its texture (see `levels.leaf_map`).
 The texels are labels, so they need nearest filtering, have no mips, and are stored as PNG only.
+
+`octahedralTexture` and `octahedralNormalTexture`: the pages of an octahedral impostor, in the material of the cross
+impostor (see `levels.octahedral`). They lie as the views do, not as the base color.
 """
 
 from __future__ import annotations
@@ -19,9 +22,16 @@ import bpy
 
 from ..levels.leaf_map import ID_NODE, UV_NODE
 from ..levels.material import BENT_NORMAL_NODE
+from ..levels.octahedral import COLOR_NODE, NORMAL_DEPTH_NODE
 from .glb_file import Glb
 
-OPTIONAL_NODES = {BENT_NORMAL_NODE: "bentNormalTexture", UV_NODE: "leafUvTexture", ID_NODE: "leafIdTexture"}
+OPTIONAL_NODES = {
+    BENT_NORMAL_NODE: "bentNormalTexture",
+    UV_NODE: "leafUvTexture",
+    ID_NODE: "leafIdTexture",
+    COLOR_NODE: "octahedralTexture",
+    NORMAL_DEPTH_NODE: "octahedralNormalTexture",
+}
 """The key of each optional texture, by the name of its image node."""
 _LABELS = ("leafUvTexture", "leafIdTexture")
 _NEAREST = {"magFilter": 9728, "minFilter": 9728}

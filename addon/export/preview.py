@@ -41,6 +41,8 @@ FRAMES_LEFT = 0.96
 TALLEST_VIEW = 300
 """Maximum height of a picture in the views."""
 
+IMPOSTORS = {"cross": "Cross impostor", "octahedral": "Octahedral impostor"}
+"""Names of the last level by its method."""
 DIRECTION = (0.45, -1.0, 0.2)
 """Direction from the tree to the eye."""
 VIEWS: Mapping[str, tuple[float, float, float]] = {
@@ -54,10 +56,19 @@ VIEWS: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A level as it is drawn: its name, and its foliage and trunk."""
+    """A level as it is drawn: its name, and its foliage and trunk, or the impostor that shows both."""
 
     name: str
     parts: tuple[leafcloud.Foliage, ...]
+    impostor: leafcloud.OctahedralLevel | None = None
+
+    def render(
+        self, direction: Sequence[float], side: int, *, centre: Sequence[float], radius: float, samples: int
+    ) -> Picture:
+        """Render as `leafcloud.render` does."""
+        if self.impostor is not None:
+            return self.impostor.render(direction, side, centre=centre, radius=radius, samples=samples)
+        return leafcloud.render(self.parts, direction, side, centre=centre, radius=radius, samples=samples)
 
 
 @dataclass(frozen=True)
@@ -76,7 +87,7 @@ class Sphere:
         """
         side = max(int(np.ceil(size)), 1)
         radius = self.radius * side / size
-        return leafcloud.render(subject.parts, direction, side, centre=self.centre, radius=radius, samples=samples)
+        return subject.render(direction, side, centre=self.centre, radius=radius, samples=samples)
 
 
 @dataclass(frozen=True)
@@ -101,17 +112,20 @@ def subjects_of(
     foliage: leafcloud.Foliage, trunks: Sequence[leafcloud.Foliage | None], levels: Sequence[leafcloud.AnyLevel]
 ) -> list[Subject]:
     """Return all levels, the leaves first. `trunks`: the trunk of each."""
-    names = ["Leaves", *(level_name(level, number) for number, level in enumerate(levels, 1))]
-    leaves = [foliage, *(level.foliage() for level in levels)]
-    return [
-        Subject(name, (part,) if trunk is None else (part, trunk))
-        for name, part, trunk in zip(names, leaves, trunks, strict=True)
-    ]
+
+    def subject(level: leafcloud.AnyLevel, number: int) -> Subject:
+        name, trunk = level_name(level, number), trunks[number]
+        if isinstance(level, leafcloud.OctahedralLevel):
+            return Subject(name, (), level)
+        return Subject(name, (level.foliage(),) if trunk is None else (level.foliage(), trunk))
+
+    leaves = Subject("Leaves", (foliage,) if trunks[0] is None else (foliage, trunks[0]))
+    return [leaves, *(subject(level, number) for number, level in enumerate(levels, 1))]
 
 
 def level_name(level: leafcloud.AnyLevel, number: int) -> str:
     """Return the name of level `number` in labels."""
-    return "Cross impostor" if level.method == "cross" else f"Level {number}"
+    return IMPOSTORS.get(level.method, f"Level {number}")
 
 
 def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:

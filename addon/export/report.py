@@ -33,12 +33,14 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
         distance = baked.switch_distances[built.number]
         if isinstance(level, leafcloud.LeafLevel):
             levels.append(_leaf_level(level, built, distance, seconds))
+        elif isinstance(level, leafcloud.OctahedralLevel):
+            levels.append(_octahedral(level, built, baked, seconds))
         else:
             levels.append(_level(level, built, prepared.settings, distance, seconds))
     if prepared.tree.trunk is not None and is_on(baked.effects, "trunk_levels"):
         for row, built in zip(levels, baked.levels, strict=True):
-            # The cross impostor has no trunk mesh: its textures show the trunk.
-            row["trunk"] = None if row["method"] == "cross" else _trunk(built)
+            # An impostor has no trunk mesh: its textures show the trunk.
+            row["trunk"] = None if row["method"] in ("cross", "octahedral") else _trunk(built)
     costs = drawing_costs(baked)
     for row, built, cost in zip(levels, baked.levels, costs, strict=True):
         names = [obj.name for obj in (built.object, built.trunk) if obj is not None]
@@ -151,6 +153,33 @@ def _leaf_level(
         "image_error": level.image_error,
         "switch_distance": switch_distance,
         "seconds": {**level.seconds, "write": write_seconds},
+    }
+
+
+def _octahedral(
+    level: leafcloud.OctahedralLevel, built: BuiltLevel, baked: Baked, write_seconds: float
+) -> dict[str, Any]:
+    """Return the row of an octahedral impostor. `plain`: the row of the cross impostor, which files have in its place.
+
+    triangles: those of its quad in engines; Blender draws an ellipsoid.
+    """
+    settings, number = baked.prepared.settings, built.number
+    plain = _level(level.cross, built, settings, baked.schedule.plain_distances[number], write_seconds)
+    plain["triangles"] = level.cross.triangles
+    del plain["level"], plain["trunk_triangles"]
+    return {
+        **_level(level.cross, built, settings, baked.switch_distances[number], write_seconds),
+        "method": level.method,
+        "billboards": 1,
+        "triangles": level.triangles,
+        "texels": level.texels,
+        "texture_size": list(level.color.shape[1::-1]),
+        "atlas_occupancy": 1.0,
+        "max_deviation_leaves": level.max_deviation_leaves,
+        "in_plane_motion": 0.0,
+        "image_error": level.image_error,
+        "seconds": {**level.seconds, "write": write_seconds},
+        "plain": plain,
     }
 
 

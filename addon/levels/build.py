@@ -13,12 +13,13 @@ import leafcloud
 from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
-from ..plan.lod_range import LodRange, trunk_range
+from ..plan.lod_range import LodRange, shows_trunk, trunk_range
 from ..plan.trunk_limits import trunk_limits
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import leaf_object, simplified_object
 from .mesh import read_own_randoms
+from .octahedral import octahedral_object
 from .rollback import removed_on_failure
 from .trunk import Trunk, TrunkView, simplified, whole
 
@@ -38,7 +39,7 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
         levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
         for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
             built = _add_level(collection, obj, number, trunks[number], build)
-            if not isinstance(level, leafcloud.LeafLevel):
+            if isinstance(level, leafcloud.Level):
                 for effect in build.charged():
                     built = effect.add_to_cloud(built, level, build)
             levels.append(built)
@@ -53,8 +54,9 @@ def _object(
     """Create the object of level `number`. `following`: the next level, None after the last."""
     if isinstance(level, leafcloud.LeafLevel):
         return simplified_object(level, build)
-    assert not isinstance(following, leafcloud.LeafLevel)  # Only level 1 may be leaves.
-    return cloud_object(level, following, number, build)
+    if isinstance(level, leafcloud.OctahedralLevel):
+        return octahedral_object(level, number, build)
+    return cloud_object(level, following if isinstance(following, leafcloud.Level) else None, number, build)
 
 
 def _triangles(obj: bpy.types.Object) -> int:
@@ -63,18 +65,22 @@ def _triangles(obj: bpy.types.Object) -> int:
 
 
 def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
-    """Return the trunk of every level, the leaves first. None for the cross impostor: its textures show the trunk.
+    """Return the trunk of every level, the leaves first. None for an impostor: its textures show the trunk.
 
     `triangles`: those of each later level, without trunk.
     """
     tree, costs, pixels = build.tree, build.costs, build.schedule.trunk_pixels
-    near = [level for level in build.chain.levels if level.method != "cross"]
-    crosses = [None] * (len(build.chain.levels) - len(near))
+    near = [
+        level
+        for level in build.chain.levels
+        if not isinstance(level, leafcloud.OctahedralLevel) and not shows_trunk(level)
+    ]
+    impostors = [None] * (len(build.chain.levels) - len(near))
     if tree.trunk is None:
-        return [None, *(None for _ in near), *crosses]
+        return [None, *(None for _ in near), *impostors]
     first = whole(f"{build.name}_trunk", tree.trunk)
     if not pixels:
-        return [first, *(first for _ in near), *crosses]
+        return [first, *(first for _ in near), *impostors]
     with costs.spent_on("trunk_levels"):
         whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
         leaf_levels = int(build.leaf_level is not None)
@@ -84,7 +90,7 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         views = [TrunkView(*view) for view in zip(near, pixels, limits, strict=False)]
         coarser = simplified(first, tree.trunk, tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
-    return [first, *coarser, *crosses]
+    return [first, *coarser, *impostors]
 
 
 def _add_level(

@@ -43,7 +43,7 @@ class TrunkView:
     limit: maximum number of triangles.
     """
 
-    level: leafcloud.AnyLevel
+    level: leafcloud.LeafLevel | leafcloud.Level
     pixel: float
     limit: int
 

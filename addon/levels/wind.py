@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
-from ..mesh.baked_levels import EXTRAS, level_number
+from ..mesh.baked_levels import EXTRAS, PLAIN, level_number
 from ..nodes.laws import NEVER
 from ..nodes.wind import WindSettings, add_wind_modifier
 from ..plan.lod_range import LodRange
@@ -55,7 +55,8 @@ def add_wind(obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
     assert build.wind is not None
     start, end = (min(distance / build.tree.scale, NEVER) for distance in (lod_range.start, lod_range.end))
     wind = replace(build.wind, start=start, end=end, centre=build.centre)
-    add_wind_modifier(obj, wind)
+    if PLAIN not in obj:  # The picture of an octahedral impostor cannot bend, and its surface must not.
+        add_wind_modifier(obj, wind)
     if level_number(obj) is not None:
         obj[EXTRAS]["wind"] = wind_extras(wind)
 

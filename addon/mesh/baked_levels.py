@@ -12,6 +12,9 @@ import bpy
 EXTRAS = "leafcloud"
 """The custom property of objects and meshes. It is also the key in the glTF extras."""
 
+PLAIN = "leafcloud_plain"
+"""The custom property of an octahedral impostor's object: the mesh that files have instead."""
+
 _BAKE = "leafcloud_bake"
 """The custom property of a collection of levels: a `Record` as JSON."""
 
@@ -76,6 +79,12 @@ def level_number(obj: bpy.types.Object) -> int | None:
     extras = obj.get(EXTRAS)
     number = extras.get("level") if obj.type == "MESH" and hasattr(extras, "get") else None
     return number if isinstance(number, int) else None
+
+
+def plain_mesh(obj: bpy.types.Object) -> bpy.types.Mesh:
+    """Return the mesh of a level as files have it."""
+    mesh = obj.get(PLAIN)
+    return mesh if isinstance(mesh, bpy.types.Mesh) else obj.data
 
 
 def follows_a_bake(obj: bpy.types.Object) -> bool:

@@ -166,10 +166,14 @@ class Copies:
         return self.mesh.loop_triangles
 
 
-def own_mesh(obj: bpy.types.Object) -> Copies:
-    """Return an object's mesh without modifiers, with the materials of the object's slots."""
+def own_mesh(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> Copies:
+    """Return an object's mesh without modifiers, with the materials of the object's slots.
+
+    Another mesh in its place keeps its own materials.
+    """
     matrix = np.array(obj.matrix_world, np.float64)
-    return Copies(obj.data, obj.name, obj, matrix, _materials(obj), matrix[None], _NONE)
+    materials = _materials(obj) if mesh == obj.data else tuple(mesh.materials)
+    return Copies(mesh, obj.name, obj, matrix, materials, matrix[None], _NONE)
 
 
 def gather(

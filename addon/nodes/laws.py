@@ -26,18 +26,20 @@ SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
 
 
 def group_of_layout(
-    name: str, key: str, layout: int, *steps: Callable[[bpy.types.NodeTree], None]
+    name: str, key: str, layout: int, *steps: Callable[[bpy.types.NodeTree], None], kind: str = "GeometryNodeTree"
 ) -> bpy.types.NodeTree:
-    """Return the modifier group that has the custom property `key` = `layout`. Linked groups do not count.
+    """Return the group that has the custom property `key` = `layout`: a modifier group, unless its `kind` is another.
+    Linked groups do not count.
 
     If the file has none, create it under `name` and let the `steps` fill it, in order.
     """
     for tree in bpy.data.node_groups:
         if tree.library is None and tree.get(key) == layout:
             return tree
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree = bpy.data.node_groups.new(name, kind)
     tree[key] = layout
-    tree.is_modifier = True
+    if kind == "GeometryNodeTree":
+        tree.is_modifier = True
     for step in steps:
         step(tree)
     return tree

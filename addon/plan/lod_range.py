@@ -79,11 +79,16 @@ def lod_ranges(
     return tuple(result)
 
 
+def shows_trunk(level: leafcloud.AnyLevel) -> bool:
+    """Return whether the level's own textures show the trunk. Nothing morphs to such a level."""
+    return level.method in ("cross", "octahedral")
+
+
 def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
     Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
-    both. Only before the cross impostor, whose textures show the trunk, does a trunk fade out with its level.
+    both. Only before an impostor, whose textures show the trunk, does a trunk fade out with its level.
     """
     own = ranges[number]
     morphs = math.isfinite(own.end)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import leafcloud
 
 from ..settings.bake import BakeSettings
-from .lod_range import View
+from .lod_range import View, shows_trunk
 
 UNNOTICED = 0.06
 """Image error of level 1 that nobody notices where it takes over: FLIP within the silhouette."""
@@ -99,7 +99,7 @@ def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.Any
     for number, (each, level) in enumerate(zip(found, levels, strict=True), start=1):
         if each.is_reached:
             continue
-        remedy = "leave it out with `cross=False`" if level.method == "cross" else "raise `triangles`"
+        remedy = "leave it out with `cross=False`" if shows_trunk(level) else "raise `triangles`"
         warnings.append(
             f"level {number} has an image error of {each.least_error:.3g} even where the crown is {each.size:.0f} "
             f"pixels large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"

@@ -12,7 +12,7 @@ from ..settings.bake import BakeSettings
 from .camera_visibility import camera_visibility, far_off, level_at, share_at_level_1
 from .decision import Decision, is_on
 from .facts import Facts
-from .lod_range import LodRange, View, lod_ranges, rising
+from .lod_range import LodRange, View, lod_ranges, rising, shows_trunk
 from .pruning import PruneDistances, cut_off_distance, start_for
 from .quality import SwitchSize, distance_of, switch_sizes
 
@@ -25,6 +25,7 @@ class Schedule:
     trunk_pixels: side of a pixel on the tree where each level after LOD 0 appears; empty: trunks are not simplified.
     switch_sizes: of each level after LOD 0; empty if quality does not decide.
     triangles: wished maximum of level 1 with its trunk.
+    plain_distances: switch distances in files, where a cross impostor stands in for an octahedral one.
     """
 
     switch_distances: tuple[float, ...]
@@ -34,27 +35,19 @@ class Schedule:
     trunk_pixels: tuple[float, ...] = ()
     switch_sizes: tuple[SwitchSize, ...] = ()
     triangles: int | None = None
+    plain_distances: tuple[float, ...] = ()
 
 
 def schedule(
     settings: BakeSettings, facts: Facts, effects: Sequence[Decision], levels: Sequence[leafcloud.AnyLevel], view: View
 ) -> Schedule:
     """Return the schedule of a finished chain. `view` sets the switch distances."""
-    deviations = [level.max_deviation_leaves * facts.radius for level in levels]
-    # A level takes over where its deviation appears smaller than `pixels` pixels, and its picture is within the error
-    # that quality allows, or its texels are smaller than a pixel.
     by_picture = switch_sizes(settings, levels)
-    alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
-    sharp = [] if by_picture else [far_off(level.texel_size, 1.0, view) for level in levels]
-    distances = [
-        max(far_off(deviation, settings.switch_pixels, view), picture)
-        for deviation, picture in zip(deviations, alike or sharp, strict=True)
-    ]
     start = far_off(facts.leaf_size, settings.prune_pixels, view)
-    if settings.chain == "pruning":
-        distances = [max(*distances, cut_off_distance(start, settings.prune_half))]
-    switch_distances = rising([0.0, *distances])
-    targets = [False, *(level.method != "cross" for level in levels)]
+    switch_distances = _switch_distances(settings, facts, levels, by_picture, view)
+    plain = [level.cross if isinstance(level, leafcloud.OctahedralLevel) else level for level in levels]
+    plain_distances = _switch_distances(settings, facts, plain, switch_sizes(settings, plain), view)
+    targets = [False, *(not shows_trunk(level) for level in levels)]
     ranges = lod_ranges(switch_distances, targets, transitions=bool(is_on(effects, "transitions")))
     simplified = is_on(effects, "trunk_levels")
     return Schedule(
@@ -65,7 +58,33 @@ def schedule(
         tuple(each.appear / far_off(1.0, 1.0, view) for each in ranges[1:]) if simplified else (),
         by_picture,
         settings.triangles,
+        plain_distances,
     )
+
+
+def _switch_distances(
+    settings: BakeSettings,
+    facts: Facts,
+    levels: Sequence[leafcloud.AnyLevel],
+    by_picture: Sequence[SwitchSize],
+    view: View,
+) -> tuple[float, ...]:
+    """Return the distance of each level, LOD 0's first.
+
+    A level takes over where its deviation appears smaller than `pixels` pixels, and its picture is within the error
+    that quality allows, or its texels are smaller than a pixel.
+    """
+    deviations = [level.max_deviation_leaves * facts.radius for level in levels]
+    alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
+    sharp = [] if by_picture else [far_off(level.texel_size, 1.0, view) for level in levels]
+    distances = [
+        max(far_off(deviation, settings.switch_pixels, view), picture)
+        for deviation, picture in zip(deviations, alike or sharp, strict=True)
+    ]
+    if settings.chain == "pruning":
+        start = far_off(facts.leaf_size, settings.prune_pixels, view)
+        distances = [max(*distances, cut_off_distance(start, settings.prune_half))]
+    return rising([0.0, *distances])
 
 
 def keep_at_switch(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> float | None:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import leafcloud
 
-from .choices import CHAINS, ENGINES, FORMS, Form
+from .choices import CHAINS, ENGINES, FORMS, LASTS, Form, Last
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Limits, NamedSetting, Setting
 
@@ -92,7 +92,8 @@ class BakeSettings:
             replace(_range("levels"), low=1),
         ),
     ] = _default("levels")
-    cross: Annotated[bool, Setting("Cross impostor of the whole tree as the last level")] = True
+    cross: Annotated[bool, Setting("Impostor of the whole tree as the last level")] = True
+    last: Annotated[Last, Setting("Form of the last level", "NAME", choices=LASTS)] = "auto"
     every_level: Annotated[
         bool,
         Setting(
@@ -439,7 +440,10 @@ class BakeSettings:
                 "`chain=pruning` and `cross=False` exclude each other: after pruned leaves the cross impostor is the "
                 "only level; change one of them"
             )
-
+        if self.last == "octahedral" and not self.cross:
+            raise SettingsError(
+                "`last=octahedral` needs `cross`, because files have a cross impostor in its place: turn `cross` on"
+            )
         if self.form == "leaves" and (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
             raise SettingsError(
                 "`form=leaves` needs `quality`, which judges the leaves: set neither `pixels` nor a wish nor `chain`"

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 Form = Literal["auto", "billboards", "leaves"]
+Last = Literal["auto", "cross", "octahedral"]
 
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
+DRAW_OCTAHEDRAL = ("generic", "three")
+"""The engines whose files may be drawn with octahedral impostors. The generic files are also Blender's."""
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
     "pruning": "fewer leaves with distance, then the cross impostor, without clouds",
@@ -17,4 +20,10 @@ FORMS: dict[Form, str] = {
     "draw; else a cloud",
     "billboards": "a cloud",
     "leaves": "simplified leaves, before the clouds, however little they save",
+}
+LASTS: dict[Last, str] = {
+    "auto": "an octahedral impostor where it is cheaper to draw than the level before, if Blender or three.js draws it "
+    "and `quality` decides; else a cross impostor",
+    "cross": "a cross impostor",
+    "octahedral": "an octahedral impostor in Blender, and a cross impostor in files for readers without its shader",
 }

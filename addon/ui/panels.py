@@ -34,7 +34,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         if not settings.pixels:
             column.label(text=_consequence(settings.quality), icon="BLANK1")
         column = layout.column(align=True)
-        for name in ("form", "triangles", "epsilon", "levels", "cross", "every_level"):
+        for name in ("form", "triangles", "epsilon", "levels", "cross", "last", "every_level"):
             column.prop(settings, name)
         column = layout.column(align=True)
         for name in ("texture_size", "texture_height", "pixels", "close_gaps"):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..material.textures import transform_matrix
+from ..mesh.baked_levels import plain_mesh
 from ..mesh.meshes import Copies, own_mesh
 from .paint import Paint, paint_of
 
@@ -24,8 +25,11 @@ class MaterialTriangles:
 
 
 def parts_of(obj: bpy.types.Object) -> list[MaterialTriangles]:
-    """Return the parts of an object's own mesh, one for each used material slot."""
-    mesh = own_mesh(obj)
+    """Return the parts of an object's own mesh, one for each used material slot.
+
+    The shader does not draw octahedral impostors; in their place it draws the cross impostor of the files.
+    """
+    mesh = own_mesh(obj, plain_mesh(obj))
     by_vertex = _by_vertex(mesh)
     result = []
     for slot in np.unique(mesh.slots):

@@ -10,6 +10,7 @@
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { BlendOrder } from "./blending.js";
+import { pagesOf, replaceByOctahedral } from "./octahedral.js";
 import { after, before, replaced } from "./patching.js";
 import { addTangents, shadeItself, bentNormalOf } from "./self_shadowing.js";
 
@@ -104,14 +105,15 @@ export class Tree extends THREE.Group {
   static async load(url) {
     const gltf = await new GLTFLoader().loadAsync(url);
     await addLevels(gltf);
-    return new Tree(gltf, await bentNormalOf(gltf));
+    return new Tree(gltf, { bentNormal: await bentNormalOf(gltf), octahedral: await pagesOf(gltf) });
   }
 
-  constructor(gltf, bentNormal) {
+  /** `textures`: Maps from materials to textures that three.js itself does not read. */
+  constructor(gltf, textures) {
     super();
     this.add(gltf.scene);
     this.settings = { ...SETTINGS };
-    this.levels = levelsOf(gltf, bentNormal);
+    this.levels = levelsOf(gltf, textures);
     this.level = 0;
     this.distance = 0;
     const { center, radius } = sphereOf(this.levels[0], this);
@@ -233,27 +235,31 @@ async function addLevels({ scene, parser }) {
   behind.forEach((level) => scene.add(level));
 }
 
-function levelsOf({ scene, parser }, bentNormal) {
+function levelsOf({ scene, parser }, textures) {
   const found = objectsOf(scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
   if (found.length === 0) throw new Error("No levels in this file: open a NAME.glb that Leafcloud wrote.");
   if (!found[0].userData.leafcloud.centre) throw new Error("An older Leafcloud wrote this file: bake the tree again.");
   const byNumber = (a, b) => a.userData.leafcloud.level - b.userData.leafcloud.level;
-  const levels = found.sort(byNumber).map((object) => newLevel(object, parser, bentNormal));
+  const levels = found.sort(byNumber).map((object) => newLevel(object, parser, textures));
   levels.forEach((level, i) => {
-    const switchDistance = levels[i + 1]?.object.userData.leafcloud.switch_distance ?? Infinity;
+    const switchDistance = levels[i + 1]?.switchDistance ?? Infinity;
     level.handOver = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : switchDistance;
   });
   return levels;
 }
 
-function newLevel(object, parser, bentNormal) {
-  const { level, transition_start: start, transition_end: end } = object.userData.leafcloud;
+function newLevel(object, parser, { bentNormal, octahedral }) {
+  const { level, transition_start: start, transition_end: end, octahedral: impostor } = object.userData.leafcloud;
   const morphs = Number.isFinite(end);
   const pruning = pruningOf(object.userData.leafcloud);
   const { wind = null } = object.userData.leafcloud;
   const uniforms = newUniforms(pruning, wind);
   const [pruned, blended] = [[], []];
   for (const mesh of objectsOf(object).filter(({ isMesh }) => isMesh)) {
+    if (octahedral.has(mesh.material)) {
+      replaceByOctahedral(mesh, impostor, octahedral.get(mesh.material), (shader) => addFade(shader, uniforms));
+      continue;
+    }
     const table = tableOf(mesh, parser);
     if (table?.firstTexcoord) nameNumbers(mesh.geometry, table.firstTexcoord);
     const leaves = moves(mesh.geometry);
@@ -274,7 +280,8 @@ function newLevel(object, parser, bentNormal) {
     if (leaves && level === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
   const reach = morphs ? { start, end } : { start: NEVER, end: NEVER };
-  return { number: level, object, morphs, ...reach, pruning, wind, uniforms, pruned, blended };
+  const switchDistance = (impostor ?? object.userData.leafcloud).switch_distance;
+  return { number: level, object, morphs, ...reach, switchDistance, pruning, wind, uniforms, pruned, blended };
 }
 
 /** Returns a level's pruning numbers from its extras; without them the level is not pruned. */
@@ -409,6 +416,12 @@ function patched(original, uniforms, leaves, shading) {
     if (shading) shadeItself(shader, shading);
   };
   return material;
+}
+
+/** Adds the cross-fade alone to a shader. */
+function addFade(shader, uniforms) {
+  Object.assign(shader.uniforms, uniforms);
+  shader.fragmentShader = fragmentShader(shader.fragmentShader, false);
 }
 
 /** Returns the declarations of a vertex shader for leaves or for the trunk, and the expression of the moved point. */

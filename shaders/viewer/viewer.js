@@ -94,7 +94,7 @@ function fillPanel(farthest) {
   if (tree.levels[0].wind) addWind();
   const fades = controlPanel.addFolder("Fades");
   fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
-  fades.add(tree.settings, "fade", 0, 0.5).name("into the cross impostor");
+  fades.add(tree.settings, "fade", 0, 0.5).name("into the last level");
   fades.add(tree.settings, "hysteresis", 0, 0.2);
 }
 

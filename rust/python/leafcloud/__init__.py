@@ -70,6 +70,7 @@ __all__ = [
     "LeafcloudError",
     "Level",
     "Material",
+    "OctahedralLevel",
     "Setting",
     "Simplified",
     "__version__",

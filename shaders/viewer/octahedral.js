@@ -1,0 +1,92 @@
+// Octahedral impostors: replaces the cross impostor of the last level by a quad that ../octahedral.glsl draws.
+import * as THREE from "three";
+import { after, before, replaced } from "./patching.js";
+
+const VERTEX = `
+uniform LcOctahedral lcImpostor;
+uniform mat4 lcToLayout;
+out vec3 lcPoint;
+out vec3 lcEye;
+out vec2 lcCorner;
+out mat3 lcNormalToView;
+`;
+const CORNER = `
+    vec3 lcCamera = (lcToLayout * (inverse(modelMatrix) * vec4(cameraPosition, 1.0))).xyz;
+    lcEye = normalize(lcCamera);
+    lcCorner = position.xy;
+    lcPoint = lc_octahedral_corner(lcCorner, lcEye, lcImpostor);
+    lcNormalToView = normalMatrix * transpose(mat3(lcToLayout));
+    vec3 transformed = (inverse(lcToLayout) * vec4(lcPoint, 1.0)).xyz;
+`;
+const FRAGMENT = `
+uniform LcOctahedral lcImpostor;
+uniform sampler2D lcColorPage;
+uniform sampler2D lcNormalPage;
+in vec3 lcPoint;
+in vec3 lcEye;
+in vec2 lcCorner;
+in mat3 lcNormalToView;
+`;
+const COLOR = `
+    vec4 lcSeen;
+    vec3 lcNormal;
+    float lcTexels = 0.5 * lcImpostor.texels * max(length(dFdx(lcCorner)), length(dFdy(lcCorner)));
+    lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), log2(lcTexels), lcImpostor, lcSeen, lcNormal);
+    diffuseColor *= lcSeen;
+`;
+const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
+/** Alpha below which nothing is drawn. */
+const LEAST_ALPHA = 0.02;
+
+const LAW = await (await fetch(new URL("../octahedral.glsl", import.meta.url))).text();
+
+/** Returns a Map from the cross impostor's material to the textures {color, normalDepth} of the octahedral impostor. */
+export async function pagesOf(gltf) {
+  const found = new Map();
+  const texture = (reference) => gltf.parser.getDependency("texture", reference.index);
+  const waiting = [];
+  gltf.scene.traverse(({ material }) => {
+    const { octahedralTexture, octahedralNormalTexture } = material?.userData.leafcloud ?? {};
+    if (!octahedralTexture || !octahedralNormalTexture || found.has(material)) return;
+    found.set(material, {});
+    waiting.push(
+      Promise.all([texture(octahedralTexture), texture(octahedralNormalTexture)]).then(([color, normalDepth]) => {
+        color.colorSpace = THREE.SRGBColorSpace;
+        found.set(material, { color, normalDepth });
+      }),
+    );
+  });
+  await Promise.all(waiting);
+  return found;
+}
+
+/** Makes `mesh`, a cross impostor, an octahedral impostor. `numbers`: its extras. `patch` adds the fade to a shader. */
+export function replaceByOctahedral(mesh, numbers, { color, normalDepth }, patch) {
+  const uniforms = {
+    lcImpostor: {
+      value: {
+        extent: new THREE.Vector2(...numbers.extent),
+        half_box: new THREE.Vector3(...numbers.half),
+        grid: numbers.grid,
+        texels: numbers.texels,
+      },
+    },
+    lcToLayout: { value: new THREE.Matrix4().set(...numbers.to_layout, 0, 0, 0, 1) },
+    lcColorPage: { value: color },
+    lcNormalPage: { value: normalDepth },
+  };
+  const { roughness, metalness } = mesh.material;
+  mesh.material = new THREE.MeshStandardMaterial({ roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA });
+  mesh.material.customProgramCacheKey = () => "leafcloud octahedral";
+  mesh.material.onBeforeCompile = (shader) => {
+    patch(shader);
+    Object.assign(shader.uniforms, uniforms);
+    const cornered = replaced(shader.vertexShader, "#include <begin_vertex>", CORNER);
+    shader.vertexShader = before("void main()", LAW + VERTEX, cornered);
+    const colored = replaced(shader.fragmentShader, "#include <map_fragment>", COLOR);
+    const shaded = after("#include <normal_fragment_maps>", NORMAL, colored);
+    shader.fragmentShader = before("void main()", LAW + FRAGMENT, shaded);
+  };
+  mesh.geometry = new THREE.PlaneGeometry(2, 2);
+  mesh.frustumCulled = false; // Its corners are not where the geometry says.
+}
