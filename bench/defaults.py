@@ -48,7 +48,8 @@ DOCUMENT = ROOT / "docs" / "bench" / "defaults.md"
 INTRODUCTION = """# Plants of every kind, baked without settings
 
 Made by `make bench-defaults` on {commit}: the measured trees, and the plants of `bench/plants.py`. FLIP is that of
-each level against the leaves, for impostors with the trunk, within four pixels of either silhouette, from 8 views, flat-lit.
+each level against the leaves, for impostors with the trunk, within four pixels of either silhouette, from 8 views,
+flat-lit.
 
 - *crown*: pixels across the leaves' sphere where the level takes over. *there*: FLIP at this size (at most {most}²).
 - *error*: the image error in `report.json`, FLIP at 128². *fragments*: over the leaves', where the level takes over.

@@ -41,9 +41,17 @@ void lc_view_axes(vec3 direction, out vec3 right, out vec3 up) {
     up = cross(direction, right);
 }
 
-// The ray to an `eye` in this direction, of length 1: eyes deeper than 45° below the horizon see the tree from 45°.
+// The ray to an `eye` in this direction, of length 1: eyes deeper than 45° below the horizon see the picture from 45°.
 vec3 lc_ray(vec3 eye) {
     return normalize(vec3(eye.xy, max(eye.z, -length(eye.xy))));
+}
+
+// A point of the ray through `point`, in the picture from `ray`.
+vec3 lc_in_picture(vec3 point, vec3 eye, vec3 ray) {
+    vec3 right, up, upright;
+    lc_view_axes(ray, right, upright);
+    lc_view_axes(eye, right, up);
+    return right * dot(right, point) + upright * dot(up, point);
 }
 
 // The views around the direction `eye`, of length 1.
@@ -83,6 +91,7 @@ void lc_octahedral(
     out vec4 shown, out vec3 normal
 ) {
     LcViews views = lc_views(eye, impostor.grid);
+    vec3 place_seen = lc_in_picture(point, eye, views.ray);
     float level = clamp(lod, 0.0, log2(impostor.texels) - 2.0);
     float border = 0.5 * exp2(ceil(level)) / impostor.texels;
     vec4 sum = vec4(0.0);
@@ -90,10 +99,10 @@ void lc_octahedral(
     for (int i = 0; i < 3; i++) {
         float height = 0.0;
         for (int step = 0; step < LC_STEPS; step++) {
-            vec2 flat_place = lc_view_place(views.tiles[i], point, views.ray, height, border, impostor);
+            vec2 flat_place = lc_view_place(views.tiles[i], place_seen, views.ray, height, border, impostor);
             height = 2.0 * textureLod(normal_depth, flat_place, level).a - 1.0;
         }
-        vec2 place = lc_view_place(views.tiles[i], point, views.ray, height, border, impostor);
+        vec2 place = lc_view_place(views.tiles[i], place_seen, views.ray, height, border, impostor);
         vec4 texel = textureLod(color, place, level);
         float share = texel.a * views.weights[i];
         sum += vec4(texel.rgb * share, share);

@@ -1,4 +1,4 @@
-"""The octahedral impostor in Blender: an ellipsoid around the tree, whose material shows the tree as seen along each ray.
+"""The octahedral impostor in Blender: an ellipsoid around the tree, which shows the tree as seen along each ray.
 
 A quad that turns toward the camera would cast wrong shadows. Cycles darkens leaves whose normals point away from the
 surface that shows them; a smooth ellipsoid has few such leaves, a box many. In files the level is the cross impostor,
@@ -156,12 +156,13 @@ def _seen(
     eye = section.vector("NORMALIZE", transformed(section, matrix[:, :3].tolist(), own, "Turned"), label="Eye")
     views = section.node("ShaderNodeGroup", label="Three views", node_tree=views_group())
     tree.links.new(eye, views.inputs["Eye"])
+    tree.links.new(point, views.inputs["Point"])
     views.inputs["Grid"].default_value = level.grid
 
     sums: list[bpy.types.NodeSocket] = []
     for number in (1, 2, 3):
         section = Section(tree, f"View {number}", (-3600.0, 1400.0 * (2 - number)))
-        parts = _view(section, tree, level, pages, point, views, number)
+        parts = _view(section, tree, level, pages, views, number)
         sums = parts if not sums else [section.vector("ADD", *pair) for pair in zip(sums, parts, strict=True)]
 
     section = Section(tree, "Blended", (-1200.0, 0.0))
@@ -179,7 +180,6 @@ def _view(
     tree: bpy.types.NodeTree,
     level: leafcloud.OctahedralLevel,
     pages: tuple[bpy.types.Image, bpy.types.Image],
-    point: bpy.types.NodeSocket,
     views: bpy.types.Node,
     number: int,
 ) -> list[bpy.types.NodeSocket]:
@@ -189,7 +189,7 @@ def _view(
         there = section.node("ShaderNodeGroup", label="Place in the picture", node_tree=view_group())
         there.inputs["Extent"].default_value = (*level.extent, 1.0)
         there.inputs["Grid"].default_value, there.inputs["Texels"].default_value = level.grid, level.view_texels
-        links = {"Tile": views.outputs[f"Tile {number}"], "Point": point, "Ray": views.outputs["Ray"]}
+        links = {"Tile": views.outputs[f"Tile {number}"], "Point": views.outputs["Point"], "Ray": views.outputs["Ray"]}
         if step > 0:
             links["Height"] = height
         for name, source in links.items():

@@ -30,7 +30,7 @@ Socket: TypeAlias = bpy.types.NodeSocket
 def views_group() -> bpy.types.NodeTree:
     """Return the group that finds the views. Create it if it is missing.
 
-    Outputs: Ray, and Tile (column, row) and Weight of each of three views.
+    Outputs: Ray, a Point of it, and Tile (column, row) and Weight of each of three views.
     """
     return group_of_layout(GROUP_NAME, _LAYOUT_KEY, _LAYOUT, _declare_views, _find_views, kind="ShaderNodeTree")
 
@@ -57,8 +57,10 @@ def _dot(section: Section, first: Socket, second: Socket, label: str = "") -> So
 
 def _declare_views(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Eye", "Vector", "Direction from the surface to the eye, of length 1")
+    declare(tree, "Point", "Vector", "The place of the surface")
     declare(tree, "Grid", "Float", "Views along each side of the page")
-    tree.interface.new_socket("Ray", in_out="OUTPUT", socket_type="NodeSocketVector")
+    for name in ("Ray", "Point"):
+        tree.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketVector")
     for number in (1, 2, 3):
         tree.interface.new_socket(f"Tile {number}", in_out="OUTPUT", socket_type="NodeSocketVector")
         tree.interface.new_socket(f"Weight {number}", in_out="OUTPUT", socket_type="NodeSocketFloat")
@@ -66,10 +68,19 @@ def _declare_views(tree: bpy.types.NodeTree) -> None:
 
 def _find_views(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Ray, at most 45° from below", (-2400.0, 600.0))
-    eye = section.node("ShaderNodeSeparateXYZ", section.group_input("Eye")).outputs
+    toward = section.group_input("Eye")
+    eye = section.node("ShaderNodeSeparateXYZ", toward).outputs
     across = section.math("SQRT", section.math("ADD", *(section.math("MULTIPLY", e, e) for e in eye[:2])))
     height = section.math("MAXIMUM", eye[2], section.math("MULTIPLY", across, -1.0))
     ray = section.vector("NORMALIZE", section.result("ShaderNodeCombineXYZ", *eye[:2], height), label="Ray")
+
+    section = Section(tree, "The picture from there", (-800.0, 900.0))
+    right = section.vector("NORMALIZE", section.vector("CROSS_PRODUCT", (0.0, 0.0, 1.0), toward), label="Right")
+    place, axes = section.group_input("Point"), [right]
+    axes += [section.vector("CROSS_PRODUCT", each, right) for each in (toward, ray)]
+    across, height = (_dot(section, axis, place) for axis in axes[:2])
+    in_plane = section.vector("SCALE", right, across), section.vector("SCALE", axes[2], height)
+    point = section.vector("ADD", *in_plane, label="Point")
 
     section = Section(tree, "Place on the grid", (-2400.0, 0.0))
     level = section.math("ADD", *(section.math("ABSOLUTE", e) for e in eye[:2]), label="|x| + |y|")
@@ -102,7 +113,7 @@ def _find_views(tree: bpy.types.NodeTree) -> None:
     for step, weight in zip(steps, weights, strict=True):
         moved = [section.math("ADD", cell, part) for cell, part in zip(cells, step, strict=True)]
         found += [section.result("ShaderNodeCombineXYZ", *moved, label="Tile"), weight]
-    section.node("NodeGroupOutput", ray, *found)
+    section.node("NodeGroupOutput", ray, point, *found)
 
 
 def _declare_view(tree: bpy.types.NodeTree) -> None:

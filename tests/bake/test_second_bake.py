@@ -49,7 +49,9 @@ def shown() -> dict[str, tuple[bool, bool]]:
     return {obj.name: (obj.visible_get(), obj.hide_render) for obj in bpy.context.scene.objects}
 
 
-def test_a_second_bake_replaces_the_first(sources: list[bpy.types.Object]) -> None:
+@pytest.mark.parametrize("last", ["cross", "octahedral"])
+def test_a_second_bake_replaces_the_first(sources: list[bpy.types.Object], last: str) -> None:
+    bpy.context.scene.leafcloud.last = last
     bpy.ops.leafcloud.bake()
     first, before, seen = bpy.data.objects["leaves_LOD0"].session_uid, names(), shown()
     select(*sources)
