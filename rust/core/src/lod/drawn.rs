@@ -1,8 +1,12 @@
 //! The triangles that a plane's billboard shows.
 //!
-//! A billboard shows the triangles that morph onto it. To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
+//! A billboard shows the triangles that morph onto it. A leaf whose triangles morph onto several billboards is torn, and shows a crack between
+//! them. Where many leaves are torn, as broad curved ones are, a billboard shows a strip more of its torn leaves: their other triangles, as far as they
+//! lie within ε of its plane.
+//!
+//! To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
 //! show the parts of all other triangles within ε of its plane, clipped to that slab and to the billboard. These extra triangles are not
-//! stretched and do not morph: each leaf still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
+//! stretched and do not morph: each triangle still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
 
 use glam::DVec3;
 
@@ -12,6 +16,18 @@ use crate::geometry::Plane;
 use crate::groups::Groups;
 use crate::textures::Drawn;
 use crate::transition::Projection;
+
+/// Share of torn leaves from which billboards show strips of them. With fewer, a strip more changes nothing that one sees
+/// (docs/decisions/torn_leaves.md).
+const MANY_TORN: f64 = 0.25;
+
+/// Returns whether many leaves have triangles on several planes.
+pub fn tears_many(foliage: &Foliage, cloud: &Cloud) -> bool {
+    let leaves = foliage.leaves();
+    let is_torn = |leaf: &[u32]| leaf.iter().any(|&t| cloud.parents[t as usize] != cloud.parents[leaf[0] as usize]);
+    let torn = (0..leaves.len()).filter(|&leaf| is_torn(leaves.get(leaf))).count();
+    torn as f64 > MANY_TORN * leaves.len() as f64
+}
 
 /// Returns a function that lists a plane's own triangles, those that morph onto it.
 pub fn own_triangles<'a>(
@@ -30,6 +46,25 @@ pub fn own_triangles<'a>(
     }
 }
 
+/// Returns a function that lists a plane's own triangles, and the other triangles of their leaves that reach into its slab.
+pub fn with_torn_leaves<'a>(
+    foliage: &'a Foliage,
+    cloud: &'a Cloud,
+    projection: &'a Projection,
+) -> impl Fn(u32) -> Vec<Drawn<'a>> + Sync {
+    let own = own_triangles(foliage, cloud, projection);
+    let (leaves, leaf_ids) = (foliage.leaves(), foliage.leaf_ids());
+    move |number| {
+        let drawn = own(number);
+        let mut shown: Vec<u32> = drawn.iter().map(|each| leaf_ids[each.triangle]).collect();
+        shown.sort_unstable();
+        shown.dedup();
+        let others = shown.into_iter().flat_map(|leaf| leaves.get(leaf as usize)).map(|&triangle| triangle as usize);
+        let others: Vec<Drawn> = others.filter_map(|t| crossing(foliage, cloud, number, t)).collect();
+        drawn.into_iter().chain(others).collect()
+    }
+}
+
 /// Returns a function that lists a plane's own triangles and the others that reach into its slab. O(planes · triangles).
 pub fn all_triangles<'a>(
     foliage: &'a Foliage,
@@ -37,23 +72,19 @@ pub fn all_triangles<'a>(
     projection: &'a Projection,
 ) -> impl Fn(u32) -> Vec<Drawn<'a>> + Sync {
     let own = own_triangles(foliage, cloud, projection);
+    move |number| {
+        let others = (0..foliage.triangle_count()).filter_map(|t| crossing(foliage, cloud, number, t));
+        own(number).into_iter().chain(others).collect()
+    }
+}
+
+/// Returns a triangle with another parent as far as it lies within ε of the plane; `None` for a plane's own triangles, and if it lies beyond.
+fn crossing<'a>(foliage: &'a Foliage, cloud: &Cloud, number: u32, triangle: usize) -> Option<Drawn<'a>> {
+    let (plane, corners) = (cloud.planes[number as usize], foliage.corners(triangle));
     // The bound is in the caller's units.
     let reach = cloud.bound / foliage.frame().radius;
-    move |number| {
-        let plane = cloud.planes[number as usize];
-        let others = (0..foliage.triangle_count()).filter(|&triangle| cloud.parents[triangle] != number);
-        let crossing = others.filter_map(|triangle| {
-            let corners = foliage.corners(triangle);
-            crosses(&plane, &corners, reach).then(|| Drawn {
-                foliage,
-                triangle,
-                targets: corners.map(|corner| plane.project(corner)),
-                corners,
-                reach,
-            })
-        });
-        own(number).into_iter().chain(crossing).collect()
-    }
+    let is_shown = cloud.parents[triangle] != number && crosses(&plane, &corners, reach);
+    is_shown.then(|| Drawn { foliage, triangle, targets: corners.map(|p| plane.project(p)), corners, reach })
 }
 
 /// Returns whether any part of a triangle lies within `reach` of the plane.
@@ -74,6 +105,42 @@ mod tests {
     use crate::textures::{Channels, Samples, bake};
 
     const EPSILON: f64 = 0.25;
+
+    /// A strip of six squares of side 1, one leaf, that bends up by 30° in its middle.
+    fn bent() -> Foliage {
+        let point = |i: u32, y: f64| {
+            let beyond = f64::from(i) - 3.0;
+            let (x, z) = if i <= 3 { (beyond, 0.0) } else { (beyond * 0.75f64.sqrt(), beyond * 0.5) };
+            DVec3::new(x, y, z)
+        };
+        let positions: Vec<DVec3> = (0..=6).flat_map(|i| [point(i, 0.0), point(i, 1.0)]).collect();
+        let triangles = (0..6).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]]).collect();
+        Foliage::new(&positions, triangles, Attributes::default(), vec![Material::default()]).unwrap()
+    }
+
+    #[test]
+    fn a_torn_leaf_overlaps_within_the_slab_of_each_plane() {
+        let foliage = bent();
+        let rising = DVec3::new(-0.5, 0.0, 0.75f64.sqrt());
+        let middle = foliage.frame().to_local(DVec3::ZERO);
+        let planes = [DVec3::Z, rising].map(|normal| Plane { normal, distance: normal.dot(middle) });
+        let parents: Vec<u32> = (0..12).map(|t| u32::from(t >= 6)).collect();
+        let bound = 0.6;
+        let cloud = Cloud::new(&foliage, planes.to_vec(), parents, bound);
+        assert!(tears_many(&foliage, &cloud));
+        let projection = Projection::new(&foliage, &cloud, 1.0);
+        let shown = with_torn_leaves(&foliage, &cloud, &projection);
+        for plane in [0, 1] {
+            let mut triangles: Vec<usize> = shown(plane).iter().map(|each| each.triangle).collect();
+            triangles.sort_unstable();
+            // The first two squares beyond the bend begin at heights of 0 and 0.5 over the other half's plane, the third at 1.
+            let expected = if plane == 0 { 0..10 } else { 2..12 };
+            assert_eq!(triangles, expected.collect::<Vec<_>>());
+        }
+        let own = own_triangles(&foliage, &cloud, &projection);
+        assert_eq!(own(0).len(), 6);
+        assert!(!tears_many(&foliage, &Cloud { parents: vec![0; 12], ..cloud.clone() }));
+    }
 
     /// Two red squares at z = 0 with a gap between them, and a blue one through the gap that rises at 45°.
     fn crossing() -> Foliage {

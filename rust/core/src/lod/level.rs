@@ -194,6 +194,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     // A blended triangle that is drawn on two billboards would cover twice as much.
     let (page, channel_seconds) = if settings.close_gaps && !settings.blended {
         bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection), baking)?
+    } else if drawn::tears_many(shown, &cloud) && !settings.blended {
+        bake_timed(&atlas, settings.samples, channels, drawn::with_torn_leaves(shown, &cloud, &projection), baking)?
     } else {
         bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection), baking)?
     };
