@@ -23,6 +23,9 @@ from .octahedral import octahedral_object
 from .rollback import removed_on_failure
 from .trunk import Trunk, TrunkView, simplified, whole
 
+NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
+"""Levels without billboards."""
+
 
 def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
     """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
@@ -39,7 +42,7 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
         levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
         for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
             built = _add_level(collection, obj, number, trunks[number], build)
-            if isinstance(level, leafcloud.Level):
+            if not isinstance(level, NO_CLOUDS):
                 for effect in build.charged():
                     built = effect.add_to_cloud(built, level, build)
             levels.append(built)
@@ -56,7 +59,7 @@ def _object(
         return simplified_object(level, build)
     if isinstance(level, leafcloud.OctahedralLevel):
         return octahedral_object(level, number, build)
-    return cloud_object(level, following if isinstance(following, leafcloud.Level) else None, number, build)
+    return cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
 
 
 def _triangles(obj: bpy.types.Object) -> int:

@@ -24,7 +24,7 @@ KEYS = {
 @pytest.fixture(scope="module")
 def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     out = tmp_path_factory.mktemp("shrub")
-    return out, bake(shrub, out, "--texture-size", 256, "--levels", 1, "--every-level")
+    return out, bake(shrub, out, "--texture-size", 256, "--levels", 1, "--every-level", "--last", "cross")
 
 
 def test_every_level_tells_its_cost_where_it_takes_over(baked: tuple[Path, dict[str, Any]]) -> None:

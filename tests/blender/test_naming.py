@@ -75,8 +75,8 @@ def test_command_line_and_sidebar_know_every_name_in_a_message() -> None:
         ("choose `viewer=camera`", "choose --viewer camera", "choose Viewer: Only This View"),
         ("cut out by `effects=-blend_order`", "cut out by --effects=-blend_order", "cut out by Blend Order: Off"),
         ("by `effects=auto,+wind`", "by --effects auto,+wind", "by Wind: On"),
-        ("by `unlit`, without `cross`", "by --unlit, without --no-cross", "by Unlit, without Cross"),
-        ("without `cross=False`", "without --no-cross", "without Cross: Off"),
+        ("by `unlit`, without `cross`", "by --unlit, without --no-cross", "by Unlit, without Impostor"),
+        ("without `cross=False`", "without --no-cross", "without Impostor: Off"),
         ("another `out`", "another --out", "another Folder"),
         ("leave `max_texels` out", "leave --max-texels out", "leave max texels out"),
         ("object '`bark`' and `make setup`", "object '`bark`' and `make setup`", "object '`bark`' and `make setup`"),
@@ -115,7 +115,7 @@ def test_errors_about_settings_contain_no_flags_in_the_sidebar() -> None:
         suits_the_sidebar(message)
     assert any(message.startswith("Chain: Both needs the effect pruning, which is off") for message in refused)
     assert any(message.startswith("Seconds and Image Error exclude each other") for message in refused)
-    assert any(message.startswith("Chain: Pruning and Cross: Off exclude each other") for message in refused)
+    assert any(message.startswith("Chain: Pruning and Impostor: Off exclude each other") for message in refused)
 
 
 def test_reasons_of_the_plan_contain_no_flags_in_the_sidebar() -> None:

@@ -35,7 +35,7 @@ Picture = NDArray[np.float32]
 
 def baked_shrub(shrub: Path, **settings: object) -> Baked:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
-    baked = bake(read(), BakeSettings(texture_size=512, **settings))
+    baked = bake(read(), BakeSettings(texture_size=512, last="cross", **settings))
     for obj in baked.prepared.tree.sources:
         obj.hide_render = True
     return baked
