@@ -54,6 +54,13 @@ vec3 lc_in_picture(vec3 point, vec3 eye, vec3 ray) {
     return right * dot(right, point) + upright * dot(up, point);
 }
 
+// A normal from x and y in the axes of the picture from `direction`; it faces the viewer.
+vec3 lc_view_normal(vec2 stored, vec3 direction) {
+    vec3 right, up;
+    lc_view_axes(direction, right, up);
+    return right * stored.x + up * stored.y + direction * sqrt(max(1.0 - dot(stored, stored), 0.0));
+}
+
 // The views around the direction `eye`, of length 1.
 LcViews lc_views(vec3 eye, float grid) {
     float level = abs(eye.x) + abs(eye.y);
@@ -83,12 +90,13 @@ vec2 lc_view_place(vec2 tile, vec3 point, vec3 ray, float height, float border, 
     return (tile + clamp(share, border, 1.0 - border)) / impostor.grid;
 }
 
-// Color with straight alpha, and the normal, of the ray through `point` toward the direction `eye`. `color` and
-// `normal_depth` are the pages, the former decoded to linear light. `lod`: mip level, log₂ of texels per pixel; at most
+// Color with straight alpha, normal and light of the ray through `point` toward the direction `eye`. `light` is the fraction
+// of the light that the other leaves let through. `color` and `normal_depth` are the pages, the former decoded to linear
+// light. `lod`: mip level, log₂ of texels per pixel; at most
 // log₂(texels) − 2, so that views do not mix.
 void lc_octahedral(
     sampler2D color, sampler2D normal_depth, vec3 point, vec3 eye, float lod, LcOctahedral impostor,
-    out vec4 shown, out vec3 normal
+    out vec4 shown, out vec3 normal, out float light
 ) {
     LcViews views = lc_views(eye, impostor.grid);
     vec3 place_seen = lc_in_picture(point, eye, views.ray);
@@ -96,6 +104,7 @@ void lc_octahedral(
     float border = 0.5 * exp2(ceil(level)) / impostor.texels;
     vec4 sum = vec4(0.0);
     normal = vec3(0.0);
+    light = 0.0;
     for (int i = 0; i < 3; i++) {
         float height = 0.0;
         for (int step = 0; step < LC_STEPS; step++) {
@@ -106,8 +115,11 @@ void lc_octahedral(
         vec4 texel = textureLod(color, place, level);
         float share = texel.a * views.weights[i];
         sum += vec4(texel.rgb * share, share);
-        normal += share * (2.0 * textureLod(normal_depth, place, level).xyz - 1.0);
+        vec3 shading = textureLod(normal_depth, place, level).xyz;
+        normal += share * lc_view_normal(2.0 * shading.xy - 1.0, lc_view_direction(views.tiles[i], impostor.grid));
+        light += share * shading.z;
     }
+    light = sum.a > 0.0 ? light / sum.a : 1.0;
     shown = vec4(sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0), sum.a);
     normal = dot(normal, normal) > 0.0 ? normalize(normal) : eye;
 }

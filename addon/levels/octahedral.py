@@ -122,7 +122,7 @@ def _material(
         material.use_nodes = True
     material.use_backface_culling = True
     tree = material.node_tree
-    color, alpha, normal = _seen(tree, level, pages)
+    color, alpha, normal = _seen(tree, level, pages, dims=build.light is None)
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     shading = build.shading
     surface.inputs["Roughness"].default_value = shading.roughness
@@ -143,9 +143,16 @@ def _material(
 
 
 def _seen(
-    tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel, pages: tuple[bpy.types.Image, bpy.types.Image]
+    tree: bpy.types.NodeTree,
+    level: leafcloud.OctahedralLevel,
+    pages: tuple[bpy.types.Image, bpy.types.Image],
+    *,
+    dims: bool,
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Add the nodes of the law. Return color, alpha and normal, the last in the world."""
+    """Add the nodes of the law. Return color, alpha and normal, the last in the world.
+
+    `dims`: dim the color of leaves inside of the crown, which get less light.
+    """
     matrix: NDArray[np.float64] = level.to_layout
     section = Section(tree, "Ray in the impostor's axes", (-5200.0, 0.0))
     place = section.node("ShaderNodeTexCoord").outputs["Object"]
@@ -166,9 +173,13 @@ def _seen(
         sums = parts if not sums else [section.vector("ADD", *pair) for pair in zip(sums, parts, strict=True)]
 
     section = Section(tree, "Blended", (-1200.0, 0.0))
-    color_sum, normal_sum, alphas = sums
-    alpha = section.node("ShaderNodeSeparateXYZ", alphas).outputs[0]
+    color_sum, normal_sum, shares = sums
+    alpha, openness, _ = section.node("ShaderNodeSeparateXYZ", shares).outputs
+    alphas = section.result("ShaderNodeCombineXYZ", alpha, alpha, alpha)
     color = section.vector("DIVIDE", color_sum, alphas, label="Color")
+    if dims:
+        light = section.math("DIVIDE", openness, alpha, label="Light that the leaves let through")
+        color = section.vector("SCALE", color, light, label="Dimmed")
     turned = transformed(section, matrix[:, :3].T.tolist(), normal_sum, "In the tree's axes")
     to_world = {"vector_type": "NORMAL", "convert_from": "OBJECT", "convert_to": "WORLD"}
     normal = section.result("ShaderNodeVectorTransform", turned, label="In the world", **to_world)
@@ -183,7 +194,7 @@ def _view(
     views: bpy.types.Node,
     number: int,
 ) -> list[bpy.types.NodeSocket]:
-    """Return color and normal times opacity and weight, and three times opacity times weight as a vector."""
+    """Return color and normal times opacity and weight, and opacity and openness times weight."""
     height: bpy.types.NodeSocket | float = 0.0
     for step in range(STEPS + 1):
         there = section.node("ShaderNodeGroup", label="Place in the picture", node_tree=view_group())
@@ -201,11 +212,17 @@ def _view(
     color = section.node("ShaderNodeTexImage", uv, image=pages[0], extension="EXTEND")
     normal = section.node("ShaderNodeTexImage", uv, image=pages[1], extension="EXTEND")
     share = section.math("MULTIPLY", color.outputs["Alpha"], views.outputs[f"Weight {number}"], label="Share")
-    straight = section.vector("MULTIPLY_ADD", normal.outputs["Color"], (2.0,) * 3, (-1.0,) * 3, label="Normal")
+    stored = section.node("ShaderNodeSeparateColor", normal.outputs["Color"]).outputs
+    x, y = (section.math("MULTIPLY_ADD", part, 2.0, -1.0) for part in stored[:2])
+    rest = section.math("SUBTRACT", 1.0, section.math("MULTIPLY_ADD", x, x, section.math("MULTIPLY", y, y)))
+    z = section.math("SQRT", section.math("MAXIMUM", rest, 0.0))
+    parts = zip(("Right", "Up", "Toward"), (x, y, z), strict=True)
+    right, up, toward = (section.vector("SCALE", there.outputs[axis], part) for axis, part in parts)
+    straight = section.vector("ADD", section.vector("ADD", right, up), toward, label="Normal")
     return [
         section.vector("SCALE", color.outputs["Color"], share),
         section.vector("SCALE", straight, share),
-        section.result("ShaderNodeCombineXYZ", share, share, share),
+        section.result("ShaderNodeCombineXYZ", share, section.math("MULTIPLY", stored[2], share)),
     ]
 
 

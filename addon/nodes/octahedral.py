@@ -36,7 +36,10 @@ def views_group() -> bpy.types.NodeTree:
 
 
 def view_group() -> bpy.types.NodeTree:
-    """Return the group that finds a place in a view's picture. Create it if it is missing. Output: UV."""
+    """Return the group that finds a place in a view's picture. Create it if it is missing.
+
+    Outputs: UV, and the axes Right, Up and Toward of the picture.
+    """
     return group_of_layout(
         VIEW_GROUP_NAME, _VIEW_LAYOUT_KEY, _LAYOUT, _declare_view, _find_place, kind="ShaderNodeTree"
     )
@@ -124,7 +127,8 @@ def _declare_view(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Extent", "Vector", "Half of the width and of the height of the view's picture")
     declare(tree, "Grid", "Float", "Views along each side of the page")
     declare(tree, "Texels", "Float", "Texels along each side of a view")
-    tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
+    for name in ("UV", "Right", "Up", "Toward"):
+        tree.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketVector")
 
 
 def _find_place(tree: bpy.types.NodeTree) -> None:
@@ -161,4 +165,5 @@ def _find_place(tree: bpy.types.NodeTree) -> None:
     from_below = section.math("SUBTRACT", section.math("SUBTRACT", grid, 1.0), tile[1], label="Row from below")
     corner = section.result("ShaderNodeCombineXYZ", tile[0], from_below)
     sides = section.result("ShaderNodeCombineXYZ", grid, grid, 1.0)
-    section.node("NodeGroupOutput", section.vector("DIVIDE", section.vector("ADD", corner, inside), sides, label="UV"))
+    uv = section.vector("DIVIDE", section.vector("ADD", corner, inside), sides, label="UV")
+    section.node("NodeGroupOutput", uv, right, up, toward)

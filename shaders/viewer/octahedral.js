@@ -30,9 +30,11 @@ in mat3 lcNormalToView;
 const COLOR = `
     vec4 lcSeen;
     vec3 lcNormal;
+    float lcLight;
     float lcTexels = 0.5 * lcImpostor.texels * max(length(dFdx(lcCorner)), length(dFdy(lcCorner)));
-    lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), log2(lcTexels), lcImpostor, lcSeen, lcNormal);
-    diffuseColor *= lcSeen;
+    float lcLod = log2(lcTexels);
+    lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), lcLod, lcImpostor, lcSeen, lcNormal, lcLight);
+    diffuseColor *= vec4(lcSeen.rgb * lcLight, lcSeen.a);
 `;
 const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
 /** Alpha below which nothing is drawn. */

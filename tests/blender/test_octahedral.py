@@ -94,8 +94,8 @@ def by_the_law(
     to_tree = np.linalg.inv(np.array(obj.matrix_world))
     points = (world @ to_tree[:3, :3].T + to_tree[:3, 3]) @ level.to_layout[:, :3].T + level.to_layout[:, 3]
     eye = level.to_layout[:, :3] @ (to_tree[:3, :3] @ turn[:, 2])
-    seen, _ = shown(impostor, points, np.tile(eye / np.linalg.norm(eye), (len(points), 1)))
-    seen[:, :3] *= seen[:, 3:]
+    seen, _, light = shown(impostor, points, np.tile(eye / np.linalg.norm(eye), (len(points), 1)))
+    seen[:, :3] *= seen[:, 3:] * light[:, None]
     return seen.reshape(SIDE, GRID, SIDE, GRID, 4).mean(axis=(1, 3))
 
 

@@ -84,6 +84,7 @@ def by_the_law(impostor: Impostor, rows: Floats, middle: Floats, radius: float, 
     seen_from = unit(camera)
     steps_along = -(camera @ seen_from) / (directions @ seen_from)
     points = camera + directions * steps_along[:, None]
-    seen, _ = shown(impostor, points, np.tile(seen_from, (len(points), 1)))
+    seen, _, light = shown(impostor, points, np.tile(seen_from, (len(points), 1)))
+    seen[:, :3] *= light[:, None]
     seen[seen[:, 3] < 0.02] = 0.0
     return seen.reshape(SIDE, SIDE, 4)

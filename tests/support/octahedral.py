@@ -17,7 +17,9 @@ STEPS = 2
 
 @dataclass(frozen=True)
 class Impostor:
-    """color (h, w, 4): linear light, straight alpha. normal_depth (h, w, 4): in [−1, 1]. Row 0 is on top."""
+    """color (h, w, 4): linear light, straight alpha. normal_depth (h, w, 4): x and y of normals and the depth, in
+    [−1, 1], openness in [0, 1]. Row 0 is on top.
+    """
 
     color: Floats
     normal_depth: Floats
@@ -30,7 +32,8 @@ class Impostor:
         """`color`, `normal_depth`: pages (h, w, 4) of codes. `numbers`: with extent, grid and texels."""
         codes = np.asarray(color, float) / 255.0
         codes[..., :3] = linear(codes[..., :3])
-        depths = np.asarray(normal_depth, float) / 127.5 - 1.0
+        depths = np.asarray(normal_depth, float) / 255.0
+        depths[..., [0, 1, 3]] = 2.0 * depths[..., [0, 1, 3]] - 1.0
         return cls(codes, depths, tuple(numbers["extent"]), numbers["grid"], numbers["texels"])
 
 
@@ -49,9 +52,9 @@ def axes(direction: Floats) -> tuple[Floats, Floats]:
     return right, np.cross(direction, right)
 
 
-def shown(impostor: Impostor, points: Floats, eyes: Floats) -> tuple[Floats, Floats]:
-    """Return linear color with straight alpha (n, 4) and normal sums (n, 3) of rays through `points` (n, 3) toward
-    `eyes` (n, 3), of length 1.
+def shown(impostor: Impostor, points: Floats, eyes: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return linear color with straight alpha (n, 4), normal sums (n, 3) and light (n,) of rays through `points` (n, 3)
+    toward `eyes` (n, 3), of length 1.
     """
     rays = eyes.copy()
     rays[:, 2] = np.maximum(eyes[:, 2], -np.linalg.norm(eyes[:, :2], axis=1))
@@ -59,14 +62,16 @@ def shown(impostor: Impostor, points: Floats, eyes: Floats) -> tuple[Floats, Flo
     # Eyes deeper than 45° below see the picture from 45°.
     (right, up), (_, upright) = axes(eyes), axes(rays)
     points = right * (right * points).sum(axis=1)[:, None] + upright * (up * points).sum(axis=1)[:, None]
-    total, normals = np.zeros((len(points), 4)), np.zeros((len(points), 3))
+    total, normals, open_sum = np.zeros((len(points), 4)), np.zeros((len(points), 3)), np.zeros((len(points), 1))
     for tiles, weights in _views(eyes, impostor.grid):
-        color, normal = _of_view(impostor, tiles, points, rays)
+        color, normal, openness = _of_view(impostor, tiles, points, rays)
         share = color[:, 3:] * weights[:, None]
         total += np.hstack([color[:, :3] * share, share])
         normals += normal * share
+        open_sum += openness * share
     straight = np.divide(total[:, :3], total[:, 3:], out=np.zeros((len(points), 3)), where=total[:, 3:] > 0.0)
-    return np.hstack([straight, total[:, 3:]]), normals
+    light = np.divide(open_sum, total[:, 3:], out=np.ones((len(points), 1)), where=total[:, 3:] > 0.0)
+    return np.hstack([straight, total[:, 3:]]), normals, light[:, 0]
 
 
 def _views(eyes: Floats, grid: int) -> list[tuple[Floats, Floats]]:
@@ -85,7 +90,7 @@ def _views(eyes: Floats, grid: int) -> list[tuple[Floats, Floats]]:
     ]
 
 
-def _of_view(impostor: Impostor, tiles: Floats, points: Floats, rays: Floats) -> tuple[Floats, Floats]:
+def _of_view(impostor: Impostor, tiles: Floats, points: Floats, rays: Floats) -> tuple[Floats, Floats, Floats]:
     p = tiles * (2.0 / (impostor.grid - 1)) - 1.0
     flat = 0.5 * np.stack([p[:, 0] + p[:, 1], p[:, 0] - p[:, 1]], axis=1)
     level = np.abs(flat).sum(axis=1)
@@ -96,9 +101,11 @@ def _of_view(impostor: Impostor, tiles: Floats, points: Floats, rays: Floats) ->
         steps = (height - (toward * points).sum(axis=1)) / (toward * rays).sum(axis=1)
         there = points + rays * steps[:, None]
         place = np.stack([(right * there).sum(axis=1), (up * there).sum(axis=1)], axis=1) / np.array(impostor.extent)
-        color, normal = (_bilinear(page, impostor, tiles, place) for page in (impostor.color, impostor.normal_depth))
-        height = normal[:, 3]
-    return color, normal[:, :3]
+        color, stored = (_bilinear(page, impostor, tiles, place) for page in (impostor.color, impostor.normal_depth))
+        height = stored[:, 3]
+    x, y = stored[:, :1], stored[:, 1:2]
+    normal = right * x + up * y + toward * np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
+    return color, normal, stored[:, 2:3]
 
 
 def _bilinear(page: Floats, impostor: Impostor, tiles: Floats, place: Floats) -> Floats:

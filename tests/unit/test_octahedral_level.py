@@ -71,7 +71,7 @@ def test_it_is_drawn_by_the_law(level: leafcloud.OctahedralLevel, direction: tup
     across, upward = np.meshgrid(steps, -steps)
     world = centre + radius * (across[..., None] * right + upward[..., None] * up).reshape(-1, 3)
     points = world @ level.to_layout[:, :3].T + level.to_layout[:, 3]
-    found, _ = shown(reference(level), points, np.tile(eye, (len(points), 1)))
+    found, _, _ = shown(reference(level), points, np.tile(eye, (len(points), 1)))
     assert np.abs(found[:, 3] * 255.0 - picture[..., 3].ravel()).max() <= 1.5
     solid = found[:, 3] > 0.1
     encoded = np.where(found <= 0.0031308, 12.92 * found, 1.055 * np.maximum(found, 1e-9) ** (1.0 / 2.4) - 0.055)

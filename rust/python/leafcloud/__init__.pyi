@@ -454,7 +454,8 @@ class OctahedralLevel:
         """(h, w, 4) base color of all views: sRGB, with coverage as straight alpha. Row 0 is on top."""
     @property
     def normal_depth(self) -> NDArray[np.uint8]:
-        """(h, w, 4) normals in the layout's axes, and in alpha the depth toward the viewer, all in [-1, 1] as codes."""
+        """(h, w, 4) x and y of the normals in each view's axes, in [-1, 1] as codes (z ≥ 0 follows), the share of the
+        sky that the leaf sees, and in alpha the depth toward the viewer, in [-1, 1] as codes."""
     @property
     def alpha_cutoff(self) -> float:
         """Least alpha to draw, for engines that cut out instead of blending."""

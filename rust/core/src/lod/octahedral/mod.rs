@@ -1,11 +1,11 @@
 //! The octahedral impostor: one quad that faces the eye and shows the three nearest of many views of the whole tree, trunk included, from
 //! above and from a little below (Brucks, "Octahedral Impostors", 2018).
 //!
-//! The views are on a hemi-octahedral grid ([`mapping`]). `pages` renders them: base color and alpha, normals and depth. [`draw`] has the
+//! The views are on a hemi-octahedral grid ([`mapping`]). `pages` renders them: base color and alpha, normals, openness and depth. [`draw`] has the
 //! law by which they are blended, shifted by the stored depth.
 //!
-//! `cost` has the cost of drawing it. Eyes below the lowest views see the tree as from these. Roughness, translucency and occlusion are not
-//! stored. Error bound: none; the pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others
+//! `cost` has the cost of drawing it. Eyes below the lowest views see the tree as from these. Roughness and translucency are not
+//! stored. The share of the sky that a leaf sees stands for the shadows of the other leaves. Error bound: none; the pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others
 //! in all three views is missing.
 //! Baking is O(views · triangles), the pages have `grid²·texels²` texels, whatever the tree. Deterministic on any number of threads.
 
@@ -26,10 +26,7 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::{Frame, Placement};
 use crate::metrics::{Comparison, Reference, View};
 use crate::progress::Progress;
-use crate::textures::{Page, Samples};
-
-/// Samples along each side of a texel. Textures of leaves are filtered over the distance between samples.
-const SAMPLES: usize = 2;
+use crate::textures::Page;
 
 /// Number and size of the views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +126,8 @@ pub struct Octahedral {
     pub frame: Frame,
     /// Base color of all views: sRGB with straight alpha. Alpha is coverage.
     pub color: Image,
-    /// Normals in the layout's axes, with the depth toward the viewer in alpha, both in [−1, 1] as codes.
+    /// x and y of the normals in the axes of each view, in [−1, 1] as codes; z ≥ 0 follows. Then the share of the sky that the leaf sees, and
+    /// in alpha the depth toward the viewer, in [−1, 1] as codes.
     pub normal_depth: Image,
     /// Least alpha to draw, for engines that cut out instead of blending.
     pub alpha_cutoff: f32,
@@ -151,8 +149,8 @@ impl Octahedral {
         let layout = Layout::around(parts, settings.up, size);
         let triangles = pages::placed(parts, &layout.axes, layout.centre);
         let bend = settings.channels.normal.unwrap_or(0.0);
-        let (color, normal_depth) =
-            pages::render(&triangles, &layout, Samples::new(SAMPLES)?, bend, progress.part(0.0, 0.8))?;
+        let openness = pages::Openness::of(parts, parts[0].frame());
+        let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
         progress.tell("tune", 0.8)?;
         let references = References::new(parts, parts, parts[0].frame(), settings)?;
         let color = tuned(&layout, color, &normal_depth, &references.tuning)?;

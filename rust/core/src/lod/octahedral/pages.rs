@@ -1,6 +1,6 @@
 //! The pages of an octahedral impostor: every view of the grid, rendered by the rasterizer of the atlas pages.
 
-use glam::{DMat3, DVec2, DVec3, Mat3, Vec3, Vec4};
+use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::mapping::{axes, from_grid};
@@ -8,25 +8,52 @@ use super::{Layout, Size};
 use crate::color::quantise;
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
+use crate::geometry::Frame;
 use crate::progress::Progress;
 use crate::textures::{
-    Canvas, Channel, Samples, ScreenTriangle, Seen, Shader, Window, fill_transparent, rasterise_timed,
+    Canvas, Channel, Samples, ScreenTriangle, Seen, Shader, Sky, Window, fill_transparent, rasterise_timed,
 };
 
+/// The share of the sky that each triangle sees from its middle.
+pub(super) struct Openness<'a> {
+    parts: &'a [&'a Foliage],
+    shares: Vec<Vec<f32>>,
+}
+
+impl<'a> Openness<'a> {
+    /// Measures the parts of a tree. `frame`: of the leaves.
+    pub fn of(parts: &'a [&'a Foliage], frame: &Frame) -> Self {
+        let sky = Sky::over(parts, frame);
+        let share = |part: &Foliage, triangle: usize| {
+            let [a, b, c] = part.corners(triangle);
+            sky.from(part.frame().to_caller((a + b + c) / 3.0)).share
+        };
+        let of_part = |part: &&Foliage| (0..part.triangle_count()).into_par_iter().map(|t| share(part, t)).collect();
+        Self { parts, shares: parts.iter().map(of_part).collect() }
+    }
+
+    fn at(&self, foliage: &Foliage, triangle: u32) -> f32 {
+        let part = self.parts.iter().position(|part| std::ptr::eq(*part, foliage));
+        part.map_or(0.5, |part| self.shares[part][triangle as usize])
+    }
+}
+
 /// What a view shows of each texel.
-enum Texel {
+enum Texel<'a> {
     Color,
     /// Bent toward the hull of the crown by this share.
     Normal(f32),
+    Openness(&'a Openness<'a>),
     /// Height toward the viewer, as a share of the layout's depth.
     Depth,
 }
 
-impl Shader for Texel {
+impl Shader for Texel<'_> {
     fn shade(&self, seen: &Seen) -> Vec3 {
         match self {
             Self::Color => Channel::BaseColor.shade(seen),
             Self::Normal(bend) => Channel::Normal(*bend).shade(seen),
+            Self::Openness(openness) => Vec3::splat(openness.at(seen.triangle.foliage, seen.triangle.triangle)),
             Self::Depth => {
                 let heights = Vec3::from_array(seen.triangle.corners.map(|corner| corner.z));
                 Vec3::splat(heights.dot(seen.spot.weights))
@@ -34,6 +61,9 @@ impl Shader for Texel {
         }
     }
 }
+
+/// Samples along each side of a texel. Textures of leaves are filtered over the distance between samples.
+const SAMPLES: usize = 2;
 
 /// A triangle in the layout's axes, from its center.
 pub(super) struct Placed<'a> {
@@ -55,18 +85,19 @@ pub(super) fn placed<'a>(parts: &[&'a Foliage], axes: &DMat3, centre: DVec3) -> 
     parts.iter().flat_map(of_part).collect()
 }
 
-/// Renders all views. Returns base color (sRGB, straight alpha), and normals in the layout's axes with the depth in alpha; both are in
-/// [−1, 1] as codes. Gaps have the values of their surroundings.
+/// Renders all views. Returns base color (sRGB, straight alpha), and x and y of normals in the view's axes, openness and depth, all but the
+/// openness in [−1, 1] as codes. Gaps have the values of their surroundings.
 pub(super) fn render(
     triangles: &[Placed],
     layout: &Layout,
-    samples: Samples,
     bend: f32,
+    openness: &Openness,
     progress: Progress,
 ) -> Result<(Image, Image)> {
     let Size { grid, texels } = layout.size;
     let side = grid * texels;
-    let shaders = [Texel::Color, Texel::Normal(bend), Texel::Depth];
+    let samples = Samples::new(SAMPLES)?;
+    let shaders = [Texel::Color, Texel::Normal(bend), Texel::Openness(openness), Texel::Depth];
     let mut pages = [vec![[0; 4]; side * side], vec![[0; 4]; side * side]];
     for row in 0..grid {
         progress.tell("bake", row as f64 / grid as f64)?;
@@ -101,8 +132,6 @@ struct View {
     up: DVec3,
     toward: DVec3,
     half: f64,
-    /// From the layout's axes to the view's.
-    turn: Mat3,
     window: Window,
 }
 
@@ -116,7 +145,6 @@ impl View {
             up: up / layout.extent.y,
             toward: direction / layout.extent.z,
             half: texels as f64 / 2.0,
-            turn: turn.as_mat3(),
             window: Window { columns: 0..texels, rows: 0..texels, view: (turn * layout.axes.transpose()).as_mat3() },
         }
     }
@@ -136,13 +164,16 @@ impl View {
 
     /// Returns the texels of both pages.
     fn codes(&self, canvases: &[Canvas]) -> [Vec<[u8; 4]>; 2] {
-        let [color, normal, depth] = [&canvases[0], &canvases[1], &canvases[2]];
+        let [color, normal, openness, depth] = [0, 1, 2, 3].map(|number| &canvases[number]);
         let straight = |p: &Vec4| if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
-        let both = |(n, z): (&Vec4, &Vec4)| {
-            let turned = self.turn.transpose() * straight(n).try_normalize().unwrap_or(Vec3::Z);
-            (turned.extend(straight(z).x) * 0.5 + 0.5).to_array().map(quantise)
+        let all = |(n, (o, z)): (&Vec4, (&Vec4, &Vec4))| {
+            // Normals face the viewer, so z follows from x and y; a bent one may not.
+            let n = straight(n).try_normalize().unwrap_or(Vec3::Z);
+            let n = if n.z < 0.0 { n.truncate().normalize_or_zero() } else { n.truncate() };
+            [0.5 + 0.5 * n.x, 0.5 + 0.5 * n.y, straight(o).x, 0.5 + 0.5 * straight(z).x].map(quantise)
         };
         let color = Channel::BaseColor.to_image(color);
-        [color.pixels().to_vec(), normal.pixels.iter().zip(&depth.pixels).map(both).collect()]
+        let heights = openness.pixels.iter().zip(&depth.pixels);
+        [color.pixels().to_vec(), normal.pixels.iter().zip(heights).map(all).collect()]
     }
 }
