@@ -22,6 +22,9 @@ pub enum Last {
     Octahedral,
 }
 
+/// Least ratio of the distances at which two levels take over, so that each is drawn.
+const LEAST_STEP: f64 = 1.25;
+
 /// What an octahedral impostor would show and replace.
 #[derive(Clone, Copy)]
 pub struct Place<'a> {
@@ -29,6 +32,8 @@ pub struct Place<'a> {
     pub parts: &'a [&'a Foliage],
     /// The level before the cross impostor.
     pub before: &'a Foliage,
+    /// Pictures of that level; `None` for the leaves.
+    pub before_pictures: Option<&'a Comparison>,
     /// The chain of the tree.
     pub chain: &'a Chain,
 }
@@ -57,12 +62,14 @@ pub fn octahedral(
             let (up, size) = (settings.up, Size::default());
             let range = Range { smallest: crown(&cross.pictures, target), place, up };
             let layout = Layout::around(place.parts, up, size);
-            // At best it takes over where its texels are as large as pixels.
-            if range.saving(size.texels as f64, &layout)? < LEAST_SAVING {
+            // At best it takes over where its texels are as large as pixels, and some time after the level before.
+            let before = place.before_pictures.map_or(f64::INFINITY, |pictures| crown(pictures, target) / LEAST_STEP);
+            let largest = before.min(size.texels as f64);
+            if range.saving(largest, &layout)? < LEAST_SAVING {
                 return Ok(None);
             }
             let built = build()?;
-            let is_worth_it = range.saving(crown(&built.pictures, target), &layout)? >= LEAST_SAVING;
+            let is_worth_it = range.saving(crown(&built.pictures, target).min(largest), &layout)? >= LEAST_SAVING;
             Ok(is_worth_it.then_some(built))
         }
         _ => Ok(None),

@@ -20,7 +20,7 @@ fn chosen(
     leaves: &Foliage,
     before: &Foliage,
 ) -> Result<Option<Octahedral>, Error> {
-    let place = Place { parts: &[leaves], before, chain };
+    let place = Place { parts: &[leaves], before, before_pictures: None, chain };
     octahedral(last, target, place, &settings(true), Progress::silent())
 }
 

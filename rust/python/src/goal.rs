@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use leafcloud::geometry::Frame;
 use leafcloud::lod::{self, Chain, ChainSettings, Octahedral, Origin};
+use leafcloud::metrics::Comparison;
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::quality::{LATER, settings_for};
 use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, leaf_level, octahedral};
@@ -30,12 +31,14 @@ impl Built {
         PyChain { chain, radius: frame.radius, offer, leaf_level, octahedral }
     }
 
-    /// Returns the triangles of the level before the last one.
-    fn before_last(&self, foliage: &Foliage) -> leafcloud::Result<Foliage> {
+    /// Returns the triangles of the level before the last one, and its pictures; those of the leaves are not known.
+    fn before_last(&self, foliage: &Foliage) -> leafcloud::Result<(Foliage, Option<&Comparison>)> {
         if let Some(level) = self.chain.levels.iter().rev().nth(1) {
-            return level.foliage();
+            return Ok((level.foliage()?, Some(&level.pictures)));
         }
-        Ok(self.leaf_level.as_ref().map_or(foliage, |level| &level.leaves.foliage).clone())
+        let simplified = self.leaf_level.as_ref();
+        let shown = simplified.map_or(foliage, |level| &level.leaves.foliage);
+        Ok((shown.clone(), simplified.map(|level| &level.pictures)))
     }
 }
 
@@ -108,9 +111,9 @@ impl Wanted {
             return goal.build(foliage, trunk, settings, progress);
         }
         let built = goal.build(foliage, trunk, settings, progress.part(0.0, SHARE_OF_CHAIN))?;
-        let before = built.before_last(foliage)?;
+        let (before, before_pictures) = built.before_last(foliage)?;
         let parts: Vec<&Foliage> = std::iter::once(foliage).chain(trunk).collect();
-        let place = Place { parts: &parts, before: &before, chain: &built.chain };
+        let place = Place { parts: &parts, before: &before, before_pictures, chain: &built.chain };
         let impostor = octahedral(*last, goal.later_target(), place, settings, progress.part(SHARE_OF_CHAIN, 1.0))?;
         Ok(Built { octahedral: impostor.map(Arc::new), ..built })
     }

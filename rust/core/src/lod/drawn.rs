@@ -18,7 +18,7 @@ use crate::textures::Drawn;
 use crate::transition::Projection;
 
 /// Share of torn leaves from which billboards show strips of them. With fewer, a strip more changes nothing that one sees
-/// (docs/decisions/torn_leaves.md).
+/// (`docs/decisions/torn_leaves.md`).
 const MANY_TORN: f64 = 0.25;
 
 /// Returns whether many leaves have triangles on several planes.

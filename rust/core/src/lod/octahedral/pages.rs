@@ -110,7 +110,7 @@ pub(super) fn render(
                 let silent = Progress::silent();
                 let (mut canvases, _) = rasterise_timed(&drawn, texels, texels, samples, &shaders, silent)?;
                 canvases.iter_mut().for_each(fill_transparent);
-                Ok(view.codes(&canvases))
+                Ok(codes(&canvases))
             })
             .collect::<Result<_>>()?;
         for (column, view) in views.iter().enumerate() {
@@ -161,19 +161,19 @@ impl View {
             reach: f32::INFINITY,
         }
     }
+}
 
-    /// Returns the texels of both pages.
-    fn codes(&self, canvases: &[Canvas]) -> [Vec<[u8; 4]>; 2] {
-        let [color, normal, openness, depth] = [0, 1, 2, 3].map(|number| &canvases[number]);
-        let straight = |p: &Vec4| if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
-        let all = |(n, (o, z)): (&Vec4, (&Vec4, &Vec4))| {
-            // Normals face the viewer, so z follows from x and y; a bent one may not.
-            let n = straight(n).try_normalize().unwrap_or(Vec3::Z);
-            let n = if n.z < 0.0 { n.truncate().normalize_or_zero() } else { n.truncate() };
-            [0.5 + 0.5 * n.x, 0.5 + 0.5 * n.y, straight(o).x, 0.5 + 0.5 * straight(z).x].map(quantise)
-        };
-        let color = Channel::BaseColor.to_image(color);
-        let heights = openness.pixels.iter().zip(&depth.pixels);
-        [color.pixels().to_vec(), normal.pixels.iter().zip(heights).map(all).collect()]
-    }
+/// Returns the texels of both pages of a view, from its color, normal, openness and depth.
+fn codes(canvases: &[Canvas]) -> [Vec<[u8; 4]>; 2] {
+    let [color, normal, openness, depth] = [0, 1, 2, 3].map(|number| &canvases[number]);
+    let straight = |p: &Vec4| if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
+    let all = |(n, (o, z)): (&Vec4, (&Vec4, &Vec4))| {
+        // Normals face the viewer, so z follows from x and y; a bent one may not.
+        let n = straight(n).try_normalize().unwrap_or(Vec3::Z);
+        let n = if n.z < 0.0 { n.truncate().normalize_or_zero() } else { n.truncate() };
+        [0.5 + 0.5 * n.x, 0.5 + 0.5 * n.y, straight(o).x, 0.5 + 0.5 * straight(z).x].map(quantise)
+    };
+    let color = Channel::BaseColor.to_image(color);
+    let heights = openness.pixels.iter().zip(&depth.pixels);
+    [color.pixels().to_vec(), normal.pixels.iter().zip(heights).map(all).collect()]
 }
