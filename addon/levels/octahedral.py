@@ -31,6 +31,8 @@ COLOR_NODE, NORMAL_DEPTH_NODE = "Octahedral Color", "Octahedral Normal and Depth
 """Names of the image nodes that hold the pages in the material of the cross impostor, for files."""
 _SUBDIVISIONS, _FLATTEST = 2, 0.93
 """Of the sphere's 80 triangles; none is nearer to its middle than the second number, in radii."""
+_LEAST_HALF = 0.01
+"""Half of the least height, in the impostor's unit: a carpet needs a surface that rays can hit from the side."""
 
 
 def octahedral_object(level: leafcloud.OctahedralLevel, number: int, build: Build) -> bpy.types.Object:
@@ -45,12 +47,11 @@ def octahedral_object(level: leafcloud.OctahedralLevel, number: int, build: Buil
             atlas_image(f"{name}_octahedral_normal", level.normal_depth, data=True),
         )
     for image, held in zip(pages, (COLOR_NODE, NORMAL_DEPTH_NODE), strict=True):
-        tree = plain.materials[0].node_tree
-        _image_node(tree, image, held)
+        _image_node(plain.materials[0].node_tree, image, held)
     mesh = _ellipsoid(f"{name}_around", level)
     mesh.materials.append(_material(f"{name}_octahedral", level, pages, build))
     obj = bpy.data.objects.new(name, mesh)
-    obj[EXTRAS] = {**extras, "max_deviation": level.max_deviation_leaves, "octahedral": _numbers(level)}
+    obj[EXTRAS] = {**extras, "octahedral": _numbers(level)}
     obj[PLAIN] = plain
     return obj
 
@@ -97,7 +98,8 @@ def _numbers(level: leafcloud.OctahedralLevel) -> dict[str, Any]:
 def _ellipsoid(name: str, level: leafcloud.OctahedralLevel) -> bpy.types.Mesh:
     """Create an ellipsoid around the tree, in the tree's coordinates. It holds the cylinder that holds the tree."""
     turn, offset = level.to_layout[:, :3], level.to_layout[:, 3]
-    radii = math.sqrt(2.0) / _FLATTEST * np.array([level.extent[0], level.extent[0], level.half[2]])
+    half = np.maximum([level.extent[0], level.extent[0], level.half[2]], _LEAST_HALF)
+    radii = math.sqrt(2.0) / _FLATTEST * half
     to_tree = np.linalg.inv(turn)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = to_tree * radii, to_tree @ -offset

@@ -5,7 +5,7 @@
 //!
 //! An edge (u, v) collapses to v. Every corner of the input has a nearest face. If that face is at u, the distance from the corner to the faces
 //! that replace it is the deviation: an upper bound of the true one. New faces stay near the input, too: the middles of their edges are
-//! within the bound of it, so that notches are not filled. A face never turns over. O(t log t) collapses; the middles cost O(t) each at worst.
+//! within the bound of it, so that notches are not filled. A face never turns over. O(t log t) for leaves of even triangles.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -178,7 +178,7 @@ impl<'a> Collapse<'a> {
     /// is asked.
     fn departs(&self, from: u32, to: u32) -> bool {
         let middles = self.replaced(from, to).flat_map(|(_, [a, b, c])| [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0]);
-        middles.into_iter().any(|p| self.source.nearest(p).distance(p) > self.bound)
+        middles.into_iter().any(|p| !self.source.reach(p, self.bound))
     }
 
     fn apply(&mut self, from: u32, to: u32) {

@@ -4,8 +4,7 @@
 //! ([`Collapse`]). A leaf without its lobes is smaller, so it grows about its pivot until it has the area that it had. Each corner of the input
 //! moves to the nearest point of its simplified leaf, as far as that has grown: the target of a morph.
 //!
-//! O(t²) for a leaf of t triangles, so leaves of more than [`MOST_TRIANGLES`] stay as they are. Another known limit: only corners of the input and
-//! middles of new edges are checked.
+//! O(t log t) for a leaf of t triangles. A known limit: only corners of the input and middles of new edges are checked.
 
 use glam::DVec3;
 use leafcloud::foliage::area_vector;
@@ -66,9 +65,6 @@ pub fn simplified_leaves(foliage: &Foliage, bound: f64, progress: Progress) -> R
     }))
 }
 
-/// Most triangles of a leaf that is simplified.
-const MOST_TRIANGLES: usize = 256;
-
 /// Greatest growth of a leaf.
 const MOST_GROWTH: f64 = 1.5;
 
@@ -83,8 +79,7 @@ struct Leaf {
 impl Leaf {
     fn within(foliage: &Foliage, triangles: &[u32], bound: f64) -> Self {
         let whole = || triangles.iter().map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let corners: Part =
-            if triangles.len() > MOST_TRIANGLES { whole() } else { Collapse::new(foliage, triangles, bound).run() };
+        let corners: Part = Collapse::new(foliage, triangles, bound).run();
         let is_seen = |t: &[u32; 3]| area_vector(t.map(|corner| foliage.corner(corner))) != DVec3::ZERO;
         let corners = if corners.iter().any(is_seen) { corners } else { whole() };
         let before: Vec<[DVec3; 3]> = triangles.iter().map(|&t| foliage.corners(t as usize)).collect();

@@ -1,38 +1,104 @@
-//! The nearest point of a set of triangles.
+//! The nearest point of a set of triangles, by a tree of bounding boxes.
 
 use glam::DVec3;
 
-/// Triangles in a block. Blocks farther away than the nearest point so far are skipped.
-const BLOCK: usize = 16;
+/// Most triangles of a box that is not divided.
+const FEW: usize = 8;
 
-/// Triangles in blocks with their bounding boxes, in the given order: triangles that follow one another should be near one another.
+/// Triangles in a tree of boxes, each divided at the median of the triangles' middles along its longest side.
 pub struct Triangles {
+    /// In the order of the tree.
     corners: Vec<[DVec3; 3]>,
-    boxes: Vec<(DVec3, DVec3)>,
+    /// A box is followed by its first half.
+    boxes: Vec<Bounds>,
+}
+
+struct Bounds {
+    low: DVec3,
+    high: DVec3,
+    content: Content,
+}
+
+enum Content {
+    /// The number of the box of the second half.
+    Halves(usize),
+    /// Triangles.
+    Few(std::ops::Range<usize>),
+}
+
+impl Bounds {
+    fn distance_squared(&self, p: DVec3) -> f64 {
+        p.clamp(self.low, self.high).distance_squared(p)
+    }
 }
 
 impl Triangles {
-    /// Takes at least one triangle.
+    /// Takes at least one triangle. O(t log² t).
     pub fn new(corners: Vec<[DVec3; 3]>) -> Self {
-        let bounds = |block: &[[DVec3; 3]]| {
-            let points = block.as_flattened().iter();
-            points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)))
-        };
-        Self { boxes: corners.chunks(BLOCK).map(bounds).collect(), corners }
+        let count = corners.len();
+        let mut triangles = Self { corners, boxes: Vec::new() };
+        triangles.divide(0..count);
+        triangles
     }
 
-    /// Returns the point of the triangles that is nearest to `p`; of several, one of the first triangle. O(t) at worst.
+    fn divide(&mut self, range: std::ops::Range<usize>) {
+        let points = self.corners[range.clone()].as_flattened().iter();
+        let (low, high) =
+            points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        let number = self.boxes.len();
+        self.boxes.push(Bounds { low, high, content: Content::Few(range.clone()) });
+        if range.len() <= FEW {
+            return;
+        }
+        let longest = (high - low).max_position();
+        let middle = |[a, b, c]: &[DVec3; 3]| (*a + *b + *c)[longest];
+        // Stable, so that equal middles keep their order.
+        self.corners[range.clone()].sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+        let half = range.start + range.len() / 2;
+        self.divide(range.start..half);
+        self.boxes[number].content = Content::Halves(self.boxes.len());
+        self.divide(half..range.end);
+    }
+
+    /// Returns the point of the triangles that is nearest to `p`; of several, always the same. O(log t) for triangles of even sizes.
     pub fn nearest(&self, p: DVec3) -> DVec3 {
-        let (mut best, mut least) = (self.corners[0][0], f64::INFINITY);
-        for (block, (low, high)) in self.corners.chunks(BLOCK).zip(&self.boxes) {
-            if p.clamp(*low, *high).distance_squared(p) >= least {
+        self.nearest_within(p, f64::INFINITY, |_| false).unwrap_or(self.corners[0][0])
+    }
+
+    /// Returns whether a point of the triangles is no farther than `distance` from `p`.
+    pub fn reach(&self, p: DVec3, distance: f64) -> bool {
+        let most = distance * distance;
+        self.nearest_within(p, most * (1.0 + 4.0 * f64::EPSILON), |found| found <= most)
+            .is_some_and(|q| q.distance(p) <= distance)
+    }
+
+    /// Returns the nearest point at a squared distance below `least`, or the first one that is near `enough`.
+    fn nearest_within(&self, p: DVec3, mut least: f64, enough: impl Fn(f64) -> bool) -> Option<DVec3> {
+        let mut best = None;
+        let mut waiting = vec![0];
+        while let Some(number) = waiting.pop() {
+            let bounds = &self.boxes[number];
+            if bounds.distance_squared(p) >= least {
                 continue;
             }
-            for triangle in block {
-                let point = in_triangle(p, *triangle);
-                let distance = point.distance_squared(p);
-                if distance < least {
-                    (best, least) = (point, distance);
+            match &bounds.content {
+                Content::Halves(second) => {
+                    let halves = [number + 1, *second];
+                    let [first, other] = halves.map(|half| self.boxes[half].distance_squared(p));
+                    // The nearer one is taken from the end.
+                    waiting.extend(if first <= other { [halves[1], halves[0]] } else { halves });
+                }
+                Content::Few(range) => {
+                    for triangle in &self.corners[range.clone()] {
+                        let point = in_triangle(p, *triangle);
+                        let distance = point.distance_squared(p);
+                        if distance < least {
+                            (best, least) = (Some(point), distance);
+                            if enough(distance) {
+                                return best;
+                            }
+                        }
+                    }
                 }
             }
         }
@@ -103,13 +169,15 @@ mod tests {
     }
 
     #[test]
-    fn blocks_leave_nothing_out() {
+    fn boxes_leave_nothing_out() {
         // A row of separate triangles at x = 0, 10, 20 …, and points beside each of them.
         let triangles = (0..100).map(|i| CORNERS.map(|p| p + DVec3::X * f64::from(10 * i))).collect();
         let triangles = Triangles::new(triangles);
         for i in 0..100 {
             let at = DVec3::X * f64::from(10 * i);
-            assert_eq!(triangles.nearest(at + DVec3::new(1.0, 1.0, -2.0)), at + DVec3::new(1.0, 1.0, 0.0));
+            let beside = at + DVec3::new(1.0, 1.0, -2.0);
+            assert_eq!(triangles.nearest(beside), at + DVec3::new(1.0, 1.0, 0.0));
+            assert!(triangles.reach(beside, 2.0) && !triangles.reach(beside, 1.999));
         }
     }
 }

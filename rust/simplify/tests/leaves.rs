@@ -54,6 +54,14 @@ fn a_flat_strip_becomes_a_rectangle() {
 }
 
 #[test]
+fn a_leaf_of_thousands_of_triangles_is_simplified() {
+    let foliage = blades(&APART, 2000, |_| 0.0);
+    let found = simpler(&foliage, 1e-9).expect("fewer triangles");
+    assert_eq!(found.foliage.triangle_count(), 4);
+    assert!((area(&found.foliage) - 0.2).abs() < 1e-9);
+}
+
+#[test]
 fn a_strip_that_bends_by_more_than_the_bound_keeps_its_bend() {
     // The strip is a ridge: its middle is 0.2 above its ends, the leaves' R is about 0.9.
     let foliage = blades(&APART, 2, |x| 0.2 * (1.0 - (2.0 * x - 1.0).abs()));
