@@ -25,6 +25,9 @@ struct LcViews {
 // How far the views reach below the horizon, and the corrections of the height by the stored depth.
 const float LC_BELOW = 0.5;
 const int LC_STEPS = 2;
+// Light over the visible share of the sky. A leaf on the hull sees half of the sky, and gets all of its light; the sun
+// reaches half of such leaves, because the others stand in the way.
+const float LC_OPEN = 1.5;
 
 // The direction from the tree to the viewer of a view.
 vec3 lc_view_direction(vec2 tile, float grid) {
@@ -119,7 +122,7 @@ void lc_octahedral(
         normal += share * lc_view_normal(2.0 * shading.xy - 1.0, lc_view_direction(views.tiles[i], impostor.grid));
         light += share * shading.z;
     }
-    light = sum.a > 0.0 ? light / sum.a : 1.0;
+    light = sum.a > 0.0 ? min(LC_OPEN * light / sum.a, 1.0) : 1.0;
     shown = vec4(sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0), sum.a);
     normal = dot(normal, normal) > 0.0 ? normalize(normal) : eye;
 }

@@ -22,7 +22,7 @@ import leafcloud
 
 from ..mesh.baked_levels import EXTRAS, PLAIN
 from ..nodes.builder import Section
-from ..nodes.octahedral import STEPS, transformed, view_group, views_group
+from ..nodes.octahedral import OPEN, STEPS, transformed, view_group, views_group
 from .building import Build, BuiltLevel
 from .clouds import cloud_object
 from .material import atlas_image, hide_back_in_cycles
@@ -95,11 +95,16 @@ def _numbers(level: leafcloud.OctahedralLevel) -> dict[str, Any]:
     }
 
 
+def _radii(level: leafcloud.OctahedralLevel) -> NDArray[np.float64]:
+    """Return the radii of the ellipsoid, in the impostor's unit."""
+    half = np.maximum([level.extent[0], level.extent[0], level.half[2]], _LEAST_HALF)
+    return math.sqrt(2.0) / _FLATTEST * half
+
+
 def _ellipsoid(name: str, level: leafcloud.OctahedralLevel) -> bpy.types.Mesh:
     """Create an ellipsoid around the tree, in the tree's coordinates. It holds the cylinder that holds the tree."""
     turn, offset = level.to_layout[:, :3], level.to_layout[:, 3]
-    half = np.maximum([level.extent[0], level.extent[0], level.half[2]], _LEAST_HALF)
-    radii = math.sqrt(2.0) / _FLATTEST * half
+    radii = _radii(level)
     to_tree = np.linalg.inv(turn)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = to_tree * radii, to_tree @ -offset
@@ -124,6 +129,7 @@ def _material(
         material.use_nodes = True
     material.use_backface_culling = True
     tree = material.node_tree
+    radii = _radii(level)
     color, alpha, normal = _seen(tree, level, pages, dims=build.light is None)
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     shading = build.shading
@@ -141,7 +147,30 @@ def _material(
         tree.links.new(color, surface.inputs["Emission Color"])
         material.cycles.emission_sampling = "NONE"
     hide_back_in_cycles(tree)
+    _show_from_inside(tree, level, radii)
     return material
+
+
+def _show_from_inside(tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel, radii: NDArray[np.float64]) -> None:
+    """Show the tree on the back of the ellipsoid to rays that start inside of it, such as shadow rays from the ground.
+
+    A ray starts inside if it is shorter than the chord of the ellipsoid: −2 q·d / d² from the place q in the direction
+    d, both divided by the radii.
+    """
+    section = Section(tree, "Starts the ray outside?", (-5200.0, 1200.0))
+    rows = level.to_layout / radii[:, None]
+    place = transformed(section, rows.tolist(), section.node("ShaderNodeTexCoord").outputs["Object"], "q")
+    geometry = section.node("ShaderNodeNewGeometry").outputs
+    to_object = {"vector_type": "VECTOR", "convert_from": "WORLD", "convert_to": "OBJECT"}
+    own = section.result("ShaderNodeVectorTransform", geometry["Incoming"], **to_object)
+    way = transformed(section, rows[:, :3].tolist(), own, "d")
+    along, square = (section.vector("DOT_PRODUCT", each, way) for each in (place, way))
+    chord = section.math("MULTIPLY", section.math("DIVIDE", along, square), -2.0, label="Chord")
+    length = section.node("ShaderNodeLightPath").outputs["Ray Length"]
+    outside = section.math("GREATER_THAN", length, chord, label="Longer than the chord?")
+    hidden = section.math("MULTIPLY", geometry["Backfacing"], outside, label="Hidden")
+    shown = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target == "CYCLES")
+    tree.links.new(hidden, shown.inputs["Surface"].links[0].from_node.inputs["Fac"])
 
 
 def _seen(
@@ -180,7 +209,8 @@ def _seen(
     alphas = section.result("ShaderNodeCombineXYZ", alpha, alpha, alpha)
     color = section.vector("DIVIDE", color_sum, alphas, label="Color")
     if dims:
-        light = section.math("DIVIDE", openness, alpha, label="Light that the leaves let through")
+        share = section.math("MULTIPLY", section.math("DIVIDE", openness, alpha), OPEN)
+        light = section.math("MINIMUM", share, 1.0, label="Light that the leaves let through")
         color = section.vector("SCALE", color, light, label="Dimmed")
     turned = transformed(section, matrix[:, :3].T.tolist(), normal_sum, "In the tree's axes")
     to_world = {"vector_type": "NORMAL", "convert_from": "OBJECT", "convert_to": "WORLD"}

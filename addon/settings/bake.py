@@ -442,11 +442,12 @@ class BakeSettings:
             )
         if self.last == "octahedral" and not self.cross:
             raise SettingsError(
-                "`last=octahedral` needs `cross`, because files have a cross impostor in its place: turn `cross` on"
+                "`last=octahedral` needs the cross impostor, which files have in its place: leave out `cross=False`"
             )
         if self.form == "leaves" and (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
             raise SettingsError(
-                "`form=leaves` needs `quality`, which judges the leaves: set neither `pixels` nor a wish nor `chain`"
+                "`form=leaves` needs `quality`, which judges the leaves: leave out `pixels`, `seconds`, `image_error`, "
+                "`preset` and `chain`"
             )
 
     def _check_effects(self) -> None:

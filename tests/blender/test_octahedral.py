@@ -14,7 +14,7 @@ from glb import read_chunks, read_glb, read_scene
 from mathutils import Euler, Matrix, Vector
 from octahedral import Impostor, shown
 from renders import render
-from scenes import bake, import_part, read
+from scenes import add_mesh, bake, import_part, read
 
 import leafcloud
 from addon.bake.values import Baked
@@ -99,6 +99,30 @@ def by_the_law(
     return seen.reshape(SIDE, GRID, SIDE, GRID, 4).mean(axis=(1, 3))
 
 
+def test_the_ground_below_the_tree_has_its_shadow(shrub: Path, tmp_path: Path) -> None:
+    """The ground lies inside of the ellipsoid. The camera sees neither tree, only their shadows."""
+    tree = baked(shrub, effects="none")
+    leaves, impostor = tree.levels[0], tree.levels[-1]
+    middle, radius = tree.prepared.foliage.world_centre, tree.prepared.foliage.radius
+    foot = float(middle[2]) - 0.6 * radius
+    square = [(x * radius, y * radius, foot) for x, y in ((-3, -3), (3, -3), (3, 3), (-3, 3))]
+    add_mesh("ground", square, [(0, 1, 2, 3)])
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.rotation_euler = (0.5, 0.2, 0.0)
+    bpy.context.scene.collection.objects.link(sun)
+    pictures = []
+    for shown_objects in ((leaves.object, leaves.trunk), (impostor.object,)):
+        for level in tree.levels:
+            for obj in (level.object, level.trunk):
+                if obj is not None:
+                    obj.hide_render, obj.visible_camera = obj not in shown_objects, False
+        above = (float(middle[0]), float(middle[1]), foot + 9.0 * radius)
+        pictures.append(render(tmp_path, above, width=4.0 * radius, samples=128, pixel_filter="BOX")[..., 1])
+    true, found = (1.0 - picture / picture.max() for picture in pictures)
+    assert true.max() > 0.9
+    assert np.abs(found - true).mean() < 0.15 * true[true > 0.1].mean()
+
+
 def test_the_surface_holds_the_whole_tree(shrub: Path) -> None:
     """Every corner of leaves and trunk is inside of each triangle of the ellipsoid."""
     tree = baked(shrub, PLACES["mirrored"], effects="none")
@@ -175,5 +199,5 @@ def test_engines_that_do_not_draw_it_get_a_cross_impostor(shrub: Path) -> None:
 
 
 def test_it_needs_a_cross_impostor() -> None:
-    with pytest.raises(SettingsError, match="`last=octahedral` needs `cross`"):
+    with pytest.raises(SettingsError, match="`last=octahedral` needs the cross impostor"):
         BakeSettings(last="octahedral", cross=False)

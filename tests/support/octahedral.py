@@ -13,6 +13,7 @@ from laws import Floats
 
 BELOW = 0.5
 STEPS = 2
+OPEN = 1.5
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,8 @@ def shown(impostor: Impostor, points: Floats, eyes: Floats) -> tuple[Floats, Flo
         normals += normal * share
         open_sum += openness * share
     straight = np.divide(total[:, :3], total[:, 3:], out=np.zeros((len(points), 3)), where=total[:, 3:] > 0.0)
-    light = np.divide(open_sum, total[:, 3:], out=np.ones((len(points), 1)), where=total[:, 3:] > 0.0)
-    return np.hstack([straight, total[:, 3:]]), normals, light[:, 0]
+    light = np.divide(OPEN * open_sum, total[:, 3:], out=np.ones((len(points), 1)), where=total[:, 3:] > 0.0)
+    return np.hstack([straight, total[:, 3:]]), normals, np.minimum(light[:, 0], 1.0)
 
 
 def _views(eyes: Floats, grid: int) -> list[tuple[Floats, Floats]]:

@@ -38,12 +38,12 @@ pub struct Place<'a> {
     pub chain: &'a Chain,
 }
 
-/// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if there is none.
+/// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if it is left out.
 ///
 /// `target`: the image error that it may have where it takes over; without it, [`Last::Auto`] keeps the cross impostor.
 ///
 /// # Errors
-/// [`Last::Octahedral`] without a cross impostor, which plain files show; [`Error::Cancelled`].
+/// [`Last::Octahedral`] with settings without a cross impostor, which plain files show; [`Error::Cancelled`].
 pub fn octahedral(
     last: Last,
     target: Option<f64>,
@@ -54,8 +54,8 @@ pub fn octahedral(
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
     let build = || Octahedral::build(place.parts, Size::default(), settings, progress);
     match (last, cross, target) {
-        (Last::Octahedral, None, _) => Err(Error::invalid(
-            "last is \"octahedral\", but the chain has no cross impostor, which files have for readers without the shader; set `cross`",
+        (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
+            "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
         )),
         (Last::Octahedral, Some(_), _) => build().map(Some),
         (Last::Auto, Some(cross), Some(target)) => {

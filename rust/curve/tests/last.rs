@@ -43,8 +43,12 @@ fn it_replaces_many_triangles_and_not_two() {
 #[test]
 fn files_need_a_cross_impostor_beside_it() {
     let leaves = crown(100);
-    let chain = build_chain(&leaves, None, &settings(false), Progress::silent()).unwrap();
-    let error = chosen(Last::Octahedral, Some(0.08), &chain, &leaves, &leaves).unwrap_err().to_string();
+    let without = settings(false);
+    let chain = build_chain(&leaves, None, &without, Progress::silent()).unwrap();
+    let place = Place { parts: &[&leaves], before: &leaves, before_pictures: None, chain: &chain };
+    let with = |last, settings: &ChainSettings| octahedral(last, Some(0.08), place, settings, Progress::silent());
+    let error = with(Last::Octahedral, &without).unwrap_err().to_string();
     assert!(error.contains("cross"), "{error}");
-    assert!(chosen(Last::Auto, Some(0.08), &chain, &leaves, &leaves).unwrap().is_none());
+    assert!(with(Last::Auto, &without).unwrap().is_none());
+    assert!(with(Last::Octahedral, &settings(true)).unwrap().is_none(), "left out because it saves nothing");
 }

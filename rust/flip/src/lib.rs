@@ -44,7 +44,7 @@ pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
 }
 
 /// Returns the mean FLIP of two images of the same size over mid-gray, within 4 pixels of either silhouette; in [0, 1]. 0 if both are
-/// empty.
+/// empty. A silhouette is where alpha is above a half, or above half of the greatest alpha of plants so thin that none is.
 ///
 /// # Panics
 /// If the sizes differ.
@@ -52,7 +52,9 @@ pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
 pub fn flip(base: &Image, other: &Image) -> f64 {
     let errors = flip_map(base, other);
     let pixels = base.pixels().iter().zip(other.pixels());
-    let either: Vec<bool> = pixels.map(|(a, b)| a[3].max(b[3]) > 127).collect();
+    let either: Vec<u8> = pixels.map(|(a, b)| a[3].max(b[3])).collect();
+    let least = either.iter().max().map_or(127, |most| 127.min(most / 2));
+    let either: Vec<bool> = either.into_iter().map(|alpha| alpha > least).collect();
     let near = grown(&either, base.width(), base.height());
     let (sum, count) = errors
         .iter()
@@ -94,6 +96,13 @@ mod tests {
     fn a_picture_is_like_itself() {
         assert_eq!(flip(&columns(16), &columns(16)), 0.0);
         assert_eq!(flip(&columns(0), &columns(0)), 0.0);
+    }
+
+    #[test]
+    fn a_thin_plant_that_is_lost_is_off() {
+        let faint = |alpha: u8| Image::new(32, 32, vec![[20, 200, 40, alpha]; 1024]).unwrap();
+        assert!(flip(&faint(60), &faint(0)) > 0.05, "{}", flip(&faint(60), &faint(0)));
+        assert_eq!(flip(&faint(60), &faint(60)), 0.0);
     }
 
     #[test]
