@@ -1,8 +1,8 @@
 """The octahedral impostor in Blender: an ellipsoid around the tree, which shows the tree as seen along each ray.
 
-A quad that turns toward the camera would cast wrong shadows. Cycles darkens leaves whose normals point away from the
-surface that shows them; a smooth ellipsoid has few such leaves, a box many. In files the level is the cross impostor,
-with the data of the octahedral impostor for engines that draw it (`plain_files`).
+A quad that turns toward the camera would cast wrong shadows, and on a box Cycles darkens many leaves: those with
+normals that point away from the box. In files the level is the cross impostor, with the data of the octahedral impostor
+for engines that draw it (`plain_files`).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import leafcloud
 
-from .choices import CHAINS, ENGINES, FORMS, LASTS, Form, Last
+from .choices import CHAINS, ENGINES, FORMS, LASTS, VIEWERS, Form, Last
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Limits, NamedSetting, Setting
 
@@ -383,12 +383,7 @@ class BakeSettings:
         Setting(
             "Distances for which levels are made",
             "NAME",
-            choices={
-                "auto": "the scene's cameras over all frames if the cameras or the trees move and no engine is set, "
-                "else all distances, because the place of a still camera is often an accident",
-                "anywhere": "all distances, so all levels are made",
-                "camera": "the scene's cameras, moving or still, so only the levels that they see are made",
-            },
+            choices=VIEWERS,
         ),
     ] = "auto"
     unlit: Annotated[

@@ -27,3 +27,9 @@ LASTS: dict[Last, str] = {
     "cross": "a cross impostor",
     "octahedral": "an octahedral impostor in Blender, and a cross impostor in files for readers without its shader",
 }
+VIEWERS = {
+    "auto": "the scene's cameras over all frames if the cameras or the trees move and no engine is set, "
+    "else all distances, because the place of a still camera is often an accident",
+    "anywhere": "all distances, so all levels are made",
+    "camera": "the scene's cameras, moving or still, so only the levels that they see are made",
+}

@@ -12,7 +12,7 @@ fn settings(cross: bool) -> ChainSettings {
     ChainSettings { levels: usize::from(!cross), cross, texture_size: 512.into(), ..ChainSettings::default() }
 }
 
-/// Returns the impostor for a crown whose level before the last is `before`.
+/// Returns the impostor that replaces the level `before` of a crown.
 fn chosen(
     last: Last,
     target: Option<f64>,

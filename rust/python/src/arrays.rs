@@ -160,6 +160,12 @@ pub fn samples(value: &Bound<'_, PyAny>) -> PyResult<Samples> {
     Ok(Samples::new(count).map_err(Failure::from)?)
 }
 
+/// Reads a, the share of a transition.
+pub fn transition(value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let a: f64 = read(value, "a", "a number in [0, 1]")?;
+    if (0.0..=1.0).contains(&a) { Ok(a) } else { Err(refuse(format!("a is {a:?}; it must lie in [0, 1]"))) }
+}
+
 /// Reads a vector of three floats.
 pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let values: Vec<f64> = read(value, name, "three floats")?;

@@ -11,7 +11,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::point_groups;
+use crate::arrays::{self, point_groups};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::image_errors::PyImageErrors;
@@ -119,10 +119,7 @@ impl PyLeafLevel {
 
     fn morphed(&self, py: Python<'_>, before: &Bound<'_, PyAny>, a: &Bound<'_, PyAny>) -> PyResult<PyFoliage> {
         let before: Bound<'_, PyFoliage> = read(before, "before", "a Foliage")?;
-        let a: f64 = read(a, "a", "a number in [0, 1]")?;
-        if !(0.0..=1.0).contains(&a) {
-            return Err(refuse(format!("a is {a:?}; it must lie in [0, 1]")));
-        }
+        let a = arrays::transition(a)?;
         let (level, before) = (Arc::clone(&self.level), Arc::clone(&before.get().0));
         let (given, wanted) = (before.triangle_count(), level.leaves.targets.len());
         if given != wanted {

@@ -12,9 +12,9 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::arrays::{image_array, image_or_none, point_groups, vector_rows};
+use crate::arrays::{self, image_array, image_or_none, point_groups, vector_rows};
 use crate::curve::offer_dict;
-use crate::errors::{read, refuse};
+use crate::errors::read;
 use crate::foliage::PyFoliage;
 use crate::image_errors::PyImageErrors;
 use crate::ktx2;
@@ -483,10 +483,7 @@ impl PyLevel {
 
     fn morphed(&self, py: Python<'_>, before: &Bound<'_, PyAny>, a: &Bound<'_, PyAny>) -> PyResult<PyFoliage> {
         let before: Bound<'_, PyFoliage> = read(before, "before", "a Foliage")?;
-        let a: f64 = read(a, "a", "a number in [0, 1]")?;
-        if !(0.0..=1.0).contains(&a) {
-            return Err(refuse(format!("a is {a:?}; it must lie in [0, 1]")));
-        }
+        let a = arrays::transition(a)?;
         let (level, before) = (self.clone(), Arc::clone(&before.get().0));
         let foliage = interruptible(py, move |_| level.before_at(&before, a))?;
         Ok(PyFoliage(Arc::new(foliage)))

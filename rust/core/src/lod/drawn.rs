@@ -1,8 +1,8 @@
 //! The triangles that a plane's billboard shows.
 //!
-//! A billboard shows the triangles that morph onto it. A leaf whose triangles morph onto several billboards is torn, and shows a crack between
-//! them. Where many leaves are torn, as broad curved ones are, a billboard shows a strip more of its torn leaves: their other triangles, as far as they
-//! lie within ε of its plane.
+//! A billboard shows the triangles that morph onto it. A leaf on several billboards is torn: it shows a crack between them. Where many
+//! leaves are torn, as broad curved ones are, each billboard shows a strip more of its leaves: their other triangles, as far as these lie
+//! within ε of its plane.
 //!
 //! To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
 //! show the parts of all other triangles within ε of its plane, clipped to that slab and to the billboard. These extra triangles are not

@@ -1,4 +1,4 @@
-//! Tests against closed forms: a flat leaf seen head-on, and a cube of points whose places are known.
+//! Tests against closed forms: a flat leaf seen head-on, and points at known places.
 
 use glam::{DVec2, DVec3};
 
