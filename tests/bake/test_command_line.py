@@ -23,7 +23,7 @@ def test_an_obj_file_bakes(shrub: Path, tmp_path: Path, gltf_issues: Callable[..
     out = tmp_path / "out"
     report = bake_apart(source, out, *QUICK, "--levels", 1)
     assert report["input"]["leaves"] == 672
-    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "octahedral"]
+    assert [level["method"] for level in report["levels"]] == ["leaves", "stochastic", "cross"]
     assert "bush_LOD0_trunk" in read_glb(out / "bush.glb")
     assert gltf_issues(*out.glob("*.glb")) == []
 

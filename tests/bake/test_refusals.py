@@ -136,7 +136,20 @@ def test_a_folder_that_is_full_is_refused_and_left_as_it_was(shrub: Path, tmp_pa
         "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000)); "
         f"sys.argv[0] = {str(BAKE)!r}; runpy.run_path(sys.argv[0], run_name='__main__')"
     )
-    command = [sys.executable, "-c", limited, "--input", str(shrub), "--out", str(out), *QUICK, "--levels", "1"]
+    command = [
+        sys.executable,
+        "-c",
+        limited,
+        "--input",
+        str(shrub),
+        "--out",
+        str(out),
+        *QUICK,
+        "--levels",
+        "1",
+        "--last",
+        "cross",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 1
     *progress, line = done.stderr.splitlines()
