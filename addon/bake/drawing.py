@@ -65,7 +65,7 @@ def drawing_costs(baked: Baked) -> list[LevelDrawing]:
 
 
 def _drawn(level: leafcloud.AnyLevel) -> leafcloud.Foliage | leafcloud.OctahedralLevel:
-    """Return what is drawn of a level: its foliage, or the octahedral impostor itself."""
+    """Return the level's foliage, or the level itself if it is an octahedral impostor."""
     return level if isinstance(level, leafcloud.OctahedralLevel) else level.foliage()
 
 

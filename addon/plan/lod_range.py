@@ -88,7 +88,7 @@ def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
     Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
-    both. Only before an impostor, whose textures show the trunk, does a trunk fade out with its level.
+    both. Only before an impostor does a trunk fade out with its level, because the impostor's textures show it.
     """
     own = ranges[number]
     morphs = math.isfinite(own.end)

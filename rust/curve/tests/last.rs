@@ -1,4 +1,4 @@
-//! The form of the last level, on trees whose cheapest form is known.
+//! The form of the last level, on trees with a known cheapest form.
 
 mod common;
 

@@ -40,7 +40,7 @@ pub fn to_grid(direction: DVec3, grid: usize) -> DVec2 {
     (DVec2::new(x + y, x - y) * 0.5 + 0.5) * (grid - 1) as f64
 }
 
-/// Returns the three views whose triangle on the grid has the direction in it, with barycentric weights. Each cell is divided along the
+/// Returns the three views around a direction: the corners of its triangle on the grid, with barycentric weights. Each cell is divided along the
 /// diagonal from its first corner. Weights are continuous in the direction.
 #[must_use]
 pub fn around(direction: DVec3, grid: usize) -> [Weighted; 3] {
