@@ -125,7 +125,7 @@ def measure(plant: Path) -> tuple[list[Row], list[Pictures]]:
 
 @dataclass(frozen=True)
 class Compared:
-    """A level and what it is compared with: the leaves, and the trunk if the level's textures show it."""
+    """A level and its base for comparison: the leaves, with the trunk for levels whose textures show it."""
 
     leaves: leafcloud.Foliage
     base: Sequence[leafcloud.Foliage]

@@ -136,10 +136,11 @@ def shown_share(tree: bpy.types.NodeTree, texture: bpy.types.Node, alpha_cutoff:
     return threshold.outputs[0]
 
 
-def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
+def hide_back_in_cycles(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket | None = None) -> None:
     """Add an output for Cycles that makes back faces transparent, because Cycles has no backface culling.
 
-    Otherwise front and back billboards would both be visible and shade each other.
+    Otherwise front and back billboards would both be visible and shade each other. `hidden`: a value that is 1 where
+    the surface is transparent, in place of all back faces.
     """
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
     side, clear, front, shown = (
@@ -152,7 +153,9 @@ def hide_back_in_cycles(tree: bpy.types.NodeTree) -> None:
         )
     )
     seen = output.inputs["Surface"].links[0].from_socket
-    for source, target in zip((side.outputs["Backfacing"], seen, clear.outputs[0]), front.inputs, strict=True):
+    for source, target in zip(
+        (hidden or side.outputs["Backfacing"], seen, clear.outputs[0]), front.inputs, strict=True
+    ):
         tree.links.new(source, target)
     tree.links.new(front.outputs[0], shown.inputs["Surface"])
     shown.target = "CYCLES"

@@ -129,7 +129,6 @@ def _material(
         material.use_nodes = True
     material.use_backface_culling = True
     tree = material.node_tree
-    radii = _radii(level)
     color, alpha, normal = _seen(tree, level, pages, dims=build.light is None)
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     shading = build.shading
@@ -146,19 +145,19 @@ def _material(
         surface.inputs["Emission Strength"].default_value = build.light_strength
         tree.links.new(color, surface.inputs["Emission Color"])
         material.cycles.emission_sampling = "NONE"
-    hide_back_in_cycles(tree)
-    _show_from_inside(tree, level, radii)
+    hide_back_in_cycles(tree, _back_seen_from_outside(tree, level))
     return material
 
 
-def _show_from_inside(tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel, radii: NDArray[np.float64]) -> None:
-    """Show the tree on the back of the ellipsoid to rays that start inside of it, such as shadow rays from the ground.
+def _back_seen_from_outside(tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel) -> bpy.types.NodeSocket:
+    """Return 1 on the back of the ellipsoid, else 0. Also 0 for rays that start inside, such as shadow rays from the
+    ground.
 
     A ray starts inside if it is shorter than the chord of the ellipsoid: −2 q·d / d² from the place q in the direction
     d, both divided by the radii.
     """
     section = Section(tree, "Starts the ray outside?", (-5200.0, 1200.0))
-    rows = level.to_layout / radii[:, None]
+    rows = level.to_layout / _radii(level)[:, None]
     place = transformed(section, rows.tolist(), section.node("ShaderNodeTexCoord").outputs["Object"], "q")
     geometry = section.node("ShaderNodeNewGeometry").outputs
     to_object = {"vector_type": "VECTOR", "convert_from": "WORLD", "convert_to": "OBJECT"}
@@ -168,9 +167,7 @@ def _show_from_inside(tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel
     chord = section.math("MULTIPLY", section.math("DIVIDE", along, square), -2.0, label="Chord")
     length = section.node("ShaderNodeLightPath").outputs["Ray Length"]
     outside = section.math("GREATER_THAN", length, chord, label="Longer than the chord?")
-    hidden = section.math("MULTIPLY", geometry["Backfacing"], outside, label="Hidden")
-    shown = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target == "CYCLES")
-    tree.links.new(hidden, shown.inputs["Surface"].links[0].from_node.inputs["Fac"])
+    return section.math("MULTIPLY", geometry["Backfacing"], outside, label="Hidden")
 
 
 def _seen(

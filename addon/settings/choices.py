@@ -9,7 +9,7 @@ Last = Literal["auto", "cross", "octahedral"]
 
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 DRAW_OCTAHEDRAL = ("generic", "three")
-"""The engines whose files may be drawn with octahedral impostors. The generic files are also Blender's."""
+"""Engines that may draw octahedral impostors. Blender's own scenes count as generic."""
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
     "pruning": "fewer leaves with distance, then the cross impostor, without clouds",

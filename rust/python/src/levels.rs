@@ -182,7 +182,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
         let chain = chain.get();
         (chain.radius, chain.offer, chain.leaf_level.clone(), chain.octahedral.clone())
     };
-    let whose: Vec<_> = chains.iter().map(own).collect();
+    let owned: Vec<_> = chains.iter().map(own).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
     let shared = interruptible(py, move |_| share_all(&chains))?;
     let with_own = |(chain, (radius, offer, leaf_level, octahedral))| PyChain {
@@ -192,7 +192,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
         leaf_level,
         octahedral,
     };
-    Ok(shared.into_iter().zip(whose).map(with_own).collect())
+    Ok(shared.into_iter().zip(owned).map(with_own).collect())
 }
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
