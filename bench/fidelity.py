@@ -137,14 +137,20 @@ def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
     return rendered(base, [leafcloud.read_gltf(str(model), names=names)], SIZE)
 
 
-def rendered(base: leafcloud.Foliage, shown: Shown, size: int, samples: int = JUDGED) -> Pictures:
+def rendered(
+    base: leafcloud.Foliage,
+    shown: Shown,
+    size: int,
+    samples: int = JUDGED,
+    sun: tuple[float, float, float] | None = None,
+) -> Pictures:
     """Render views of parts or of an impostor that the sphere of `base` fills, with the project's own renderer."""
     golden = math.pi * (3.0 - math.sqrt(5.0))
     pictures = []
     for i in range(VIEWS):
         z = 1.0 - 1.5 * (i + 0.5) / VIEWS
         direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
-        frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius}
+        frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius, "sun": sun}
         if isinstance(shown, leafcloud.OctahedralLevel):
             pictures.append(shown.render(direction, size, samples=samples, **frame))
         else:

@@ -61,7 +61,9 @@ pub fn settings_for(
     TARGET.check("target_error", target)?;
     settings.check()?;
     let free = free && leaves_a_choice(&settings.fit);
-    let drafts = drafts(origin.finest, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
+    // Billboards show the normals that leaves had before they collapsed.
+    let finest = origin.finest.with_normals();
+    let drafts = drafts(&finest, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
     let pictures = pictures(origin.leaves, settings)?;
     let first = Tried::of(&drafts.first, drafts.epsilon(), target, &pictures)?;
     let best = if free {
@@ -94,10 +96,11 @@ fn drafts<'a>(
     Drafts::new(&settings, foliage, trunk, progress)
 }
 
-/// Renders the leaves.
+/// Renders the leaves, also lit if levels have the normals of their leaves.
 pub(crate) fn pictures(foliage: &Foliage, settings: &ChainSettings) -> Result<Reference> {
     let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
-    Reference::new(&[foliage], foliage.frame(), views)
+    let make = if settings.is_lit() { Reference::lit } else { Reference::new };
+    make(&[foliage], foliage.frame(), views)
 }
 
 /// Returns the cost of drawing the leaves in the middle of each octave.

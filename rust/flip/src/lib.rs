@@ -16,7 +16,7 @@ pub use sizes::{ImageErrors, REPORTED_SIZE, SMALLEST, crown_pixels};
 /// Returns the image error of a level against its base at [`REPORTED_SIZE`], in [0, 1]; see [`ImageErrors`].
 #[must_use]
 pub fn image_error(pictures: &Comparison) -> f64 {
-    ImageErrors::at_sizes(pictures, &[REPORTED_SIZE]).0[0].1
+    ImageErrors::at_sizes(&pictures.flat, &[REPORTED_SIZE]).0[0].1
 }
 
 /// FLIP counts within this many pixels of a silhouette: empty background must not dilute the mean.

@@ -4,7 +4,7 @@
 //! error falls with the size, and each level has a largest size at which nobody notices that it replaces the leaves.
 
 use leafcloud::Image;
-use leafcloud::metrics::{Comparison, PICTURE_RADIUS};
+use leafcloud::metrics::{Comparison, PICTURE_RADIUS, Pictures};
 use leafcloud::textures::mips;
 use rayon::prelude::*;
 
@@ -28,9 +28,18 @@ pub fn crown_pixels(side: f64) -> f64 {
 pub struct ImageErrors(pub Vec<(usize, f64)>);
 
 impl ImageErrors {
-    /// Returns the errors at the size of the pictures and at halves of it, down to [`SMALLEST`].
+    /// Returns the errors at the size of the pictures and at halves of it, down to [`SMALLEST`]: of flat-lit pictures or of those under a
+    /// sun, whichever are larger.
     #[must_use]
     pub fn of(pictures: &Comparison) -> Self {
+        let flat = Self::down_from_largest(&pictures.flat);
+        let Some(lit) = pictures.lit.as_ref().map(Self::down_from_largest) else { return flat };
+        let larger = |(&(size, flat), &(_, lit)): (&(usize, f64), &(usize, f64))| (size, flat.max(lit));
+        Self(flat.0.iter().zip(&lit.0).map(larger).collect())
+    }
+
+    /// Returns the errors at the size of the pictures and at halves of it.
+    fn down_from_largest(pictures: &Pictures) -> Self {
         let largest = pictures.base.first().map_or(0, Image::width);
         let mut sizes: Vec<usize> =
             std::iter::successors(Some(largest), |size| Some(size / 2)).take_while(|size| *size >= SMALLEST).collect();
@@ -39,7 +48,7 @@ impl ImageErrors {
     }
 
     /// Returns the errors at `sizes`: halves of the size of the pictures.
-    pub(crate) fn at_sizes(pictures: &Comparison, sizes: &[usize]) -> Self {
+    pub(crate) fn at_sizes(pictures: &Pictures, sizes: &[usize]) -> Self {
         let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
         let errors_of = |(base, level): (&Image, &Image)| -> Vec<f64> {
             let [base, level] = [base, level].map(mips::means);
@@ -117,7 +126,8 @@ mod tests {
 
     #[test]
     fn a_shift_by_a_pixel_is_gone_at_half_of_the_size() {
-        let pictures = Comparison { base: Arc::from([comb(0)]), level: Arc::from([comb(1)]) };
+        let flat = Pictures { base: Arc::from([comb(0)]), level: Arc::from([comb(1)]) };
+        let pictures = Comparison { flat, lit: None };
         let ImageErrors(found) = ImageErrors::of(&pictures);
         assert_eq!(found.iter().map(|(size, _)| *size).collect::<Vec<_>>(), [8, 16, 32, 64]);
         assert!(found[3].1 > 0.05, "{found:?}");

@@ -12,7 +12,7 @@ use crate::arrays::image_array;
 use crate::errors::read;
 use crate::image_errors::PyImageErrors;
 use crate::levels::PyLevel;
-use crate::tools::{cost_dict, upright, view};
+use crate::tools::{cost_dict, sun_direction, upright, view};
 use crate::work::interruptible;
 
 #[pyclass(name = "OctahedralLevel", module = "leafcloud", frozen)]
@@ -144,7 +144,7 @@ impl PyOctahedralLevel {
         Ok(dict)
     }
 
-    #[pyo3(signature = (direction, size, *, centre, radius, up = None, samples = None))]
+    #[pyo3(signature = (direction, size, *, centre, radius, up = None, samples = None, sun = None))]
     #[allow(clippy::too_many_arguments)] // the Python signature
     fn render<'py>(
         &self,
@@ -155,10 +155,12 @@ impl PyOctahedralLevel {
         radius: &Bound<'py, PyAny>,
         up: Option<&Bound<'py, PyAny>>,
         samples: Option<&Bound<'py, PyAny>>,
+        sun: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let view = view(direction, size, centre, radius, up, samples)?;
+        let sun = sun.map(sun_direction).transpose()?;
         let impostor = Arc::clone(&self.impostor);
-        let image = interruptible(py, move |_| impostor.draw(&view, 0.0))?;
+        let image = interruptible(py, move |_| impostor.draw(&view, 0.0, sun))?;
         image_array(py, &image)
     }
 

@@ -18,7 +18,7 @@ use crate::foliage::PyFoliage;
 use crate::work::interruptible;
 
 #[pyfunction]
-#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None, filtered = None))]
+#[pyo3(signature = (parts, direction, size, *, centre, radius, up = None, samples = None, filtered = None, sun = None))]
 #[allow(clippy::too_many_arguments)] // the Python signature
 pub fn render<'py>(
     py: Python<'py>,
@@ -30,6 +30,7 @@ pub fn render<'py>(
     up: Option<&Bound<'py, PyAny>>,
     samples: Option<&Bound<'py, PyAny>>,
     filtered: Option<&Bound<'py, PyAny>>,
+    sun: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let filtered: bool = filtered.map_or(Ok(true), |value| read(value, "filtered", "True or False"))?;
     let mut view = view(direction, size, centre, radius, up, samples)?;
@@ -37,9 +38,13 @@ pub fn render<'py>(
         view.samples = view.samples.unfiltered();
     }
     let parts = foliages(parts)?;
+    let sun = sun.map(sun_direction).transpose()?;
     let image = interruptible(py, move |progress| {
         let parts: Vec<&leafcloud::Foliage> = parts.iter().map(AsRef::as_ref).collect();
-        metrics::render_watched(&parts, &view, progress)
+        match sun {
+            None => metrics::render_watched(&parts, &view, progress),
+            Some(sun) => metrics::render_lit(&parts, &view, sun, progress),
+        }
     })?;
     arrays::image_array(py, &image)
 }
@@ -61,6 +66,13 @@ pub fn view(
         size: read(size, "size", "a whole number of pixels between 1 and 16384")?,
         samples: samples.map_or_else(|| Ok(Samples::default()), arrays::samples)?,
     })
+}
+
+/// Reads the direction to the sun; returns it with length 1.
+pub fn sun_direction(sun: &Bound<'_, PyAny>) -> PyResult<glam::DVec3> {
+    let sun = arrays::vector(sun, "sun")?;
+    sun.try_normalize()
+        .ok_or_else(|| refuse(format!("the sun's direction is {:?}; it needs a finite length above 0", sun.to_array())))
 }
 
 /// Reads an up direction; z by default.

@@ -221,7 +221,20 @@ impl Foliage {
     /// Returns the same leaves with double-sided materials.
     #[must_use]
     pub fn double_sided(&self) -> Self {
-        self.with_materials(|material| Material { double_sided: true, ..material.clone() })
+        let double_sided = |material: &Material| Material { double_sided: true, ..material.clone() };
+        // Sides do not change the drawn share of texels.
+        Self { materials: self.materials.iter().map(double_sided).collect(), ..self.clone() }
+    }
+
+    /// Returns the same foliage with the normals of its faces where it has none of its own, so that leaves that move later keep them.
+    #[must_use]
+    pub fn with_normals(&self) -> Self {
+        let mut made = self.clone();
+        if made.attributes.normals.is_empty() {
+            let normal = |triangle: usize| self.area_vector(triangle).normalize_or_zero().as_vec3();
+            made.attributes.normals = (0..self.triangle_count()).map(|triangle| [normal(triangle); 3]).collect();
+        }
+        made
     }
 
     /// Returns the same foliage with `change` applied to each material.

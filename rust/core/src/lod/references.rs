@@ -27,7 +27,7 @@ impl References {
         let ChainSettings { views, up, .. } = *settings;
         Ok(Self {
             tuning: Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?,
-            report: Reference::new(whole, frame, report_views(views.report, up)?)?,
+            report: report(whole, frame, settings)?,
         })
     }
 }
@@ -43,11 +43,16 @@ pub fn report_views(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: REPORT_SIZE, samples: Samples::new(REPORT_SAMPLES)?, up, turn: 0.5 })
 }
 
+/// Renders the base for the reported metrics, also lit if levels have the normals of their leaves.
+fn report(base: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Reference> {
+    let views = report_views(settings.views.report, settings.up)?;
+    if settings.is_lit() { Reference::lit(base, frame, views) } else { Reference::new(base, frame, views) }
+}
+
 /// Returns the pictures of `shown` beside those of the `leaves`, in the views that the reported metrics use.
 ///
 /// # Errors
 /// A setting of the views outside its range.
 pub fn report_pictures(leaves: &Foliage, shown: &Foliage, settings: &ChainSettings) -> Result<Comparison> {
-    let views = report_views(settings.views.report, settings.up)?;
-    Reference::new(&[leaves], leaves.frame(), views)?.compare(shown)
+    report(&[leaves], leaves.frame(), settings)?.compare(shown)
 }

@@ -161,6 +161,13 @@ impl Default for ChainSettings {
 }
 
 impl ChainSettings {
+    /// Returns whether levels are also judged under a sun: their billboards have the normals of their leaves. Bent normals are meant to look
+    /// different.
+    #[must_use]
+    pub fn is_lit(&self) -> bool {
+        self.channels.normal == Some(0.0)
+    }
+
     /// Checks all settings.
     ///
     /// # Errors

@@ -255,7 +255,7 @@ fn alpha_blended_leaves_are_not_cut_out() {
     let cut_out = build_chain(&faint, None, &settings(), Progress::silent()).unwrap();
     let squared_error = |level: &Level| -> f64 {
         let alphas = |images: &[Image]| images.iter().flat_map(Image::alpha).map(f64::from).collect::<Vec<_>>();
-        let pairs = alphas(&level.pictures.base).into_iter().zip(alphas(&level.pictures.level));
+        let pairs = alphas(&level.pictures.flat.base).into_iter().zip(alphas(&level.pictures.flat.level));
         pairs.map(|(base, shown)| (base - shown).powi(2)).sum()
     };
     for (level, cut) in chain.levels.iter().zip(&cut_out.levels) {

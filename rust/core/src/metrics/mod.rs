@@ -3,13 +3,16 @@
 
 mod drawing;
 mod fragments;
+mod light;
 mod measure;
 mod render;
 mod visibility;
 
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
+use light::Light;
+pub(crate) use light::brightness;
 use render::silhouette;
-pub use render::{View, render, render_watched, seen_behind};
+pub use render::{View, render, render_lit, render_watched, seen_behind};
 pub use visibility::{LeafSamples, visibility};
 
 use std::sync::Arc;
@@ -52,6 +55,14 @@ impl Views {
         })
     }
 
+    /// Returns the direction to the sun of lit pictures, of length 1.
+    fn sun(&self) -> DVec3 {
+        let (height, turn) = (SUN_HEIGHT.to_radians(), SUN_TURN.to_radians());
+        let upright = DQuat::from_rotation_arc(DVec3::Z, self.up.normalize());
+        upright
+            * DVec3::new(libm::cos(height) * libm::cos(turn), libm::cos(height) * libm::sin(turn), libm::sin(height))
+    }
+
     /// Returns the views, sized to the sphere of `frame`.
     pub fn around(self, frame: &Frame) -> impl Iterator<Item = View> {
         let (centre, radius) = (frame.centre, frame.radius * PICTURE_RADIUS);
@@ -67,9 +78,22 @@ impl Views {
     }
 }
 
+/// Height of the sun of lit pictures, in degrees, and its turn from the first view about `up`.
+const SUN_HEIGHT: f64 = 45.0;
+const SUN_TURN: f64 = 60.0;
+
 /// Rendered views of a base, for comparison with levels.
 pub struct Reference {
     views: Vec<View>,
+    pictures: Arc<[Image]>,
+    sunlit: Option<Sunlit>,
+}
+
+/// Lit pictures of a base.
+struct Sunlit {
+    frame: Frame,
+    /// Direction to the sun, of length 1.
+    sun: DVec3,
     pictures: Arc<[Image]>,
 }
 
@@ -81,7 +105,17 @@ impl Reference {
     pub fn new(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
         let views: Vec<View> = views.around(frame).collect();
         let pictures = views.iter().map(|v| render(base, v)).collect::<Result<_>>()?;
-        Ok(Self { views, pictures })
+        Ok(Self { views, pictures, sunlit: None })
+    }
+
+    /// Renders the parts of the base as [`Self::new`] does, and also under a sun and a sky.
+    ///
+    /// # Errors
+    /// Those of [`render()`].
+    pub fn lit(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
+        let (sun, views) = (views.sun(), views.around(frame).collect::<Vec<_>>());
+        let (pictures, lit) = flat_and_lit(base, &views, &Light::on(base, frame, sun))?;
+        Ok(Self { views, pictures: pictures.into(), sunlit: Some(Sunlit { frame: *frame, sun, pictures: lit.into() }) })
     }
 
     /// Returns coverage and overlap over all views. Both are exact on any machine, so decisions may depend on them.
@@ -116,21 +150,42 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
-        Ok(Comparison { base: Arc::clone(&self.pictures), level: self.pictures_of(level)?.into() })
+        let Some(Sunlit { frame, sun, pictures }) = &self.sunlit else {
+            return Ok(self.beside(self.pictures_of(level)?));
+        };
+        let (flat, lit) = flat_and_lit(&[level], &self.views, &Light::on(&[level], frame, *sun))?;
+        let lit = Pictures { base: Arc::clone(pictures), level: lit.into() };
+        Ok(Comparison { lit: Some(lit), ..self.beside(flat) })
     }
 
-    /// Compares the base with pictures that `draw` makes of each view, for levels that are no triangles.
+    /// Compares the base with pictures that `draw` makes of each view, for levels that are no triangles. `draw` also gets the direction to
+    /// the sun, of length 1, for lit pictures.
     ///
     /// # Errors
     /// Those of `draw`.
-    pub fn compare_drawn(&self, draw: impl Fn(&View) -> Result<Image>) -> Result<Comparison> {
-        let level: Vec<Image> = self.views.iter().map(draw).collect::<Result<_>>()?;
-        Ok(Comparison { base: Arc::clone(&self.pictures), level: level.into() })
+    pub fn compare_drawn(&self, draw: impl Fn(&View, Option<DVec3>) -> Result<Image>) -> Result<Comparison> {
+        let drawn = |sun| self.views.iter().map(|view| draw(view, sun)).collect::<Result<Vec<_>>>();
+        let flat = self.beside(drawn(None)?);
+        let Some(Sunlit { sun, pictures, .. }) = &self.sunlit else { return Ok(flat) };
+        let lit = Pictures { base: Arc::clone(pictures), level: drawn(Some(*sun))?.into() };
+        Ok(Comparison { lit: Some(lit), ..flat })
+    }
+
+    /// Returns flat-lit pictures of a level beside those of the base.
+    fn beside(&self, level: Vec<Image>) -> Comparison {
+        let flat = Pictures { base: Arc::clone(&self.pictures), level: level.into() };
+        Comparison { flat, lit: None }
     }
 
     fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
         self.views.iter().map(|view| render(&[level], view)).collect()
     }
+}
+
+/// Renders parts in all views, flat-lit and under `light`.
+fn flat_and_lit(parts: &[&Foliage], views: &[View], light: &Light) -> Result<(Vec<Image>, Vec<Image>)> {
+    let pairs = views.iter().map(|view| render::flat_and_lit(parts, view, light)).collect::<Result<Vec<_>>>()?;
+    Ok(pairs.into_iter().map(|[flat, lit]| (flat, lit)).unzip())
 }
 
 /// Coverage and overlap of a level against a base.
@@ -145,6 +200,15 @@ pub struct Agreement {
 /// Pictures of a level and of its base in the same views.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
+    /// Flat-lit pictures.
+    pub flat: Pictures,
+    /// Pictures under a sun and a sky, if they are wanted and can be made.
+    pub lit: Option<Pictures>,
+}
+
+/// Pictures of a level and of its base in the same views and light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pictures {
     /// Pictures of the base, one for each view.
     pub base: Arc<[Image]>,
     /// Pictures of the level.
@@ -156,12 +220,12 @@ impl Comparison {
     /// not count.
     #[must_use]
     pub fn coverage(&self) -> f64 {
-        measure::coverage(self.base.iter().zip(self.level.iter()))
+        measure::coverage(self.flat.base.iter().zip(self.flat.level.iter()))
     }
 
     /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
     #[must_use]
     pub fn tone(&self) -> Vec3 {
-        measure::tone(&self.base, &self.level)
+        measure::tone(&self.flat.base, &self.flat.level)
     }
 }

@@ -1,13 +1,15 @@
-//! Orthographic, flat-lit renderings of base color and alpha only: differences come from geometry and textures, not from light.
+//! Orthographic renderings: of base color and alpha, so that differences come from geometry and textures, or lit.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::light::{Light, Look};
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
+use crate::geometry::Frame;
 use crate::progress::Progress;
 use crate::textures::{
-    Channel, Samples, ScreenTriangle, SeenTriangles, Window, count_seen, rasterise_timed, seen_among,
+    Channel, Samples, ScreenTriangle, SeenTriangles, Window, count_seen, rasterise, rasterise_timed, seen_among,
 };
 
 /// An orthographic camera.
@@ -67,6 +69,36 @@ fn rendered(parts: &[&Foliage], view: &View, channel: Channel, progress: Progres
     Ok(channel.to_image(&canvases[0]))
 }
 
+/// Renders all parts under a clear sky with the sun in the direction `sun`; see [`light`](super::light).
+///
+/// # Errors
+/// Those of [`render()`]; a sun without a finite length above 0; [`Error::Cancelled`].
+///
+/// # Panics
+/// Never: foliage has an area.
+pub fn render_lit(parts: &[&Foliage], view: &View, sun: DVec3, progress: Progress) -> Result<Image> {
+    let sun = unit(sun, "the sun's direction")?;
+    let triangles = on_screen(parts, view)?;
+    let corners = parts.iter().flat_map(|part| {
+        (0..part.triangle_count()).flat_map(|triangle| part.corners(triangle)).map(|p| part.frame().to_caller(p))
+    });
+    let frame = Frame::of(corners).expect("foliage has an area");
+    let light = Light::on(parts, &frame, sun);
+    let (canvases, _) =
+        rasterise_timed(&triangles, view.size, view.size, view.samples.each(), &[Look::Lit(&light)], progress)?;
+    Ok(Channel::BaseColor.to_image(&canvases[0]))
+}
+
+/// Renders parts flat-lit and under `light`.
+///
+/// # Errors
+/// Those of [`render()`].
+pub(super) fn flat_and_lit(parts: &[&Foliage], view: &View, light: &Light) -> Result<[Image; 2]> {
+    let triangles = on_screen(parts, view)?;
+    let canvases = rasterise(&triangles, view.size, view.size, view.samples.each(), &[Look::Flat, Look::Lit(light)]);
+    Ok([0, 1].map(|i| Channel::BaseColor.to_image(&canvases[i])))
+}
+
 /// Returns the number of samples that show each triangle.
 ///
 /// # Errors
@@ -87,12 +119,7 @@ pub fn seen_behind(leaves: Option<&Foliage>, parts: &[&Foliage], view: &View) ->
 
 /// Returns all triangles in screen coordinates.
 fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangle<'a>>> {
-    let eye = view.direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
-        Error::invalid(format!(
-            "the view's direction is {:?}; it needs a finite length above 0",
-            view.direction.to_array()
-        ))
-    })?;
+    let eye = unit(view.direction, "the view's direction")?;
     let radius_counts = view.radius > 0.0 && view.radius.is_finite();
     if !radius_counts || !(1..=16_384).contains(&view.size) {
         return Err(Error::invalid(format!(
@@ -119,6 +146,13 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
         triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
     }
     Ok(triangles)
+}
+
+/// Returns the direction with length 1.
+fn unit(direction: DVec3, name: &str) -> Result<DVec3> {
+    direction.try_normalize().filter(|d| d.is_finite()).ok_or_else(|| {
+        Error::invalid(format!("{name} is {:?}; it needs a finite length above 0", direction.to_array()))
+    })
 }
 
 /// Greatest extent of the parts from the image's center, in radii of the image.

@@ -107,11 +107,18 @@ fn shares(value: Vec3) -> [u8; 4] {
 
 impl Seen<'_> {
     /// Returns the point's original position, in the caller's coordinates.
-    fn place(&self) -> DVec3 {
+    pub(crate) fn place(&self) -> DVec3 {
         let ScreenTriangle { foliage, triangle, .. } = self.triangle;
         let [a, b, c] = foliage.corners(*triangle as usize);
         let [u, v, w] = self.spot.weights.as_dvec3().to_array();
         foliage.frame().to_caller(a * u + b * v + c * w)
+    }
+
+    /// Returns the unit normal of the visible side, in the foliage's axes; `None` for a triangle without area.
+    pub(crate) fn normal(&self) -> Option<Vec3> {
+        let ScreenTriangle { foliage, triangle, .. } = self.triangle;
+        let own = self.surface.normal(self.spot, &foliage.corners(*triangle as usize).map(DVec3::as_vec3))?;
+        Some(if self.front { own } else { -own })
     }
 }
 
@@ -129,10 +136,9 @@ impl Canvas {
 
 fn normal(seen: &Seen, bend: f32) -> Vec3 {
     let triangle = seen.triangle;
-    let corners = triangle.foliage.corners(triangle.triangle as usize).map(glam::DVec3::as_vec3);
-    let Some(own) = seen.surface.normal(seen.spot, &corners) else { return Vec3::Z };
-    let facing = if seen.front { own } else { -own };
+    let Some(facing) = seen.normal() else { return Vec3::Z };
     let bent = if bend > 0.0 {
+        let corners = triangle.foliage.corners(triangle.triangle as usize).map(DVec3::as_vec3);
         let place =
             corners[0] * seen.spot.weights.x + corners[1] * seen.spot.weights.y + corners[2] * seen.spot.weights.z;
         // A side that faces into the crown is bent inward; otherwise its normal would turn through the leaf.

@@ -31,6 +31,7 @@ pub use raster::{
     Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
 };
 pub use samples::Samples;
+pub(crate) use sky::Shadow;
 pub use sky::{Outlook, Sky};
 
 use crate::atlas::{Atlas, Billboard, PageSize};

@@ -24,9 +24,9 @@ const MANY_TRIANGLES: usize = 200_000;
 /// Side of a shadow map in pixels.
 const PIXELS: usize = 256;
 
-/// Shadow bias in R, a few pixels: a surface this little nearer to the sun does not hide a position, so that leaves do not shade
-/// themselves.
-const BIAS: f32 = 1.0 / 48.0;
+/// Shadow bias in pixels: a surface this little nearer to the sun does not hide a position, so that leaves do not shade themselves. It is
+/// R/48 for the sky.
+const BIAS: f32 = 8.0 / 3.0;
 
 /// Sky visibility at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ impl Sky {
         let parts: Vec<Foliage> = parts.iter().map(|part| part.double_sided()).collect();
         let triangles: usize = parts.iter().map(Foliage::triangle_count).sum();
         let count = if triangles > MANY_TRIANGLES { FEWEST_DIRECTIONS } else { DIRECTIONS };
-        Self { frame: *frame, shadows: directions(count).map(|sun| Shadow::cast(&parts, frame, sun)).collect() }
+        Self { frame: *frame, shadows: directions(count).map(|sun| Shadow::cast(&parts, frame, sun, PIXELS)).collect() }
     }
 
     /// Returns the sky visibility at a position in the caller's coordinates.
@@ -86,19 +86,23 @@ impl Shader for Depth {
 
 /// A shadow map: the depth nearest to a sun at each pixel.
 #[derive(Clone, Debug, PartialEq)]
-struct Shadow {
+pub(crate) struct Shadow {
     right: Vec3,
     up: Vec3,
-    sun: Vec3,
+    /// Width and height in pixels.
+    pixels: usize,
+    /// Direction to the sun, of length 1.
+    pub sun: Vec3,
     /// Depths toward the sun; −∞ in empty pixels.
     depths: Vec<f32>,
 }
 
 impl Shadow {
-    fn cast(parts: &[Foliage], frame: &Frame, sun: DVec3) -> Self {
+    /// Renders a shadow map of `pixels`² of double-sided parts. `frame` bounds the positions for [`Self::reaches`].
+    pub fn cast(parts: &[Foliage], frame: &Frame, sun: DVec3, pixels: usize) -> Self {
         let right = sun.any_orthonormal_vector();
         let up = sun.cross(right);
-        let half = PIXELS as f64 / 2.0;
+        let half = pixels as f64 / 2.0;
         let place = |foliage: &Foliage, triangle: usize| {
             let onto = |p: DVec3| {
                 let p = frame.to_local(foliage.frame().to_caller(p));
@@ -118,20 +122,20 @@ impl Shadow {
             triangles.par_extend(shown);
         }
         let one = Samples::new(1).expect("one sample is allowed");
-        let [canvas] = &rasterise(&triangles, PIXELS, PIXELS, one, &[Depth])[..] else { unreachable!() };
+        let [canvas] = &rasterise(&triangles, pixels, pixels, one, &[Depth])[..] else { unreachable!() };
         let depth = |pixel: &Vec4| if pixel.w > 0.0 { pixel.x } else { f32::NEG_INFINITY };
         let depths = canvas.pixels.iter().map(depth).collect();
-        Self { right: right.as_vec3(), up: up.as_vec3(), sun: sun.as_vec3(), depths }
+        Self { right: right.as_vec3(), up: up.as_vec3(), pixels, sun: sun.as_vec3(), depths }
     }
 
-    /// Returns whether the sun reaches the position.
-    fn reaches(&self, place: Vec3) -> bool {
-        const HALF: f32 = PIXELS as f32 / 2.0;
-        let (x, y) = (HALF + HALF * self.right.dot(place), HALF - HALF * self.up.dot(place));
+    /// Returns whether the sun reaches the position, in local coordinates.
+    pub fn reaches(&self, place: Vec3) -> bool {
+        let half = self.pixels as f32 / 2.0;
+        let (x, y) = (half + half * self.right.dot(place), half - half * self.up.dot(place));
         // Nothing lies outside the map. Negative numbers are checked first because their casts give 0.
-        let inside = |at: f32| (at >= 0.0 && at < PIXELS as f32).then_some(at as usize);
-        let pixel = inside(x).zip(inside(y)).map(|(column, row)| row * PIXELS + column);
-        pixel.is_none_or(|pixel| self.depths[pixel] <= self.sun.dot(place) + BIAS)
+        let inside = |at: f32| (at >= 0.0 && at < self.pixels as f32).then_some(at as usize);
+        let pixel = inside(x).zip(inside(y)).map(|(column, row)| row * self.pixels + column);
+        pixel.is_none_or(|pixel| self.depths[pixel] <= self.sun.dot(place) + BIAS / half)
     }
 }
 

@@ -15,7 +15,7 @@ use super::{Layout, Size};
 use crate::color::{decode_table, encode, quantise};
 use crate::error::Result;
 use crate::foliage::Image;
-use crate::metrics::View;
+use crate::metrics::{View, brightness};
 
 /// Corrections of the height by the stored depth.
 pub const STEPS: usize = 2;
@@ -57,12 +57,27 @@ pub fn projected(eye: DVec3, layout: &Layout) -> [Projected; 3] {
     })
 }
 
+/// Light over the visible share of the sky: a leaf on the hull sees half of the sky, and gets all of its light; the sun reaches half of such
+/// leaves.
+const OPEN: f32 = 1.5;
+
+/// Where a view shows a ray.
+struct Place {
+    /// Column and row of the view on the grid.
+    tile: (usize, usize),
+    weight: f32,
+    /// Place in the view's picture, in half sides from the middle.
+    within: DVec2,
+}
+
 /// The pages of an impostor in linear light, for drawing.
 pub(super) struct Pages<'a> {
     layout: &'a Layout,
     /// Linear colors with straight alpha.
     color: Vec<Vec4>,
     depth: Vec<f32>,
+    /// Normals in the axes of the view, and in w the openness.
+    shading: Vec<Vec4>,
 }
 
 impl<'a> Pages<'a> {
@@ -72,18 +87,34 @@ impl<'a> Pages<'a> {
             Vec3::from_array([r, g, b].map(|code| table[code as usize])).extend(f32::from(a) / 255.0)
         };
         let depth = |pixel: &[u8; 4]| f32::from(pixel[3]) / 127.5 - 1.0;
+        let shading = |pixel: &[u8; 4]| {
+            let [x, y] = [pixel[0], pixel[1]].map(|code| f32::from(code) / 127.5 - 1.0);
+            Vec4::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt(), f32::from(pixel[2]) / 255.0)
+        };
         Self {
             layout,
             color: color.pixels().par_iter().map(linear).collect(),
             depth: normal_depth.pixels().par_iter().map(depth).collect(),
+            shading: normal_depth.pixels().par_iter().map(shading).collect(),
         }
     }
 
-    /// Draws the impostor as seen in `view`. With a cutoff above 0, samples of a smaller alpha show nothing and the others are opaque.
+    /// Draws the impostor as seen in `view`, flat-lit or under a sun in this direction. With a cutoff above 0, samples of a smaller alpha show
+    /// nothing and the others are opaque.
     ///
     /// # Errors
     /// A view of no pixels.
-    pub fn draw(&self, view: &View, cutoff: f32) -> Result<Image> {
+    pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
+        match sun {
+            None => self.drawn(view, cutoff, |places| self.colors(places)),
+            Some(sun) => {
+                let sun = (self.layout.axes.transpose() * sun).as_vec3();
+                self.drawn(view, cutoff, |places| self.colors(places) * self.brightness(places, sun))
+            }
+        }
+    }
+
+    fn drawn(&self, view: &View, cutoff: f32, shade: impl Fn(&[Place; 3]) -> Vec4 + Sync) -> Result<Image> {
         let inverse: DMat3 = self.layout.axes.transpose();
         let eye = inverse * view.direction.normalize();
         let views = projected(eye, self.layout);
@@ -97,7 +128,7 @@ impl<'a> Pages<'a> {
             let mut sum = Vec4::ZERO;
             for i in 0..side * side {
                 let place = middle + across * step(column + i % side) - upward * step(row + i / side);
-                let color = self.sample(&views, right.dot(place), up.dot(place));
+                let color = shade(&self.places(&views, right.dot(place), up.dot(place)));
                 let alpha = if cutoff > 0.0 { f32::from(u8::from(color.w >= cutoff)) } else { color.w };
                 sum += (color.truncate() * alpha).extend(alpha);
             }
@@ -108,21 +139,45 @@ impl<'a> Pages<'a> {
         Image::new(size, size, pixels)
     }
 
-    /// Returns linear color and alpha of the ray at `right` and `up` from the center.
-    fn sample(&self, views: &[Projected; 3], right: f64, up: f64) -> Vec4 {
-        let (mut sum, mut alpha) = (Vec3::ZERO, 0.0);
-        for view in views {
+    /// Returns the place in each view where it shows the ray at `right` and `up` from the center.
+    fn places(&self, views: &[Projected; 3], right: f64, up: f64) -> [Place; 3] {
+        views.map(|view| {
             let flat = view.right * right + view.up * up;
             let mut height = 0.0;
             for _ in 0..STEPS {
                 height = self.within(view.tile, flat + view.shift * f64::from(height), |i| self.depth[i]);
             }
-            let color = self.within(view.tile, flat + view.shift * f64::from(height), |i| self.color[i]);
-            let share = view.weight as f32 * color.w;
+            Place { tile: view.tile, weight: view.weight as f32, within: flat + view.shift * f64::from(height) }
+        })
+    }
+
+    /// Returns linear color and alpha, blended from three places.
+    fn colors(&self, places: &[Place; 3]) -> Vec4 {
+        let (mut sum, mut alpha) = (Vec3::ZERO, 0.0);
+        for place in places {
+            let color = self.within(place.tile, place.within, |i| self.color[i]);
+            let share = place.weight * color.w;
             sum += color.truncate() * share;
             alpha += share;
         }
         if alpha > 0.0 { (sum / alpha).extend(alpha) } else { Vec4::ZERO }
+    }
+
+    /// Returns the brightness under a sun, as a factor on color and 1 for alpha. `sun` is in the layout's axes.
+    fn brightness(&self, places: &[Place; 3], sun: Vec3) -> Vec4 {
+        let (mut normal, mut open, mut alpha) = (Vec3::ZERO, 0.0, 0.0);
+        for place in places {
+            let shading = self.within(place.tile, place.within, |i| self.shading[i]);
+            let share = place.weight * self.within(place.tile, place.within, |i| self.color[i]).w;
+            let (column, row) = place.tile;
+            let toward = from_grid(DVec2::new(column as f64, row as f64), self.layout.size.grid);
+            let [x, y] = axes(toward).map(DVec3::as_vec3);
+            normal += (x * shading.x + y * shading.y + toward.as_vec3() * shading.z) * share;
+            open += shading.w * share;
+            alpha += share;
+        }
+        let light = if alpha > 0.0 { (OPEN * open / alpha).min(1.0) } else { 1.0 };
+        Vec3::splat(brightness(normal.normalize_or_zero().dot(sun), light)).extend(1.0)
     }
 
     /// Returns the value at a place in a view's picture, bilinear between texels; `place` is in half sides from the middle, and outside is as

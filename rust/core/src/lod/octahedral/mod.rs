@@ -155,20 +155,20 @@ impl Octahedral {
         let references = References::new(parts, parts, parts[0].frame(), settings)?;
         let color = tuned(&layout, color, &normal_depth, &references.tuning)?;
         let pages = draw::Pages::new(&layout, &color, &normal_depth);
-        let excess = |cutoff: f64| covered(&references.tuning, |view| pages.draw(view, cutoff as f32));
+        let excess = |cutoff: f64| covered(&references.tuning, |view| pages.draw(view, cutoff as f32, None));
         let alpha_cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, excess)? as f32;
         progress.tell("tune", 0.95)?;
-        let pictures = references.report.compare_drawn(|view| pages.draw(view, 0.0))?;
+        let pictures = references.report.compare_drawn(|view, sun| pages.draw(view, 0.0, sun))?;
         let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
         Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
     }
 
-    /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0.
+    /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0; lit if there is a `sun`, in this direction of length 1.
     ///
     /// # Errors
     /// A view of no pixels.
-    pub fn draw(&self, view: &View, cutoff: f32) -> Result<Image> {
-        draw::Pages::new(&self.layout, &self.color, &self.normal_depth).draw(view, cutoff)
+    pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
+        draw::Pages::new(&self.layout, &self.color, &self.normal_depth).draw(view, cutoff, sun)
     }
 }
 
@@ -178,7 +178,7 @@ fn tuned(layout: &Layout, color: Image, normal_depth: &Image, leaves: &Reference
     let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
     let drawn = |page: &Page| {
         let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
-        leaves.compare_drawn(|view| pages.draw(view, 0.0))
+        leaves.compare_drawn(|view, _| pages.draw(view, 0.0, None))
     };
     let excess = |clearness: f64| Ok(libm::log(drawn(&of(clearness))?.coverage().max(1e-9)));
     let page = of(tune::least_excess(1.0, tune::CLEARNESS_RANGE, excess)?);
@@ -188,7 +188,7 @@ fn tuned(layout: &Layout, color: Image, normal_depth: &Image, leaves: &Reference
 
 /// Returns ln of the drawn coverage over the base's.
 fn covered(base: &Reference, draw: impl Fn(&View) -> Result<Image>) -> Result<f64> {
-    Ok(libm::log(base.compare_drawn(draw)?.coverage().max(1e-9)))
+    Ok(libm::log(base.compare_drawn(|view, _| draw(view))?.coverage().max(1e-9)))
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ fn a_leaf_seen_head_on_is_reproduced() {
     let leaf = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
     let size = Size { grid: 13, texels: 64 };
     let found = built(&leaf, size, &settings());
-    let picture = found.draw(&view(DVec3::X, 1.0), 0.0).unwrap();
+    let picture = found.draw(&view(DVec3::X, 1.0), 0.0, None).unwrap();
     let exact = crate::metrics::render(&[&leaf], &view(DVec3::X, 1.0)).unwrap();
     // A texel is 1/26 of the leaf, so its border is blurred over two pixels; all others are equal.
     let border = |i: usize| [i % 64, i / 64].into_iter().any(|x| (13..=18).contains(&x) || (45..=50).contains(&x));
@@ -59,7 +59,7 @@ fn depth_moves_a_leaf_to_its_place() {
     // Halfway between views, where a blend without depth would show each leaf three times.
     let grid_place = DVec2::new(6.6, 6.3);
     let direction = from_grid(grid_place, 8);
-    let picture = found.draw(&view(direction, 1.2), 0.0).unwrap();
+    let picture = found.draw(&view(direction, 1.2), 0.0, None).unwrap();
     let [right, up] = mapping::axes(direction);
     let pixel = |p: DVec3| DVec2::new(32.0 + 32.0 * right.dot(p) / 1.2, 32.0 - 32.0 * up.dot(p) / 1.2);
     for centre in [place, far] {
@@ -185,4 +185,17 @@ fn the_transform_from_a_tree_has_the_depth_as_unit() {
     let found = layout.of_tree(&placement);
     let exact = DVec3::new(-2.0, 2.0, 6.0) / depth;
     assert!(found.transform_point3(DVec3::new(1.0, 1.0, 3.0)).distance(exact) < 1e-12);
+}
+
+#[test]
+fn a_lit_leaf_is_as_bright_as_it_faces_the_sun() {
+    // Seen head-on, with nothing that hides the sky: the normal and the openness are exact but for their codes.
+    let leaf = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
+    let found = built(&leaf, Size { grid: 13, texels: 64 }, &settings());
+    for sun in [DVec3::new(0.8, 0.6, 0.0), DVec3::new(0.6, 0.0, 0.8), DVec3::new(-1.0, 0.0, 0.0)] {
+        let picture = found.draw(&view(DVec3::X, 1.0), 0.0, Some(sun)).unwrap();
+        let exact = crate::metrics::render_lit(&[&leaf], &view(DVec3::X, 1.0), sun, Progress::silent()).unwrap();
+        let [green, expected] = [&picture, &exact].map(|picture| picture.pixels()[32 * 64 + 32][1]);
+        assert!(green.abs_diff(expected) <= 3, "{sun}: {green} in place of {expected}");
+    }
 }
