@@ -2,7 +2,8 @@
 //!
 //! The leaves that billboards change most for each triangle stay meshes, all others are fitted again. Prints a table in Markdown: ε, the
 //! share of leaves that stay meshes, billboards, triangles of the meshes, the size of the crown in pixels up to which FLIP stays below the
-//! target, and the cost of drawing the tree at all distances in shares of that of the leaves alone. Then the best of each tree.
+//! target, and the cost of drawing the tree at all distances in shares of that of the leaves alone. The last row of a tree is of simplified
+//! leaves alone, at all distances.
 
 use std::path::Path;
 
@@ -27,8 +28,8 @@ const FARTHEST: f64 = 8.0;
 const OCTAVES: i32 = 6;
 
 fn main() {
-    println!("| tree | ε | meshes | billboards | triangles | size | cost |");
-    println!("|---|---|---|---|---|---|---|");
+    println!("| tree | ε, meshes | billboards | triangles | size | cost |");
+    println!("|---|---|---|---|---|---|");
     let names = gltf::DEFAULT_NAMES.map(str::to_owned);
     for tree in std::env::args().skip(1) {
         let leaves = gltf::read(Path::new(&tree), &names).expect("a glTF file with leaves");
@@ -36,20 +37,10 @@ fn main() {
         let finest = simpler.map_or_else(|| leaves.clone(), |found| found.foliage);
         let name = Path::new(&tree).file_stem().unwrap_or_default().display().to_string();
         let tree = Tree::new(&leaves, &finest);
-        let found = EPSILONS.iter().flat_map(|&epsilon| tree.hybrids(epsilon));
-        let mut best: [Option<Hybrid>; 2] = [None, None];
-        for hybrid in found {
+        for hybrid in EPSILONS.iter().flat_map(|&epsilon| tree.hybrids(epsilon)) {
             println!("| {name} | {}", hybrid.row());
-            let best = &mut best[usize::from(hybrid.meshes > 0.0)];
-            if best.as_ref().is_none_or(|best| hybrid.cost < best.cost) {
-                *best = Some(hybrid);
-            }
         }
-        let meshes = tree.share_of_all(f64::INFINITY, &tree.costs(&finest));
-        println!(
-            "best of {name}: meshes alone {meshes:.3}, billboards, hybrids {:?}",
-            best.map(|b| b.map(|b| b.row()))
-        );
+        println!("| {name} | all | 0 | {} | – | {:.3} |", finest.triangle_count(), tree.cost(f64::INFINITY, &finest));
     }
 }
 
@@ -66,7 +57,7 @@ struct Hybrid {
 impl Hybrid {
     fn row(&self) -> String {
         let Self { epsilon, meshes, billboards, triangles, size, cost } = self;
-        format!("{epsilon} | {meshes} | {billboards} | {triangles} | {size:.0} | {cost:.3} |")
+        format!("{epsilon}, {meshes} | {billboards} | {triangles} | {size:.0} | {cost:.3} |")
     }
 }
 
@@ -90,6 +81,11 @@ impl<'a> Tree<'a> {
         let radius = self.leaves.frame().radius;
         let cost = |pixels: f64| drawing_cost(&[shown], pixels / radius, DVec3::Z, Progress::silent()).expect("cost");
         middles().map(|pixels| cost(pixels).total()).collect()
+    }
+
+    /// Returns the cost of the leaves above `size` pixels and of `shown` below, as [`Self::share_of_all`].
+    fn cost(&self, size: f64, shown: &Foliage) -> f64 {
+        self.share_of_all(size, &self.costs(shown))
     }
 
     /// Returns the cost of the leaves above `size` pixels and the level below, in shares of the leaves' at all sizes.

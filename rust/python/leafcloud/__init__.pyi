@@ -220,6 +220,7 @@ class LookSeconds(TypedDict):
 class ImageErrors:
     """Image errors of a level by size: FLIP in [0, 1], compared with the leaves, within four pixels of the silhouettes.
 
+    With ``normals`` that are not bent, each is the larger one of two: without light, and under a sun.
     Sizes are diameters of the leaves' bounding sphere in pixels.
     """
 
@@ -368,8 +369,8 @@ class Level:
     def image_error(self) -> float:
         """Image error of the metrics, compared with the leaves, in pictures of 128 × 128 pixels."""
     def image_errors(self) -> ImageErrors:
-        """Measure the image error, compared with the leaves, in pictures of different sizes. Takes a tenth of a second;
-        keep the result."""
+        """Measure the image error, compared with the leaves, in pictures of different sizes. Takes some tenths of a
+        second; keep the result."""
     @property
     def seconds(self) -> BakeSeconds: ...
     @property

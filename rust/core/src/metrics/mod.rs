@@ -1,5 +1,5 @@
-//! Renderer for metrics: compares a level with the leaves in flat-lit views. The image error (FLIP) of the pictures is measured in a crate
-//! of its own, `leafcloud-flip`. `drawing` counts the cost of drawing.
+//! Renderer for metrics: compares a level with the leaves in views without light and, on request, under a sun (`light`). The image error
+//! (FLIP) of the pictures is measured in a crate of its own, `leafcloud-flip`. `drawing` counts the cost of drawing.
 
 mod drawing;
 mod fragments;
