@@ -45,7 +45,7 @@ def extract(
     """Read the tree from the evaluated scene.
 
     `objects`: the objects of the tree; their instances belong to it. `None` takes everything visible in renders.
-    `leaf_names`: exact object or material names of the leaves. `None` detects the leaves (see `plan.leaves`).
+    `leaf_names`: object or material names of the leaves. `None` detects the leaves. See `plan.leaves`.
     Raises `SceneError` if there are no faces, if an object is a level of a baked tree, if the leaves cannot be
     detected, if coordinates are not finite, or if an object's matrix is singular.
     """

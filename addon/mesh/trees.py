@@ -9,6 +9,7 @@ import bpy
 
 from ..errors import SceneError
 from ..geometry import Tree
+from ..plan.leaves import named
 from .extract import extract, part_names
 
 Groups = Mapping[str, Sequence[bpy.types.Object]]
@@ -52,10 +53,11 @@ def extract_trees(
     is found.
     """
     found = {name: part_names(depsgraph, groups[name]) for name in sorted(groups)}
-    wanted = set(leaf_names or ())
-    missing = wanted - set().union(*found.values())
+    here = set().union(*found.values())
+    missing = [name for name in leaf_names or () if not named(name, here)]
     if missing:
         raise SceneError(f"no object or material is named {min(missing)!r}; check the names of the leaves")
+    wanted = set().union(*(named(name, here) for name in leaf_names or ()))
     trees = {}
     for name, names in found.items():
         own = sorted(wanted & names)

@@ -7,7 +7,7 @@ components. A part is a material slot of an object, so leaves and trunk may shar
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,8 +62,8 @@ Measure = Callable[[int], NDArray[np.int64]]
 def choose_leaves(parts: Sequence[MaterialPart], names: Sequence[str] | None, measure: Measure) -> LeafChoice:
     """Choose the parts that are leaves.
 
-    `names`: exact names of objects, instancers or materials; `None` or empty: detect the leaves. `measure` is called
-    only if no name matches, because counting components takes a second for a million triangles.
+    `names`: names of objects, instancers or materials, as `named` finds them; `None` or empty: detect the leaves.
+    `measure` is called only if no name matches, because counting components takes a second for a million triangles.
     Raises `LeavesError` for a name that no part has, and if no rule finds leaves.
     """
     if names:
@@ -76,16 +76,26 @@ def says_leaf(name: str) -> bool:
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
 
 
+def named(name: str, names: Iterable[str]) -> set[str]:
+    """Return the names that equal `name`, or, if there is none, those that differ from it by case alone."""
+    equal = {each for each in names if each.casefold() == name.casefold()}
+    return {name} if name in equal else equal
+
+
 def names_of(part: MaterialPart) -> set[str]:
     """Return the names of the part: its object, its material, and its instancer."""
     return {part.object_name, part.material_name, part.instancer_name} - {""}
 
 
 def _choose_named(parts: Sequence[MaterialPart], names: Sequence[str]) -> LeafChoice:
+    here = set().union(*map(names_of, parts))
+    wanted: set[str] = set()
     for name in names:
-        if not any(name in names_of(part) for part in parts):
+        found = named(name, here)
+        if not found:
             raise LeavesError(f"no object or material is named {name!r}; {_inventory(parts)}")
-    indices = tuple(i for i, part in enumerate(parts) if any(name in names_of(part) for name in names))
+        wanted |= found
+    indices = tuple(i for i, part in enumerate(parts) if wanted & names_of(part))
     return LeafChoice(indices, f"{_listed(parts, indices)}: named by the user ({_quoted(names)}).")
 
 

@@ -9,9 +9,18 @@ from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, fo
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .job_operator import cancel_running
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
-from .panels import LEAFCLOUD_PT_bake, LEAFCLOUD_PT_effects
+from .panels import (
+    LEAFCLOUD_PT_bake,
+    LEAFCLOUD_PT_effects,
+    LEAFCLOUD_PT_levels,
+    LEAFCLOUD_PT_output,
+    LEAFCLOUD_PT_search,
+    LEAFCLOUD_PT_textures,
+)
+from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_presets, unregister_presets
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
+from .selected_tree import forget_selection
 from .viewport import LEAFCLOUD_OT_preview, add_handlers, remove_handlers, stop_preview
 
 _OF_SCENE = {
@@ -22,14 +31,17 @@ _OF_SCENE = {
 _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
-    *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick),
-    *(LEAFCLOUD_PT_bake, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+    *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
+    *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
+    *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
+    *(LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
 )
 
 
 def _forget_file(*_: object) -> None:
     """Forget the previous file. Blender keeps modules and the window manager when it opens another file."""
     forget_curve()
+    forget_selection()
     show_nothing(bpy.context.window_manager.leafcloud)
 
 
@@ -39,6 +51,7 @@ def register() -> None:
     for name, settings in _OF_SCENE.items():
         setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
+    register_presets()
     add_handlers()
     bpy.app.handlers.load_post.append(persistent(_forget_file))
 
@@ -48,6 +61,7 @@ def unregister() -> None:
     cancel_running()
     stop_preview()
     remove_handlers()
+    unregister_presets()
     forget_curve()
     del bpy.types.WindowManager.leafcloud
     for name in _OF_SCENE:

@@ -137,7 +137,7 @@ class LEAFCLOUD_PT_curve(bpy.types.Panel):
             column.label(text=line)
         column = layout.column(align=True)
         column.use_property_split, column.use_property_decorate = True, False
-        for name in ("samples", "seconds", "image_error"):
+        for name in ("seconds", "image_error"):
             column.prop(settings, name)
 
 

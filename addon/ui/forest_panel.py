@@ -102,7 +102,7 @@ def _problem(context: bpy.types.Context) -> str:
     """Return why no forest can be planted now, with the remedy; empty if one can."""
     trees, points = _trees(context), _points(context)
     if context.mode != "OBJECT":
-        return "Leave Edit Mode first"
+        return "Switch to Object Mode first"
     if not trees:
         return "No baked tree is in the scene: bake one first"
     if len(trees) > 1:

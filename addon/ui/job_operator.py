@@ -41,7 +41,7 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
         operator.poll_message_set(f"Nothing is selected: {remedy}")
         return False
     if context.mode != "OBJECT":
-        operator.poll_message_set("Leave Edit Mode first")
+        operator.poll_message_set("Switch to Object Mode first")
         return False
     if running:
         operator.poll_message_set("A bake or a measurement is running")

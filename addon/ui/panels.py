@@ -1,14 +1,18 @@
-"""The main panel and the effects panel in the 3D view's sidebar."""
+"""The main panel in the 3D view's sidebar, and the panels of settings and effects below it."""
 
 from __future__ import annotations
 
 import textwrap
+from typing import TYPE_CHECKING
 
 import bpy
 
 from ..plan.quality import target_error
+from ..settings.bake import BakeSettings
 from ..settings.effects import EFFECTS
+from .presets import LEAFCLOUD_PT_presets
 from .properties import AUTO, OFF, ON, effect_label, effect_property
+from .selected_tree import selection_words
 from .viewport import is_previewed
 
 _MARGINS, _LETTER = 80.0, 6.6
@@ -16,50 +20,98 @@ _MARGINS, _LETTER = 80.0, 6.6
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
+    """The first panel: what is selected, what it is for, how good it has to be, and the button."""
+
     bl_idname = "LEAFCLOUD_PT_bake"
     bl_label = "Levels of Detail"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Leafcloud"
 
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        LEAFCLOUD_PT_presets.draw_panel_header(self.layout)
+
     def draw(self, context: bpy.types.Context) -> None:
         settings, status = context.scene.leafcloud, context.window_manager.leafcloud
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("leaves", "trees"):
-            layout.prop(settings, name)
+        words = selection_words(context)
+        layout.label(text=words or "Select leaves and trunk of a tree", icon="OUTLINER_OB_MESH" if words else "INFO")
+        column = layout.column(align=True)
+        column.prop(settings, "engine")
+        if settings.engine != BakeSettings.engine:
+            column.prop(settings, "directory")
+            if not settings.directory:
+                column.label(text="Choose a folder for the engine's files", icon="ERROR")
         column = layout.column(align=True)
         column.prop(settings, "quality", slider=True)
         if not settings.pixels:
             column.label(text=_consequence(settings.quality), icon="BLANK1")
-        column = layout.column(align=True)
-        for name in ("form", "triangles", "epsilon", "levels", "cross", "last", "every_level"):
-            column.prop(settings, name)
-        column = layout.column(align=True)
-        for name in ("texture_size", "texture_height", "pixels", "close_gaps"):
-            column.prop(settings, name)
-        column = layout.column(align=True)
-        column.prop(settings, "chain")
-        if settings.chain != "billboards":
-            for name in ("prune_pixels", "prune_half"):
-                column.prop(settings, name)
-        column = layout.column(align=True)
-        for name in ("effort", "max_billboards", "max_corners", "min_visibility", "candidates", "bend_normals", "seed"):
-            column.prop(settings, name)
-        column = layout.column(align=True)
-        for name in ("viewer", "unlit"):
-            column.prop(settings, name)
-        column = layout.column(align=True)
-        column.prop(settings, "directory")
-        if settings.directory:
-            column.prop(settings, "engine")
         if status.stage:
             layout.progress(factor=status.fraction, text=f"{status.stage}, Esc to cancel")
-        layout.operator("leafcloud.bake")
+        row = layout.row()
+        row.scale_y = 1.5
+        row.operator("leafcloud.bake")
         if status.note and status.viewer != settings.viewer:
             _add_note(layout, context)
         layout.operator("leafcloud.preview", depress=is_previewed())
+
+
+class _Settings:
+    """A closed panel below the first, with groups of settings."""
+
+    bl_parent_id = "LEAFCLOUD_PT_bake"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_options = frozenset({"DEFAULT_CLOSED"})
+    groups: tuple[tuple[str, ...], ...] = ()
+
+    if TYPE_CHECKING:
+        layout: bpy.types.UILayout
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = context.scene.leafcloud, self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for group in self.groups:
+            column = layout.column(align=True)
+            for name in group:
+                if name not in _OF_PRUNING or settings.chain != "billboards":
+                    column.prop(settings, name)
+
+
+_OF_PRUNING = ("prune_pixels", "prune_half")
+"""Settings of chains that prune leaves."""
+
+
+class LEAFCLOUD_PT_levels(_Settings, bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_levels"
+    bl_label = "Levels"
+    groups = (
+        ("leaves", "trees"),
+        ("form", "epsilon", "triangles", "levels", "cross", "last", "every_level"),
+        ("pixels", "viewer"),
+        ("chain", *_OF_PRUNING),
+    )
+
+
+class LEAFCLOUD_PT_textures(_Settings, bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_textures"
+    bl_label = "Textures"
+    groups = (("texture_size", "texture_height", "samples"), ("close_gaps", "bend_normals", "unlit"))
+
+
+class LEAFCLOUD_PT_search(_Settings, bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_search"
+    bl_label = "Search"
+    groups = (("effort", "candidates", "seed"), ("max_billboards", "max_corners", "min_visibility"))
+
+
+class LEAFCLOUD_PT_output(_Settings, bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_output"
+    bl_label = "Output"
+    groups = (("directory",),)
 
 
 class LEAFCLOUD_PT_effects(bpy.types.Panel):

@@ -56,6 +56,9 @@ class _Shown:
         return {**_SWITCH, **self.choices}.get(value, value.title())
 
 
+_ENGINES = {"generic": "Blender, glTF", "three": "three.js", "babylon": "Babylon.js"}
+"""Labels of engines."""
+
 _SHOWN = {
     "quality": _Shown("Quality"),
     "form": _Shown("Form"),
@@ -83,7 +86,7 @@ _SHOWN = {
     "bend_normals": _Shown("Bend Normals"),
     "seed": _Shown("Seed"),
     "trees": _Shown("Trees"),
-    "engine": _Shown("Engine"),
+    "engine": _Shown("For", choices=_ENGINES),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }
@@ -118,6 +121,13 @@ def _label_words(name: str, value: str | None) -> str | None:
     # A message of the core may name a setting that only the command line has. It has no label, so use its name.
     hidden = name.replace("_", " ") if name in {each.name for each in described()} else None
     return _OTHERS.get(name, hidden)
+
+
+PRESET_SETTINGS = (
+    *(name for name in _SHOWN if name not in ("seed", "trees", "engine")),
+    *map(effect_property, EFFECTS),
+)
+"""Properties that a preset holds: not those of one tree, one file or one purpose."""
 
 
 class LeafcloudSettings(bpy.types.PropertyGroup):

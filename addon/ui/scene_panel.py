@@ -70,7 +70,7 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            cls.poll_message_set("Leave Edit Mode first")
+            cls.poll_message_set("Switch to Object Mode first")
             return False
         if not any(level_number(level) == 0 for obj in _visible(context) for level, _ in levels_shown(obj)):
             cls.poll_message_set("No baked tree is visible: bake one first, or unhide it")

@@ -35,10 +35,13 @@ def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
 
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the selected objects, each baked level replaced by its sources. Raise `SceneError` for a missing one."""
+    """Return the selected objects, each baked level replaced by its sources, and each empty followed by its children.
+
+    Raise `SceneError` for a missing source.
+    """
     here = {obj.name_full: obj for obj in context.view_layer.objects}
     sources: dict[bpy.types.Object, None] = {}
-    for obj in context.selected_objects:
+    for obj in with_children(context.selected_objects):
         made = record_of(obj)
         names = (obj.name_full,) if made is None else made.sources
         lost = [name for name in names if name not in here]
@@ -49,6 +52,15 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
             )
         sources |= {here[name]: None for name in names}
     return list(sources)
+
+
+def with_children(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return the objects, and after each empty the visible objects below it: they are the tree that it stands for."""
+    found: dict[bpy.types.Object, None] = {}
+    for obj in objects:
+        below = obj.children_recursive if obj.type == "EMPTY" else []
+        found |= dict.fromkeys([obj, *(child for child in below if child.visible_get())])
+    return list(found)
 
 
 @contextmanager

@@ -54,13 +54,20 @@ def test_given_name_of_an_instancer_takes_its_instances() -> None:
     assert choose_leaves(parts, ["crown"], never).indices == (0,)
 
 
-def test_given_names_are_exact_and_an_unknown_name_lists_all_names() -> None:
+def test_an_unknown_name_lists_all_names() -> None:
     parts = [MaterialPart("tree", "leaf", 10), MaterialPart("tree", "bark", 10), MaterialPart("rock", "", 5)]
     with pytest.raises(LeavesError) as caught:
-        choose_leaves(parts, ["leaf", "Leaf"], never)
+        choose_leaves(parts, ["leaf", "leafs"], never)
     assert str(caught.value) == (
-        "no object or material is named 'Leaf'; objects: 'tree', 'rock'; materials: 'leaf', 'bark'"
+        "no object or material is named 'leafs'; objects: 'tree', 'rock'; materials: 'leaf', 'bark'"
     )
+
+
+def test_case_counts_only_between_names_that_differ_by_it() -> None:
+    parts = [MaterialPart("Crown", "", 10), MaterialPart("crown", "", 10), MaterialPart("Needles", "", 5)]
+    assert choose_leaves(parts, ["crown"], never).indices == (1,)
+    assert choose_leaves(parts, ["NEEDLES"], never).indices == (2,)
+    assert choose_leaves(parts, ["CROWN"], never).indices == (0, 1)
 
 
 def test_telling_material_splits_an_object() -> None:

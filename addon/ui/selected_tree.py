@@ -1,0 +1,91 @@
+"""The selection in a few words, for the first line of the panel: "Oak: 5,320 leaves, trunk".
+
+Leaves are counted in the objects' own meshes, when the selection changes. A selection with modifiers, instances or many
+faces is told by its number of objects: evaluating it would stop the interface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+import leafcloud
+
+from ..mesh.baked_levels import record_of
+from ..plan.leaves import LeavesError, MaterialPart, choose_leaves
+from .properties import leaf_names
+from .selection import with_children
+
+_MOST_FACES = 300_000
+"""Faces that are counted in some hundredths of a second."""
+
+_last: list[tuple[object, str]] = []
+"""The last selection and its words, or empty."""
+
+
+def selection_words(context: bpy.types.Context) -> str:
+    """Return the name of the selected tree and what it consists of; empty without a selection."""
+    objects = with_children(context.selected_objects)
+    if not objects:
+        return ""
+    names = leaf_names(context.scene.leafcloud)
+    key = [(obj.name_full, len(obj.modifiers), _faces(obj)) for obj in objects], names, _name(context)
+    if not _last or _last[0][0] != key:
+        _last[:] = [(key, f"{_name(context)}: {_parts(objects, names)}")]
+    return _last[0][1]
+
+
+def forget_selection() -> None:
+    """Forget the last selection, as when another file opens."""
+    _last.clear()
+
+
+def _name(context: bpy.types.Context) -> str:
+    active = context.view_layer.objects.active
+    obj = active if active is not None and active.select_get() else context.selected_objects[0]
+    made = record_of(obj)
+    return obj.name if made is None else made.name
+
+
+def _faces(obj: bpy.types.Object) -> int:
+    return len(obj.data.polygons) if obj.type == "MESH" else 0
+
+
+def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> str:
+    if any(record_of(obj) is not None for obj in objects):
+        return "baked; a new bake replaces its levels"
+    count = len(objects)
+    meshes = [obj for obj in objects if _faces(obj)]
+    plain = all(obj.type in ("MESH", "EMPTY") and not obj.modifiers and obj.instance_type == "NONE" for obj in objects)
+    if not plain or not meshes or sum(map(_faces, meshes)) > _MOST_FACES:
+        return f"{count} object{'s' if count > 1 else ''}"
+    slots = [slot for obj in meshes for slot in _slots(obj)]
+    try:
+        choice = choose_leaves([part for part, _ in slots], names, lambda i: slots[i][1])
+    except LeavesError:
+        return "no leaves found, name them below"
+    leaves = sum(len(slots[i][1]) for i in choice.indices)
+    return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(slots) else ''}"
+
+
+def _slots(obj: bpy.types.Object) -> list[tuple[MaterialPart, NDArray[np.int64]]]:
+    """Return the parts of a mesh object, each with the number of triangles of its connected components."""
+    mesh = obj.data
+    mesh.calc_loop_triangles()
+    points, triangles = np.empty((len(mesh.vertices), 3)), np.empty((len(mesh.loop_triangles), 3), np.int32)
+    numbers = np.empty(len(triangles), np.int32)
+    mesh.vertices.foreach_get("co", points.ravel())
+    mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
+    mesh.loop_triangles.foreach_get("material_index", numbers)
+    materials = list(mesh.materials) or [None]
+    numbers = numbers.clip(0, len(materials) - 1)
+
+    def slot(number: int) -> tuple[MaterialPart, NDArray[np.int64]]:
+        own, material = triangles[numbers == number], materials[number]
+        part = MaterialPart(obj.name, "" if material is None else material.name, len(own))
+        return part, np.bincount(leafcloud.leaf_ids(points, own))
+
+    return [slot(number) for number in np.unique(numbers).tolist()]
