@@ -20,7 +20,7 @@ _MARGINS, _LETTER = 80.0, 6.6
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
-    """The first panel: what is selected, what it is for, how good it has to be, and the button."""
+    """The first panel: the selection, its purpose, the quality, and the button."""
 
     bl_idname = "LEAFCLOUD_PT_bake"
     bl_label = "Levels of Detail"

@@ -27,7 +27,7 @@ _last: list[tuple[object, str]] = []
 
 
 def selection_words(context: bpy.types.Context) -> str:
-    """Return the name of the selected tree and what it consists of; empty without a selection."""
+    """Return the name of the selected tree, its number of leaves and its trunk; empty without a selection."""
     objects = with_children(context.selected_objects)
     if not objects:
         return ""

@@ -64,18 +64,14 @@ mod tests {
     use super::*;
     use crate::Progress;
     use crate::color::decode_table;
-    use crate::foliage::{Attributes, Material};
+    use crate::foliage::Material;
     use crate::metrics::{Reference, View, Views, render_lit};
     use crate::textures::Samples;
 
     /// White squares of side 2 that face up, at the given heights.
     fn tiers(heights: &[f64]) -> Foliage {
-        let corners = |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
-        let positions: Vec<DVec3> = heights.iter().flat_map(|&z| corners(z)).collect();
-        let square = |i: usize| [[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| t.map(|c| c + 4 * i as u32));
-        let triangles = (0..heights.len()).flat_map(square).collect();
         let white = Material { base_color: Vec4::ONE, double_sided: true, ..Material::default() };
-        Foliage::new(&positions, triangles, Attributes::default(), vec![white]).unwrap()
+        crate::textures::tiers(heights).with_materials(|_| white.clone())
     }
 
     fn view(direction: DVec3, centre: DVec3) -> View {

@@ -32,6 +32,8 @@ pub use raster::{
 };
 pub use samples::Samples;
 pub(crate) use sky::Shadow;
+#[cfg(test)]
+pub(crate) use sky::tests::tiers;
 pub use sky::{Outlook, Sky};
 
 use crate::atlas::{Atlas, Billboard, PageSize};

@@ -140,12 +140,12 @@ impl Shadow {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::foliage::Attributes;
 
     /// Squares of side 2 at the given heights, facing up. R is the radius of their bounding sphere.
-    fn tiers(heights: &[f64]) -> Foliage {
+    pub(crate) fn tiers(heights: &[f64]) -> Foliage {
         let corners = |z: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
         let positions: Vec<DVec3> = heights.iter().flat_map(|&z| corners(z)).collect();
         let square = |i: usize| [[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| t.map(|c| c + 4 * i as u32));
