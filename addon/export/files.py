@@ -18,7 +18,9 @@ from ..bake.job import Progress
 from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
 from ..levels.octahedral import plain_files
-from ..levels.shadow_proxy import left_out, shadow_proxy_of
+from ..levels.rollback import left_out
+from ..levels.root import without_root
+from ..levels.shadow_proxy import shadow_proxy_of
 from ..material.blended import masked
 from ..mesh.baked_levels import plain_mesh
 from ..plan.decision import is_on
@@ -54,6 +56,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
             load = GpuLoad()
             edits = [*_edits(trees), load.read]
             for tree in trees:
+                changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
                 changes.enter_context(_as_in_files(tree))
             changes.enter_context(engine_pages(_levels_by_material(trees)))

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bpy
-from mathutils import Matrix
 
 import leafcloud
 
@@ -21,6 +20,7 @@ from .leaves import leaf_object, simplified_object
 from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
+from .root import add_root, put_below
 from .trunk import Trunk, TrunkView, simplified, whole
 
 NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
@@ -30,18 +30,20 @@ NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
     """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
 
-    Meshes are in the tree's coordinates, objects have the tree's matrix. If the camera sees a single level and there
-    are neither transitions nor pruning, only that level is shown. On failure everything created is removed.
+    Meshes are in the tree's coordinates, the root above all objects has the tree's matrix. If the camera sees a single
+    level and there are neither transitions nor pruning, only that level is shown. On failure everything created is
+    removed.
     """
     with removed_on_failure():
         collection = bpy.data.collections.new(build.name)
+        root = add_root(collection, build)
         behind = build.chain.levels
         following = [*behind[1:], None]
         objects = [_object(level, following[n], n + 1, build) for n, level in enumerate(behind)]
         trunks = _trunks(build, [_triangles(obj) for obj in objects])
-        levels = [_add_level(collection, leaf_object(build), 0, trunks[0], build)]
+        levels = [_add_level(root, leaf_object(build), 0, trunks[0], build)]
         for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
-            built = _add_level(collection, obj, number, trunks[number], build)
+            built = _add_level(root, obj, number, trunks[number], build)
             if not isinstance(level, NO_CLOUDS):
                 for effect in build.charged():
                     built = effect.add_to_cloud(built, level, build)
@@ -97,11 +99,11 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
 
 
 def _add_level(
-    collection: bpy.types.Collection, obj: bpy.types.Object, number: int, trunk: Trunk | None, build: Build
+    root: bpy.types.Object, obj: bpy.types.Object, number: int, trunk: Trunk | None, build: Build
 ) -> BuiltLevel:
-    """Link `obj` and its child trunk to the collection. Set their transforms, custom properties and modifiers."""
-    ranges = build.schedule.lod_ranges
-    obj.matrix_world = Matrix(build.tree.matrix.tolist())
+    """Put `obj` and its child trunk below the root. Set their transforms, custom properties and modifiers."""
+    ranges, [collection] = build.schedule.lod_ranges, root.users_collection
+    put_below(root, obj)
     obj[EXTRAS]["centre"], obj[EXTRAS]["radius"] = y_up(build.centre), build.radius
     members = {obj: ranges[number]}
     trunk_object = None

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..mesh.baked_levels import full_names, record
+from .root import move_as, root_of
 
 
 def levels_of(scene: bpy.types.Scene, sources: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
@@ -52,6 +53,8 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
         if new is None:
             continue
         _put_in_place(old, new, own)
+        if (root := root_of(old)) is not None and (heir := root_of(new)) is not None:
+            move_as(root, heir)
         old.user_remap(new)
         for obj in [obj for obj in old.all_objects if obj in names]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))

@@ -1,4 +1,4 @@
-"""Removal of the data-blocks that a failed operation has created."""
+"""Changes to the open file that are undone: blocks of a failed operation, objects that an export leaves out."""
 
 from __future__ import annotations
 
@@ -21,3 +21,13 @@ def removed_on_failure() -> Iterator[None]:
             for made in [item for item in kind if item not in known]:
                 kind.remove(made)
         raise
+
+
+@contextmanager
+def left_out(collection: bpy.types.Collection, obj: bpy.types.Object) -> Iterator[None]:
+    """Unlink the object from the collection during the block, for exports: files do not have it."""
+    collection.objects.unlink(obj)
+    try:
+        yield
+    finally:
+        collection.objects.link(obj)

@@ -7,17 +7,14 @@ leaves that no other leaf shades. Coarse shadow maps hide this. Cycles does not 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ..mesh.baked_levels import EXTRAS, level_number
 from .building import Build
 from .material import Page, atlas_image, atlas_material
 from .mesh import create_mesh, polygon_faces, polygon_surface
+from .root import put_below, root_of
 
 _KEY = "shadow_only"
 """Custom property of a shadow proxy, under `EXTRAS`; also in glTF's extras."""
@@ -41,7 +38,9 @@ def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
     for obj in collection.objects:
         obj.visible_shadow = level_number(obj) is None
     proxy = bpy.data.objects.new(name, mesh)
-    proxy.matrix_world = Matrix(build.tree.matrix.tolist())
+    root = root_of(collection)
+    assert root is not None, "the levels have a root"
+    put_below(root, proxy)
     proxy[EXTRAS] = {_KEY: True}
     for ray in _SEEN_BY:
         setattr(proxy, f"visible_{ray}", False)
@@ -55,13 +54,3 @@ def shadow_proxy_of(collection: bpy.types.Collection) -> bpy.types.Object | None
 
 def is_shadow_proxy(obj: bpy.types.Object) -> bool:
     return _KEY in obj.get(EXTRAS, {})
-
-
-@contextmanager
-def left_out(collection: bpy.types.Collection, obj: bpy.types.Object) -> Iterator[None]:
-    """Unlink the object from the collection during the block, for exports: file viewers would draw the object."""
-    collection.objects.unlink(obj)
-    try:
-        yield
-    finally:
-        collection.objects.link(obj)

@@ -14,13 +14,14 @@ from mathutils import Matrix
 
 from ..mesh.baked_levels import level_number
 from .baked_trees import trunks
+from .root import is_root
 
 
 @dataclass(frozen=True)
 class SharedTrees:
     """A tree set.
 
-    trees: the collection to draw. sources: the objects that the tree set replaces: levels, trunks and instances.
+    trees: the collection to draw. sources: the objects that the tree set replaces: levels, trunks, roots and instances.
     leaves: the LOD 0 of each kind of tree, sorted by name. count: the number of trees.
     """
 
@@ -50,6 +51,7 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
         if (own := trunk.get(level)) is not None:
             _add(trees, own, matrix @ level.matrix_world.inverted() @ own.matrix_world)
     sources += [trunk[obj] for obj in sources if obj in trunk]
+    sources += dict.fromkeys(obj.parent for obj in sources if obj.parent is not None and is_root(obj.parent))
     kinds = {level.data: level for level, _ in reversed(placed)}
     leaves = tuple(sorted(kinds.values(), key=lambda level: level.name))
     return SharedTrees(trees, tuple(sources), leaves, len(placed))

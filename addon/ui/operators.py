@@ -21,11 +21,13 @@ from ..bake.tree_set import (
     prepare_tree_set,
     start_tree_set,
 )
+from ..bake.values import TreeSet
 from ..errors import SceneError
 from ..export.files import write
 from ..export.staging import Staging
 from ..levels.earlier import levels_of, name_before, replaced
 from ..levels.rollback import removed_on_failure
+from ..levels.root import root_of
 from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
@@ -104,7 +106,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
-        _select(context, [level.object for tree in tree_set.trees for level in tree.levels[:1]])
+        _select(context, _parts(tree_set))
         draw_new_levels(context.view_layer)
         for warning in dict.fromkeys(warning for tree in tree_set.trees for warning in tree.prepared.warnings):
             self.report({"WARNING"}, with_labels(warning))
@@ -149,6 +151,12 @@ def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> 
     for obj in objects:
         obj.select_set(True)
     context.view_layer.objects.active = objects[0]
+
+
+def _parts(tree_set: TreeSet) -> list[bpy.types.Object]:
+    """Return the trees' roots, then all objects below them: an artist duplicates a tree as a whole."""
+    roots = [root for tree in tree_set.trees if (root := root_of(tree.collection)) is not None]
+    return [*roots, *(obj for root in roots for obj in root.children_recursive)]
 
 
 def _tree_set_name(trees: Sequence[str]) -> str:

@@ -47,7 +47,7 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
         lost = [name for name in names if name not in here]
         if lost:
             raise SceneError(
-                f"object {obj.name!r} is a level of a baked tree, and the view layer lacks its source objects "
+                f"object {obj.name!r} belongs to a baked tree, and the view layer lacks the tree's source objects "
                 f"{', '.join(map(repr, lost[:8]))}: restore them under these names, or select another tree"
             )
         sources |= {here[name]: None for name in names}

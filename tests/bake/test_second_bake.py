@@ -100,8 +100,10 @@ def test_a_bake_of_a_selected_level_bakes_its_sources(sources: list[bpy.types.Ob
     bpy.context.scene.leafcloud.every_level = True
     bpy.ops.leafcloud.bake()
     before = names()
-    assert [obj.name for obj in bpy.context.selected_objects] == ["leaves_LOD0"]
-    assert bpy.context.view_layer.objects.active.name == "leaves_LOD0"
+    collection = bpy.data.collections["leaves"]
+    assert set(bpy.context.selected_objects) == set(collection.objects)
+    assert bpy.context.view_layer.objects.active.name == "leaves_tree"
+    select(bpy.data.objects["leaves_LOD0"])
     settings = bpy.context.scene.leafcloud
     settings.levels = 2
     for name in ("leaves_LOD0", "leaves_LOD1_trunk"):
@@ -197,7 +199,10 @@ def test_a_second_bake_of_several_trees_replaces_the_first(sources: list[bpy.typ
     bpy.ops.leafcloud.bake()
     before = names()
     assert {"trees", "leaves", "leaves.001"} <= {*before["collections"]}
-    assert {obj.name for obj in bpy.context.selected_objects} == {"leaves_LOD0", "leaves.001_LOD0"}
+    assert {obj.name for obj in bpy.context.selected_objects if obj.parent is None} == {
+        "leaves_tree",
+        "leaves.001_tree",
+    }
     bpy.ops.leafcloud.bake()
     assert names() == before
     select(bpy.data.objects["leaves_LOD1"])
@@ -211,7 +216,7 @@ def test_a_bake_of_a_level_without_its_sources_is_refused(sources: list[bpy.type
     bpy.data.objects.remove(sources[0])
     with pytest.raises(
         RuntimeError,
-        match="'leaves_LOD0' is a level of a baked tree, and the view layer lacks its source objects 'leaves'",
+        match="'leaves_tree' belongs to a baked tree, and the view layer lacks the tree's source objects 'leaves'",
     ):
         bpy.ops.leafcloud.bake()
 

@@ -99,7 +99,7 @@ def test_a_bake_adds_levels_and_hides_the_selected_objects(selected_shrub: list[
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     collection = bpy.context.scene.collection.children["leaves"]
     assert {obj.name for obj in collection.objects} == {
-        "leaves_LOD0", "leaves_LOD0_trunk", "leaves_LOD1", "leaves_LOD1_trunk", "leaves_LOD2"
+        "leaves_tree", "leaves_LOD0", "leaves_LOD0_trunk", "leaves_LOD1", "leaves_LOD1_trunk", "leaves_LOD2"
     }  # fmt: skip
     assert not any(obj.visible_get() for obj in selected_shrub)
     assert all(obj.hide_render for obj in selected_shrub)

@@ -1,0 +1,74 @@
+"""The root of a baked tree: an empty with all of its levels below, so that they move, turn and grow as one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+from mathutils import Matrix
+
+from ..mesh.baked_levels import EXTRAS
+from .building import Build
+from .rollback import left_out
+
+_KEY = "root"
+"""Custom property of a root, under `EXTRAS`: the rows of its matrix when it was made."""
+
+_SIZE = 0.5
+"""Length of the root's axes, as a fraction of R."""
+
+
+def add_root(collection: bpy.types.Collection, build: Build) -> bpy.types.Object:
+    """Add a root to the collection of a tree, at the tree's place."""
+    root = bpy.data.objects.new(f"{build.name}_tree", None)
+    root.matrix_world = Matrix(build.tree.matrix.tolist())
+    root.empty_display_size = _SIZE * build.radius
+    root[EXTRAS] = {_KEY: build.tree.matrix.ravel().tolist()}
+    collection.objects.link(root)
+    return root
+
+
+def put_below(root: bpy.types.Object, obj: bpy.types.Object) -> None:
+    """Make `obj` a child of the root, at the root's place."""
+    obj.parent = root
+    # The dependency graph computes matrix_world later. The steps after this one read it now.
+    obj.matrix_world = root.matrix_world
+    obj.location, obj.rotation_euler, obj.scale = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+
+@contextmanager
+def without_root(collection: bpy.types.Collection) -> Iterator[None]:
+    """Take the root out of the collection during the block, for exports: the levels stand alone in files."""
+    root = root_of(collection)
+    if root is None:
+        yield
+        return
+    place, below = root.matrix_world.copy(), root.children
+    with left_out(collection, root):
+        for obj in below:
+            obj.parent = None
+            obj.matrix_world = place
+        try:
+            yield
+        finally:
+            for obj in below:
+                put_below(root, obj)
+
+
+def root_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
+    """Return the root in the collection of a baked tree; None if it has none, as in files of earlier versions."""
+    return next(filter(is_root, collection.objects), None)
+
+
+def move_as(before: bpy.types.Object, root: bpy.types.Object) -> None:
+    """Move the root of a new bake as an artist has moved the root before, and below the same parent."""
+    made = Matrix([before[EXTRAS][_KEY][4 * row : 4 * row + 4] for row in range(4)])
+    place = root.matrix_world.copy()
+    root.parent, root.parent_type, root.parent_bone = before.parent, before.parent_type, before.parent_bone
+    root.matrix_parent_inverse = before.matrix_parent_inverse
+    root.matrix_world = before.matrix_world @ made.inverted() @ place
+
+
+def is_root(obj: bpy.types.Object) -> bool:
+    return obj.type == "EMPTY" and _KEY in obj.get(EXTRAS, {})
