@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import leafcloud
 
 from ..levels.building import BuiltLevel
+from ..levels.results import LevelResult, level_name
 from ..plan.camera_visibility import pixels_of
 from .values import Baked
 
@@ -79,6 +81,33 @@ def level_trunks(baked: Baked) -> list[leafcloud.Foliage | None]:
         return came if level.trunk_corners is None else part.of(level.trunk_corners).foliage()
 
     return [trunk(level) for level in baked.levels]
+
+
+def level_results(baked: Baked, costs: Sequence[LevelDrawing]) -> list[LevelResult]:
+    """Return the figures of every level for the sidebar, LOD 0 first. `costs`: of every level."""
+
+    def texture(level: leafcloud.AnyLevel) -> tuple[int, int]:
+        if isinstance(level, leafcloud.LeafLevel):
+            return 0, 0
+        page = level.color if isinstance(level, leafcloud.OctahedralLevel) else level.base_color
+        return page.shape[1], page.shape[0]
+
+    leaves = baked.levels[0]
+    results = [LevelResult("Leaves", leaves.triangles + leaves.trunk_triangles, 1.0, (0, 0), 0.0, 0.0)]
+    later = zip(baked.chain.levels, baked.levels[1:], costs[1:], baked.switch_distances[1:], strict=True)
+    for number, (level, built, cost, distance) in enumerate(later, start=1):
+        triangles = level.triangles if isinstance(level, leafcloud.OctahedralLevel) else built.triangles
+        results.append(
+            LevelResult(
+                level_name(level, number),
+                triangles + built.trunk_triangles,
+                cost.cheaper,
+                texture(level),
+                level.image_error,
+                distance,
+            )
+        )
+    return results
 
 
 def left_out_reasons(chain: leafcloud.Chain) -> list[str]:

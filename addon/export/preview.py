@@ -16,6 +16,7 @@ import leafcloud
 
 from ..bake.drawing import level_trunks
 from ..bake.values import Baked
+from ..levels.results import level_name
 from ..plan.camera_visibility import pixels_of
 from . import canvas
 from .canvas import Block, Box, Picture
@@ -41,8 +42,6 @@ FRAMES_LEFT = 0.96
 TALLEST_VIEW = 300
 """Maximum height of a picture in the views."""
 
-IMPOSTORS = {"cross": "Cross impostor", "octahedral": "Octahedral impostor"}
-"""Names of the last level by its method."""
 DIRECTION = (0.45, -1.0, 0.2)
 """Direction from the tree to the eye."""
 VIEWS: Mapping[str, tuple[float, float, float]] = {
@@ -121,11 +120,6 @@ def subjects_of(
 
     leaves = Subject("Leaves", (foliage,) if trunks[0] is None else (foliage, trunks[0]))
     return [leaves, *(subject(level, number) for number, level in enumerate(levels, 1))]
-
-
-def level_name(level: leafcloud.AnyLevel, number: int) -> str:
-    """Return the name of level `number` in labels."""
-    return IMPOSTORS.get(level.method, f"Level {number}")
 
 
 def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:

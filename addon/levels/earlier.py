@@ -1,4 +1,4 @@
-"""Replacement of the levels from an earlier bake of the same objects."""
+"""Replacement and removal of the levels from an earlier bake."""
 
 from __future__ import annotations
 
@@ -60,6 +60,13 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))
             if heir is not None:
                 obj.user_remap(heir)
+    bpy.data.batch_remove(own)
+
+
+def remove_levels(collection: bpy.types.Collection) -> None:
+    """Remove a collection of levels with all that its bake made. Objects that an artist has added to it stay."""
+    own = _own_blocks([collection])
+    _keep_members(collection, bpy.context.scene.collection, own)
     bpy.data.batch_remove(own)
 
 

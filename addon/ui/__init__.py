@@ -21,6 +21,7 @@ from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_pre
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .selected_tree import forget_selection
+from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
 from .viewport import LEAFCLOUD_OT_preview, add_handlers, remove_handlers, stop_preview
 
 _OF_SCENE = {
@@ -32,9 +33,10 @@ _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
+    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
-    *(LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+    *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
 )
 
 

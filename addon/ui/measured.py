@@ -10,9 +10,10 @@ import numpy as np
 
 import leafcloud
 
-from ..bake.drawing import drawing_costs
+from ..bake.drawing import drawing_costs, level_results
 from ..bake.pipeline import chain_options
 from ..bake.values import Baked, Prepared
+from ..levels.results import keep_results
 from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
@@ -133,12 +134,14 @@ def tell_nothing() -> None:
 
 
 def tell(tree: Baked) -> None:
-    """Store the result of a finished bake."""
+    """Store the result of a finished bake, for the cost curve and with the tree's collection."""
     prepared, chain = tree.prepared, tree.chain
     expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
     beside = "" if expected is None else f" (expected {expected['seconds']:.1f} s, {expected['image_error']:.3f})"
     _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]
-    for number, cost in enumerate(drawing_costs(tree)[1:], start=1):
+    costs = drawing_costs(tree)
+    keep_results(tree.collection, level_results(tree, costs))
+    for number, cost in enumerate(costs[1:], start=1):
         times = f"{cost.cheaper:.1f} × cheaper" if cost.cheaper >= 1.0 else f"{1.0 / cost.cheaper:.1f} × dearer"
         _told.append(f"Level {number}: {times} to draw than the leaves at {cost.crown_pixels:.0f} px")
     if chain.left_out:

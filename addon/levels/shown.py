@@ -1,0 +1,52 @@
+"""The level of a baked tree that is shown: the level for each distance, or one at all distances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ..mesh.baked_levels import level_number
+from ..nodes.lod import GROUP_NAME
+from ..versions import set_modifier_input
+
+_KEY = "leafcloud_shown"
+"""The custom property of a collection of levels: the number of the level that is shown at all distances."""
+
+_HIDDEN = "leafcloud_hidden"
+"""The custom property of a level or trunk: whether it is hidden where the distance decides."""
+
+
+def shown_level(collection: bpy.types.Collection) -> int | None:
+    """Return the level that is shown at all distances; None if the distance decides."""
+    number = collection.get(_KEY)
+    return number if isinstance(number, int) else None
+
+
+def show_level(collection: bpy.types.Collection, number: int | None) -> None:
+    """Show one level with its trunk at all distances, or let the distance decide."""
+    for own, obj in _members(collection):
+        if (modifier := obj.modifiers.get(GROUP_NAME)) is not None:
+            set_modifier_input(modifier, "Manual", number is not None)
+            set_modifier_input(modifier, "Transition", 0.0)
+            set_modifier_input(modifier, "Keep", 1.0)
+        if number is None:
+            is_hidden = bool(obj.pop(_HIDDEN, obj.hide_viewport))
+        else:
+            obj[_HIDDEN] = obj.get(_HIDDEN, obj.hide_viewport)
+            is_hidden = own != number
+        obj.hide_viewport = obj.hide_render = is_hidden
+    if number is None:
+        collection.pop(_KEY, None)
+    else:
+        collection[_KEY] = number
+
+
+def _members(collection: bpy.types.Collection) -> Iterator[tuple[int, bpy.types.Object]]:
+    """Yield the levels and their trunks, each with the level's number."""
+    # Blender makes this list anew where the visibility of an object changes.
+    for obj in list(collection.all_objects):
+        level = obj if level_number(obj) is not None else obj.parent
+        number = None if level is None else level_number(level)
+        if number is not None:
+            yield number, obj

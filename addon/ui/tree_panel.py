@@ -1,0 +1,142 @@
+"""The baked tree in the sidebar: the shown level, the figures of each level, and the way back to the sources."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import IntProperty
+
+from ..errors import SceneError
+from ..levels.earlier import remove_levels
+from ..levels.results import LevelResult, results_of
+from ..levels.shown import show_level, shown_level
+from ..mesh.baked_levels import level_number, record
+from .job_operator import refuse, running
+from .viewport import stop_preview
+
+AUTO = -1
+"""Number in place of a level's: the distance decides."""
+
+
+def active_tree(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """Return the collection of the baked tree to which the active object belongs; None if it belongs to none."""
+    obj = context.view_layer.objects.active
+    collections = () if obj is None else obj.users_collection
+    return next((each for each in collections if record(each) is not None), None)
+
+
+class _OnTree:
+    """Mixin for operators on the active baked tree. Put it before `bpy.types.Operator` in the list of bases."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        problem = ""
+        if active_tree(context) is None:
+            problem = "Select a baked tree"
+        elif context.mode != "OBJECT":
+            problem = "Switch to Object Mode first"
+        elif running:
+            problem = "A bake or a measurement is running"
+        if problem:
+            cls.poll_message_set(problem)  # type: ignore[attr-defined]
+        return not problem
+
+
+class LEAFCLOUD_OT_show_level(_OnTree, bpy.types.Operator):
+    """Show this level at all distances. Auto shows the level for each distance"""
+
+    bl_idname = "leafcloud.show_level"
+    bl_label = "Show Level"
+    bl_options = {"REGISTER", "UNDO"}
+
+    level: IntProperty(
+        name="Level", description="Number of the level. −1: the distance decides", default=AUTO, min=AUTO
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        tree = active_tree(context)
+        assert tree is not None, "poll refuses without a tree"
+        numbers = _numbers(tree)
+        if self.level != AUTO and self.level not in numbers:
+            self.report({"ERROR"}, f"{tree.name} has no level {self.level}; it has the levels 0 to {max(numbers)}")
+            return {"CANCELLED"}
+        show_level(tree, None if self.level == AUTO else self.level)
+        return {"FINISHED"}
+
+
+class LEAFCLOUD_OT_remove(_OnTree, bpy.types.Operator):
+    """Remove the levels of the baked tree, and show the objects that they were made from"""
+
+    bl_idname = "leafcloud.remove"
+    bl_label = "Remove Levels"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        tree = active_tree(context)
+        assert tree is not None, "poll refuses without a tree"
+        made, name = record(tree), tree.name
+        assert made is not None, "an active tree has a record"
+        here = {obj.name_full: obj for obj in context.view_layer.objects}
+        lost = [source for source in made.sources if source not in here]
+        if len(lost) == len(made.sources):
+            return refuse(
+                self,
+                SceneError(
+                    f"the view layer lacks the objects that {name!r} was made from, {', '.join(map(repr, lost[:8]))}: "
+                    "restore them, or delete the levels by hand"
+                ),
+            )
+        stop_preview()
+        remove_levels(tree)
+        sources = [here[source] for source in made.sources if source in here]
+        for obj in sources:
+            obj.hide_set(False)
+            obj.hide_render = False
+            obj.select_set(True)
+        context.view_layer.objects.active = sources[0]
+        self.report({"INFO"}, f"Removed the levels of {name}, and showed its sources")
+        return {"FINISHED"}
+
+
+class LEAFCLOUD_PT_tree(bpy.types.Panel):
+    bl_idname = "LEAFCLOUD_PT_tree"
+    bl_label = "Baked Tree"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Leafcloud"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return active_tree(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, tree = self.layout, active_tree(context)
+        assert tree is not None, "poll hides the panel without a tree"
+        shown = shown_level(tree)
+        layout.label(text=tree.name, icon="OUTLINER_COLLECTION")
+        row = layout.row(align=True)
+        for number in [AUTO, *_numbers(tree)]:
+            text = "Auto" if number == AUTO else str(number)
+            is_shown = number == (AUTO if shown is None else shown)
+            row.operator("leafcloud.show_level", text=text, depress=is_shown).level = number
+        for result in results_of(tree):
+            column = layout.column(align=True)
+            column.label(text=result.name)
+            for text in figures_of(result):
+                column.label(text=text, icon="BLANK1")
+        layout.operator("leafcloud.bake", text="Bake Again")
+        layout.operator("leafcloud.remove")
+
+
+def figures_of(result: LevelResult) -> tuple[str, ...]:
+    """Return the figures of a level as short lines. The sidebar is narrow."""
+    triangles = f"{result.triangles:,} triangles"
+    if result.distance == 0.0:
+        return (triangles,)
+    width, height = result.texture
+    texture = (f"texture {width} × {height}",) if width else ()
+    times = f"{result.cheaper:.1f} × cheaper" if result.cheaper >= 1.0 else f"{1.0 / result.cheaper:.1f} × dearer"
+    return f"{triangles}, {times}", f"from {result.distance:.1f} on, error {result.image_error:.3f}", *texture
+
+
+def _numbers(tree: bpy.types.Collection) -> list[int]:
+    return sorted(number for obj in tree.all_objects if (number := level_number(obj)) is not None)

@@ -1,0 +1,138 @@
+"""The panel of a baked tree: the level that is shown, figures that stay in the file, and removal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import bpy
+import pytest
+
+import addon.ui as interface
+from addon.levels.results import results_of
+from addon.levels.shown import shown_level
+from addon.mesh.baked_levels import level_number
+from addon.ui.tree_panel import active_tree, figures_of
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+KINDS = ("objects", "meshes", "materials", "images", "collections")
+
+
+@pytest.fixture
+def before(registered: None, shrub: Path) -> dict[str, set[str]]:
+    """Bake the imported shrub; return the names of all data-blocks before."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
+    kept = names()
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 64, 1, 0.2, True
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    return kept
+
+
+def names() -> dict[str, set[str]]:
+    return {kind: {block.name for block in getattr(bpy.data, kind)} for kind in KINDS}
+
+
+def tree() -> bpy.types.Collection:
+    found = active_tree(bpy.context)
+    assert found is not None
+    return found
+
+
+def drawn() -> set[str]:
+    """Return the levels and trunks of the tree that have visible polygons."""
+    bpy.context.view_layer.update()
+    graph = bpy.context.evaluated_depsgraph_get()
+    meshes = [obj for obj in tree().objects if obj.type == "MESH" and obj.visible_get()]
+    return {obj.name for obj in meshes if len(obj.evaluated_get(graph).data.polygons)}
+
+
+@pytest.mark.usefixtures("before")
+def test_one_level_is_shown_at_all_distances_and_auto_goes_back() -> None:
+    by_distance = drawn()
+    for number in (1, 2, 0):
+        assert bpy.ops.leafcloud.show_level(level=number) == {"FINISHED"}
+        assert shown_level(tree()) == number
+        assert {name for name in drawn() if "trunk" not in name} == {f"leaves_LOD{number}"}
+    assert bpy.ops.leafcloud.show_level(level=-1) == {"FINISHED"}
+    assert shown_level(tree()) is None
+    assert drawn() == by_distance
+    assert not any("leafcloud_hidden" in obj for obj in tree().objects)
+
+
+@pytest.mark.usefixtures("before")
+def test_levels_that_the_camera_never_sees_stay_hidden_after_auto() -> None:
+    hidden = next(obj for obj in tree().objects if level_number(obj) == 1)
+    hidden.hide_viewport = hidden.hide_render = True
+    bpy.ops.leafcloud.show_level(level=1)
+    assert not hidden.hide_viewport
+    bpy.ops.leafcloud.show_level(level=-1)
+    assert hidden.hide_viewport
+    assert hidden.hide_render
+
+
+@pytest.mark.usefixtures("before")
+def test_a_level_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(RuntimeError, match="leaves has no level 7; it has the levels 0 to 2"):
+        bpy.ops.leafcloud.show_level(level=7)
+
+
+@pytest.mark.usefixtures("before")
+def test_the_figures_of_each_level_are_saved_with_the_file(tmp_path: Path) -> None:
+    results = results_of(tree())
+    assert [each.name for each in results] == ["Leaves", "Level 1", "Cross impostor"]
+    levels = {level_number(obj): obj for obj in tree().objects if level_number(obj) is not None}
+    for number, result in enumerate(results):
+        parts = [levels[number], *levels[number].children]
+        assert result.triangles == sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in parts)
+        assert result.distance == pytest.approx(levels[number]["leafcloud"].get("switch_distance", 0.0))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "tree.blend"))
+    assert results_of(bpy.data.collections["leaves"]) == results
+
+
+@pytest.mark.usefixtures("before")
+def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
+    layout = MagicMock()
+    for part in ("row", "column"):
+        getattr(layout, part).return_value = layout
+    interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
+    buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
+    assert buttons == ["Auto", "0", "1", "2", "Bake Again", None]
+    labels = [call.kwargs["text"] for call in layout.label.call_args_list]
+    results = results_of(tree())
+    assert labels == ["leaves", *(line for each in results for line in (each.name, *figures_of(each)))]
+
+
+def test_the_panel_is_hidden_without_a_baked_tree() -> None:
+    assert not interface.LEAFCLOUD_PT_tree.poll(bpy.context)
+    assert not bpy.ops.leafcloud.remove.poll()
+
+
+def test_removal_leaves_the_file_as_before_the_bake(before: dict[str, set[str]]) -> None:
+    assert names() != before
+    assert bpy.ops.leafcloud.remove() == {"FINISHED"}
+    assert names() == before
+    sources = [bpy.data.objects[name] for name in ("leaves", "branches")]
+    assert all(obj.visible_get() and not obj.hide_render and obj.select_get() for obj in sources)
+
+
+@pytest.mark.usefixtures("before")
+def test_objects_that_an_artist_added_survive_the_removal() -> None:
+    own = bpy.data.objects.new("bird", None)
+    tree().objects.link(own)
+    bpy.ops.leafcloud.remove()
+    assert own.users_collection == (bpy.context.scene.collection,)
+
+
+@pytest.mark.usefixtures("before")
+def test_a_tree_without_its_sources_is_not_removed() -> None:
+    for name in ("leaves", "branches"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    with pytest.raises(RuntimeError, match="the view layer lacks the objects that 'leaves' was made from"):
+        bpy.ops.leafcloud.remove()
+    assert "leaves_LOD1" in bpy.data.objects
