@@ -123,13 +123,17 @@ def enlarged(block: Block, times: int) -> Block:
 
 
 def silhouette(pictures: Sequence[Picture], margin: int = 1) -> Box:
-    """Return the box of all pixels that any picture covers, with a margin; the whole picture if none covers any."""
+    """Return the box of all pixels that any picture covers, with a margin; the whole picture if none covers any.
+
+    The box is within the picture.
+    """
     covered = np.any([picture[..., 3] > 0 for picture in pictures], axis=0)
+    height, width = covered.shape
     if not covered.any():
-        return 0, covered.shape[0], 0, covered.shape[1]
+        return 0, height, 0, width
     rows, columns = (np.flatnonzero(covered.any(axis=axis)) for axis in (1, 0))
     top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
-    return top, int(rows[-1]) + 1 + margin, left, int(columns[-1]) + 1 + margin
+    return top, min(int(rows[-1]) + 1 + margin, height), left, min(int(columns[-1]) + 1 + margin, width)
 
 
 def cropped(image: NDArray[_Pixel], box: Box) -> NDArray[_Pixel]:

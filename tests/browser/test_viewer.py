@@ -163,7 +163,7 @@ class Tree:
         near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.03)]
         middle = [
             (1, 1.101 * first),
-            *((1, first + share * (second - first)) for share in (0.3, 0.6)),
+            *((1, first + share * (second - first)) for share in (0.5, 0.75)),
             *((1, share * second) for share in (0.999, 1.06)),
         ]
         far = [(2, 1.101 * second), (2, 1.1 * third), (3, 1.251 * third), (3, 2.0 * third)]

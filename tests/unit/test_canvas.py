@@ -24,6 +24,7 @@ def test_a_frame_is_the_smallest_box_of_both_silhouettes() -> None:
     assert canvas.silhouette(pictures, 0) == (5, 13, 7, 22)
     assert canvas.silhouette(pictures, 2) == (3, 15, 5, 24)
     assert canvas.silhouette([np.zeros((20, 30, 4), np.uint8)]) == (0, 20, 0, 30)
+    assert canvas.silhouette([np.full((20, 30, 4), 255, np.uint8)], 2) == (0, 20, 0, 30)
 
 
 def test_lines_are_wrapped_between_their_parts() -> None:
