@@ -30,6 +30,8 @@ const LEAST_STEP: f64 = 1.25;
 pub struct Place<'a> {
     /// The leaves, then the trunk if there is one.
     pub parts: &'a [&'a Foliage],
+    /// Simplified leaves, if level 1 has them.
+    pub simpler: Option<&'a Foliage>,
     /// The level before the cross impostor.
     pub before: &'a Foliage,
     /// Pictures of that level; `None` for the leaves.
@@ -52,7 +54,7 @@ pub fn octahedral(
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
-    let build = || Octahedral::build(place.parts, Size::default(), settings, progress);
+    let build = || Octahedral::build(place.parts, place.simpler, Size::default(), settings, progress);
     match (last, cross, target) {
         (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
             "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",

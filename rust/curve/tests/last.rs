@@ -20,7 +20,7 @@ fn chosen(
     leaves: &Foliage,
     before: &Foliage,
 ) -> Result<Option<Octahedral>, Error> {
-    let place = Place { parts: &[leaves], before, before_pictures: None, chain };
+    let place = Place { parts: &[leaves], simpler: None, before, before_pictures: None, chain };
     octahedral(last, target, place, &settings(true), Progress::silent())
 }
 
@@ -45,7 +45,7 @@ fn files_need_a_cross_impostor_beside_it() {
     let leaves = crown(100);
     let without = settings(false);
     let chain = build_chain(&leaves, None, &without, Progress::silent()).unwrap();
-    let place = Place { parts: &[&leaves], before: &leaves, before_pictures: None, chain: &chain };
+    let place = Place { parts: &[&leaves], simpler: None, before: &leaves, before_pictures: None, chain: &chain };
     let with = |last, settings: &ChainSettings| octahedral(last, Some(0.08), place, settings, Progress::silent());
     let error = with(Last::Octahedral, &without).unwrap_err().to_string();
     assert!(error.contains("cross"), "{error}");

@@ -27,7 +27,7 @@ fn main() {
         }
         let settings = ChainSettings::default();
         let found =
-            Octahedral::build(&[&foliage], Size::default(), &settings, Progress::silent()).expect("an impostor");
+            Octahedral::build(&[&foliage], None, Size::default(), &settings, Progress::silent()).expect("an impostor");
         let bytes = found.color.pixels().len() * 8;
         let scale = 0.5 * CROWN / found.frame.radius;
         let cost = found.layout.cost(&found.frame, scale, settings.up).total();

@@ -139,17 +139,24 @@ pub struct Octahedral {
 
 impl Octahedral {
     /// Bakes the impostor of all parts; `parts[0]` is the leaves. Alpha then covers as much as the tree and colors have its mean, as for all
-    /// levels.
+    /// levels. `simpler`: leaves to render in place of `parts[0]`; no texel shows a deviation that is smaller.
     ///
     /// # Errors
     /// A size or setting outside its range; [`Error::Cancelled`].
-    pub fn build(parts: &[&Foliage], size: Size, settings: &ChainSettings, progress: Progress) -> Result<Self> {
+    pub fn build(
+        parts: &[&Foliage],
+        simpler: Option<&Foliage>,
+        size: Size,
+        settings: &ChainSettings,
+        progress: Progress,
+    ) -> Result<Self> {
         size.check()?;
         let started = Instant::now();
         let layout = Layout::around(parts, settings.up, size);
-        let triangles = pages::placed(parts, &layout.axes, layout.centre);
+        let rendered: Vec<&Foliage> = std::iter::once(simpler.unwrap_or(parts[0])).chain(parts[1..].to_vec()).collect();
+        let triangles = pages::placed(&rendered, &layout.axes, layout.centre);
         let bend = settings.channels.normal.unwrap_or(0.0);
-        let openness = pages::Openness::of(parts, parts[0].frame());
+        let openness = pages::Openness::of(&rendered, parts[0].frame());
         let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
         progress.tell("tune", 0.8)?;
         let references = References::new(parts, parts, parts[0].frame(), settings)?;

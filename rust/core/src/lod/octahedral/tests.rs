@@ -22,7 +22,7 @@ fn settings() -> ChainSettings {
 }
 
 fn built(foliage: &Foliage, size: Size, settings: &ChainSettings) -> Octahedral {
-    Octahedral::build(&[foliage], size, settings, Progress::silent()).unwrap()
+    Octahedral::build(&[foliage], None, size, settings, Progress::silent()).unwrap()
 }
 
 /// A view that shows ±`radius` around the origin.
@@ -155,7 +155,8 @@ fn normals_are_in_the_axes_of_each_view() {
 fn wrong_sizes_are_refused() {
     let leaf = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
     for (grid, texels) in [(1, 64), (33, 64), (16, 8), (16, 1024)] {
-        let error = Octahedral::build(&[&leaf], Size { grid, texels }, &settings(), Progress::silent()).unwrap_err();
+        let error =
+            Octahedral::build(&[&leaf], None, Size { grid, texels }, &settings(), Progress::silent()).unwrap_err();
         assert!(error.to_string().contains(&grid.to_string()), "{error}");
     }
 }
@@ -198,4 +199,21 @@ fn a_lit_leaf_is_as_bright_as_it_faces_the_sun() {
         let [green, expected] = [&picture, &exact].map(|picture| picture.pixels()[32 * 64 + 32][1]);
         assert!(green.abs_diff(expected) <= 3, "{sun}: {green} in place of {expected}");
     }
+}
+
+#[test]
+fn simpler_leaves_are_rendered_in_place_of_the_tree_s_and_judged_by_these() {
+    let leaf = squares(&[(DVec3::ZERO, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
+    let halves =
+        [(DVec3::Y * 0.25, DVec3::Y * 0.25, DVec3::Z * 0.5), (DVec3::Y * -0.25, DVec3::Y * 0.25, DVec3::Z * 0.5)];
+    let tree = squares(&halves);
+    let size = Size { grid: 9, texels: 32 };
+    let build = |simpler| Octahedral::build(&[&tree], simpler, size, &settings(), Progress::silent()).unwrap();
+    let (own, other) = (build(None), build(Some(&leaf)));
+    assert_eq!(own.color, other.color, "two halves are the whole leaf");
+    assert_eq!(own.pictures.flat.base, other.pictures.flat.base);
+    let small = squares(&[(DVec3::ZERO, DVec3::Y * 0.3, DVec3::Z * 0.3)]);
+    let found = build(Some(&small));
+    assert_ne!(own.color, found.color);
+    assert_eq!(own.pictures.flat.base, found.pictures.flat.base, "the reference is the tree");
 }
