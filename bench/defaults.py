@@ -131,7 +131,7 @@ def measure(plant: Path) -> tuple[list[Row], list[Pictures]]:
 
 @dataclass(frozen=True)
 class Compared:
-    """A level and its base for comparison: the leaves, with the trunk for levels whose textures show it."""
+    """A level and its base for comparison: the leaves, and for an impostor, which shows the trunk, also the trunk."""
 
     leaves: leafcloud.Foliage
     base: Sequence[leafcloud.Foliage]
