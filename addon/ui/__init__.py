@@ -7,7 +7,7 @@ from bpy.app.handlers import persistent
 
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
-from .job_operator import cancel_running
+from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import (
     LEAFCLOUD_PT_bake,
@@ -33,7 +33,7 @@ _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
-    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove),
+    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
     *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),

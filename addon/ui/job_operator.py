@@ -12,6 +12,7 @@ import leafcloud
 from ..bake.job import POLL_SECONDS, Job, wait
 from ..errors import SceneError
 from ..settings.bake import SettingsError
+from .progress import show
 from .properties import with_labels
 from .viewport import is_previewed
 
@@ -19,6 +20,9 @@ REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
 _NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
 """Events that pass through during the work. Events that could edit or undo the scene do not."""
+
+TAB = "Leafcloud"
+"""The tab of the sidebar with all panels."""
 
 running: list[Job[Any]] = []
 
@@ -58,12 +62,32 @@ def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:
     return {"CANCELLED"}
 
 
-def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
-    """Show the stage and its progress in the panels. An empty stage hides them."""
-    status = context.window_manager.leafcloud
-    status.stage, status.fraction = stage, fraction
-    for area in context.screen.areas if context.screen else ():
-        area.tag_redraw()
+class LEAFCLOUD_OT_cancel(bpy.types.Operator):
+    """Cancel the bake or the measurement. Nothing changes in the scene"""
+
+    bl_idname = "leafcloud.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(running)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        for job in running:
+            job.cancel()
+        return {"FINISHED"}
+
+
+def is_over_tab(screen: bpy.types.Screen, event: bpy.types.Event) -> bool:
+    """Return whether the mouse is over Leafcloud's tab in a sidebar, which has the button that cancels."""
+    regions = (region for area in screen.areas if area.type == "VIEW_3D" for region in area.regions)
+    return any(
+        region.type == "UI"
+        and getattr(region, "active_panel_category", "") == TAB
+        and 0 <= event.mouse_x - region.x < region.width
+        and 0 <= event.mouse_y - region.y < region.height
+        for region in regions
+    )
 
 
 class JobOperator:
@@ -101,6 +125,7 @@ class JobOperator:
         except REFUSALS as error:
             return refuse(self, error)
         manager = context.window_manager
+        self._show(context)
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -110,8 +135,9 @@ class JobOperator:
             self._job.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in _NAVIGATION else {"RUNNING_MODAL"}
-        show(context, self._job.stage, self._job.fraction)
+            passes = event.type in _NAVIGATION or (event.type == "LEFTMOUSE" and is_over_tab(context.screen, event))
+            return {"PASS_THROUGH"} if passes else {"RUNNING_MODAL"}
+        self._show(context)
         if not self._job.done:
             return {"RUNNING_MODAL"}
         try:
@@ -132,6 +158,9 @@ class JobOperator:
         context.window_manager.event_timer_remove(self._timer)
         running.clear()
         show(context, "", 0.0)
+
+    def _show(self, context: bpy.types.Context) -> None:
+        show(context, self._job.stage or "start", self._job.fraction)
 
     def _start(self, context: bpy.types.Context) -> None:
         self._job = self.begin(context)

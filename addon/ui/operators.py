@@ -30,8 +30,9 @@ from ..levels.rollback import removed_on_failure
 from ..levels.root import root_of
 from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
-from .job_operator import REFUSALS, JobOperator, can_begin, refuse, show
+from .job_operator import REFUSALS, JobOperator, can_begin, refuse
 from .measured import predicted, tell
+from .progress import show
 from .properties import bake_settings, show_plan, with_labels
 from .selection import selected_trees
 from .viewport import draw_new_levels

@@ -48,11 +48,13 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         column.prop(settings, "quality", slider=True)
         if not settings.pixels:
             column.label(text=_consequence(settings.quality), icon="BLANK1")
-        if status.stage:
-            layout.progress(factor=status.fraction, text=f"{status.stage}, Esc to cancel")
-        row = layout.row()
+        row = layout.row(align=True)
         row.scale_y = 1.5
-        row.operator("leafcloud.bake")
+        if status.stage:
+            row.progress(factor=status.fraction, text=f"{status.stage}{status.left}")
+            row.operator("leafcloud.cancel", text="", icon="X")
+        else:
+            row.operator("leafcloud.bake")
         if status.note and status.viewer != settings.viewer:
             _add_note(layout, context)
         layout.operator("leafcloud.preview", depress=is_previewed())
@@ -145,7 +147,7 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
 def _consequence(quality: float) -> str:
     """Return the image error that a quality allows, in a word and a number."""
     word = "Fast" if quality < 0.4 else "Exact" if quality > 0.6 else "Unnoticed"
-    return f"{word}: error up to {target_error(quality):.3f} at the switch"
+    return f"{word}: error {target_error(quality):.3f} or less"
 
 
 _REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}

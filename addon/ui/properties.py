@@ -204,12 +204,14 @@ class LeafcloudPlanRow(bpy.types.PropertyGroup):
 class LeafcloudStatus(bpy.types.PropertyGroup):
     """State of the running bake, and the last plan.
 
-    stage: stage of the running bake; empty while none runs. plan: the last plan, or empty.
+    stage: stage of the running bake; empty while none runs. fraction, left: its progress, and the time that is left in
+    words. plan: the last plan, or empty.
     note: note about the scene's camera, or empty. viewer: the value of the setting Viewer that it offers, or empty.
     """
 
     stage: StringProperty(options={"SKIP_SAVE"})
     fraction: FloatProperty(options={"SKIP_SAVE"}, min=0.0, max=1.0)
+    left: StringProperty(options={"SKIP_SAVE"})
     plan: CollectionProperty(type=LeafcloudPlanRow, options={"SKIP_SAVE"})
     note: StringProperty(options={"SKIP_SAVE"})
     viewer: StringProperty(options={"SKIP_SAVE"})

@@ -56,7 +56,7 @@ def _faces(obj: bpy.types.Object) -> int:
 
 def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> str:
     if any(record_of(obj) is not None for obj in objects):
-        return "baked; a new bake replaces its levels"
+        return "baked"
     count = len(objects)
     meshes = [obj for obj in objects if _faces(obj)]
     plain = all(obj.type in ("MESH", "EMPTY") and not obj.modifiers and obj.instance_type == "NONE" for obj in objects)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 from bpy.props import IntProperty
 
@@ -92,7 +94,7 @@ class LEAFCLOUD_OT_remove(_OnTree, bpy.types.Operator):
             obj.hide_set(False)
             obj.hide_render = False
             obj.select_set(True)
-        context.view_layer.objects.active = sources[0]
+        context.view_layer.objects.active = next((obj for obj in sources if obj.name == made.name), sources[0])
         self.report({"INFO"}, f"Removed the levels of {name}, and showed its sources")
         return {"FINISHED"}
 
@@ -135,7 +137,16 @@ def figures_of(result: LevelResult) -> tuple[str, ...]:
     width, height = result.texture
     texture = (f"texture {width} × {height}",) if width else ()
     times = f"{result.cheaper:.1f} × cheaper" if result.cheaper >= 1.0 else f"{1.0 / result.cheaper:.1f} × dearer"
-    return f"{triangles}, {times}", f"from {result.distance:.1f} on, error {result.image_error:.3f}", *texture
+    return (
+        f"{triangles}, {times}",
+        f"from {result.distance:,.{_digits(result.distance)}f} on, error {result.image_error:.3f}",
+        *texture,
+    )
+
+
+def _digits(distance: float) -> int:
+    """Return the decimals of a distance, for three digits or more."""
+    return max(2 - math.floor(math.log10(distance)), 0)
 
 
 def _numbers(tree: bpy.types.Collection) -> list[int]:

@@ -73,6 +73,8 @@ def test_the_main_panel_explains_the_levels_and_offers_the_other_choice(camera: 
         layout = MagicMock()
         context = SimpleNamespace(
             scene=bpy.context.scene,
+            selected_objects=bpy.context.selected_objects,
+            view_layer=bpy.context.view_layer,
             window_manager=bpy.context.window_manager,
             preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
             region=SimpleNamespace(width=260),

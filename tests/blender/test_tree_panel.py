@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 import addon.ui as interface
-from addon.levels.results import results_of
+from addon.levels.results import LevelResult, results_of
 from addon.levels.shown import shown_level
 from addon.mesh.baked_levels import level_number
 from addon.ui.tree_panel import active_tree, figures_of
@@ -108,6 +108,13 @@ def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
     assert labels == ["leaves", *(line for each in results for line in (each.name, *figures_of(each)))]
 
 
+def test_distances_have_three_digits() -> None:
+    def told(distance: float) -> str:
+        return figures_of(LevelResult("Level 1", 5, 2.0, (64, 32), 0.05, distance))[1].split(" on")[0]
+
+    assert [told(each) for each in (2794.4, 63.21, 0.01234)] == ["from 2,794", "from 63.2", "from 0.0123"]
+
+
 def test_the_panel_is_hidden_without_a_baked_tree() -> None:
     assert not interface.LEAFCLOUD_PT_tree.poll(bpy.context)
     assert not bpy.ops.leafcloud.remove.poll()
@@ -118,6 +125,7 @@ def test_removal_leaves_the_file_as_before_the_bake(before: dict[str, set[str]])
     assert bpy.ops.leafcloud.remove() == {"FINISHED"}
     assert names() == before
     sources = [bpy.data.objects[name] for name in ("leaves", "branches")]
+    assert bpy.context.view_layer.objects.active.name == "leaves"
     assert all(obj.visible_get() and not obj.hide_render and obj.select_get() for obj in sources)
 
 

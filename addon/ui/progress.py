@@ -1,0 +1,38 @@
+"""The progress of a job in the panel and in the status bar."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+
+_FEWEST_SECONDS, _LEAST_FRACTION = 2.0, 0.1
+"""Before them, the time that is left is a guess."""
+
+_began: list[float] = []
+"""The start of the running job on the clock of `time.monotonic`, or empty."""
+
+
+def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
+    """Show the stage and its progress. An empty stage hides them."""
+    status = context.window_manager.leafcloud
+    if not stage:
+        _began.clear()
+    elif not _began:
+        _began.append(time.monotonic())
+    left = time_left(time.monotonic() - _began[0], fraction) if stage else ""
+    status.stage, status.fraction = stage, fraction
+    status.left = left
+    if context.workspace is not None:
+        words = f"Leafcloud: {stage}, {fraction:.0%}{left}, Esc cancels" if stage else None
+        context.workspace.status_text_set(words)
+    for area in context.screen.areas if context.screen else ():
+        if area.type == "VIEW_3D":  # Others show nothing of the job.
+            area.tag_redraw()
+
+
+def time_left(seconds: float, fraction: float) -> str:
+    """Return the time that is left of a job in words; empty while it is not known."""
+    if seconds < _FEWEST_SECONDS or fraction < _LEAST_FRACTION:
+        return ""
+    return f", {seconds * (1.0 / fraction - 1.0):.0f} s left"
