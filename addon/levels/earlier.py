@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..mesh.baked_levels import full_names, record
-from .root import move_as, root_of
+from ..mesh.baked_levels import belongs_to_bake, full_names, record
+from .root import keep_root, root_of
 
 
 def levels_of(scene: bpy.types.Scene, sources: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
@@ -34,9 +34,11 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
     Objects that an artist has added to the collections stay. If the block fails, the old names are restored.
     """
     own = _own_blocks(collections)
-    names = {block: block.name for block in own}
+    # Copies of a tree share its meshes, which then stay under another name.
+    meshes = [obj.data for obj in own if isinstance(obj, bpy.types.Object) and obj.data is not None]
+    names = {block: block.name for block in dict.fromkeys([*own, *meshes])}
     known = set(bpy.data.collections)
-    for number, block in enumerate(own):
+    for number, block in enumerate(names):
         block.name = f"Leafcloud earlier {number}"
     try:
         yield
@@ -53,8 +55,10 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
         if new is None:
             continue
         _put_in_place(old, new, own)
-        if (root := root_of(old)) is not None and (heir := root_of(new)) is not None:
-            move_as(root, heir)
+        if (root := root_of(old)) is not None and (made_now := root_of(new)) is not None and root in names:
+            keep_root(root, made_now)
+            own.remove(root)
+            del names[root]
         old.user_remap(new)
         for obj in [obj for obj in old.all_objects if obj in names]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))
@@ -64,10 +68,18 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
 
 
 def remove_levels(collection: bpy.types.Collection) -> None:
-    """Remove a collection of levels with all that its bake made. Objects that an artist has added to it stay."""
-    own = _own_blocks([collection])
+    """Remove a collection of levels with all that its bake made, and copies of the tree in it.
+
+    Objects that an artist has added to it stay, in their places.
+    """
+    own = _own_blocks([collection], copies=True)
     _keep_members(collection, bpy.context.scene.collection, own)
-    bpy.data.batch_remove(own)
+    for child in [obj for obj in bpy.data.objects if obj.parent in own and obj not in own]:
+        place = child.matrix_world.copy()
+        child.parent = None
+        child.matrix_world = place
+    sets = [each for each in bpy.data.collections if collection.name in each.children and record(each) is not None]
+    bpy.data.batch_remove([*own, *(each for each in sets if len(each.children) == 1 and not each.objects)])
 
 
 def _keep_members(old: bpy.types.Collection, new: bpy.types.Collection, own: Collection[bpy.types.ID]) -> None:
@@ -91,14 +103,18 @@ def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection, own: Col
             children.link(new)
 
 
-def _own_blocks(collections: Iterable[bpy.types.Collection]) -> list[bpy.types.ID]:
-    """Return the collections, their members that the bake made, and meshes, materials and images used only there."""
+def _own_blocks(collections: Iterable[bpy.types.Collection], *, copies: bool = False) -> list[bpy.types.ID]:
+    """Return the collections, their members that the bake made, and meshes, materials and images used only there.
+
+    copies: also copies of the tree.
+    """
     own: dict[bpy.types.ID, None] = {}
     for collection in collections:
         made = record(collection)
         assert made is not None
         members = [*collection.children_recursive, *collection.all_objects]
         own |= dict.fromkeys([collection, *(each for each in members if each.name_full in made.made)])
+        own |= dict.fromkeys(each for each in members if copies and belongs_to_bake(each))
     users = bpy.data.user_map()
     for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.images):
         mine = [block for block in kind if users.get(block) and users[block] <= own.keys() and not block.use_fake_user]

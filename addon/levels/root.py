@@ -61,13 +61,22 @@ def root_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
     return next(filter(is_root, collection.objects), None)
 
 
-def move_as(before: bpy.types.Object, root: bpy.types.Object) -> None:
-    """Move the root of a new bake as an artist has moved the root before, and below the same parent."""
+def keep_root(before: bpy.types.Object, root: bpy.types.Object) -> None:
+    """Put the levels below `root` below the root of the bake before, and remove `root`.
+
+    So parents, animation and constraints of the tree stay. It moves as the tree's sources moved since the bake before.
+    """
     made = Matrix([before[EXTRAS][_KEY][4 * row : 4 * row + 4] for row in range(4)])
-    place = root.matrix_world.copy()
-    root.parent, root.parent_type, root.parent_bone = before.parent, before.parent_type, before.parent_bone
-    root.matrix_parent_inverse = before.matrix_parent_inverse
-    root.matrix_world = before.matrix_world @ made.inverted() @ place
+    place, extras, name = root.matrix_world.copy(), root[EXTRAS].to_dict(), root.name
+    levels, collections = root.children, root.users_collection
+    bpy.data.objects.remove(root)
+    for collection in collections:
+        collection.objects.link(before)
+    before.name, before[EXTRAS] = name, extras
+    if made != place:
+        before.matrix_world = before.matrix_world @ made.inverted() @ place
+    for level in levels:
+        put_below(before, level)
 
 
 def is_root(obj: bpy.types.Object) -> bool:

@@ -14,7 +14,7 @@ _KEY = "leafcloud_shown"
 """The custom property of a collection of levels: the number of the level that is shown at all distances."""
 
 _HIDDEN = "leafcloud_hidden"
-"""The custom property of a level or trunk: whether it is hidden where the distance decides."""
+"""The custom property of a level or trunk: whether views and renders hide it where the distance decides."""
 
 
 def shown_level(collection: bpy.types.Collection) -> int | None:
@@ -25,17 +25,20 @@ def shown_level(collection: bpy.types.Collection) -> int | None:
 
 def show_level(collection: bpy.types.Collection, number: int | None) -> None:
     """Show one level with its trunk at all distances, or let the distance decide."""
+    if number == shown_level(collection):
+        return
     for own, obj in _members(collection):
         if (modifier := obj.modifiers.get(GROUP_NAME)) is not None:
             set_modifier_input(modifier, "Manual", number is not None)
             set_modifier_input(modifier, "Transition", 0.0)
             set_modifier_input(modifier, "Keep", 1.0)
+        before = obj.get(_HIDDEN, [obj.hide_viewport, obj.hide_render])
         if number is None:
-            is_hidden = bool(obj.pop(_HIDDEN, obj.hide_viewport))
+            obj.hide_viewport, obj.hide_render = map(bool, before)
+            obj.pop(_HIDDEN, None)
         else:
-            obj[_HIDDEN] = obj.get(_HIDDEN, obj.hide_viewport)
-            is_hidden = own != number
-        obj.hide_viewport = obj.hide_render = is_hidden
+            obj[_HIDDEN] = before
+            obj.hide_viewport = obj.hide_render = own != number
     if number is None:
         collection.pop(_KEY, None)
     else:

@@ -97,6 +97,23 @@ def follows_a_bake(obj: bpy.types.Object) -> bool:
 
 
 def record_of(obj: bpy.types.Object) -> Record | None:
-    """Return how a bake made a level, its trunk or its shadow proxy; None for any other object."""
+    """Return how a bake made a part of a tree, or the part that `obj` is a copy of; None for any other object."""
     found = (record(collection) for collection in obj.users_collection)
-    return next((each for each in found if each is not None and obj.name_full in each.made), None)
+    is_part = belongs_to_bake(obj)
+    return next((each for each in found if each is not None and (is_part or obj.name_full in each.made)), None)
+
+
+def belongs_to_bake(block: bpy.types.ID) -> bool:
+    """Return whether a data-block is a root, a level, its trunk or a shadow proxy, or a copy of one."""
+    if not isinstance(block, bpy.types.Object):
+        return False
+    return EXTRAS in block or (block.parent is not None and level_number(block.parent) is not None and _is_trunk(block))
+
+
+def _is_trunk(obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH" and "_trunk" in obj.name
+
+
+def is_source(obj: bpy.types.Object) -> bool:
+    """Return whether an object was baked."""
+    return _ID in obj

@@ -57,11 +57,10 @@ def extract_trees(
     missing = [name for name in leaf_names or () if not named(name, here)]
     if missing:
         raise SceneError(f"no object or material is named {min(missing)!r}; check the names of the leaves")
-    wanted = set().union(*(named(name, here) for name in leaf_names or ()))
     trees = {}
     for name, names in found.items():
-        own = sorted(wanted & names)
-        if not names or (wanted and not own):
+        own = sorted(set().union(*(named(name, names) for name in leaf_names or ())))
+        if not names or (leaf_names and not own):
             continue
         try:
             trees[name] = extract(depsgraph, groups[name], leaf_names=own or None, name=name)

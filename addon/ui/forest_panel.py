@@ -12,6 +12,7 @@ from ..levels.rollback import removed_on_failure
 from ..mesh.baked_levels import level_number
 from ..nodes.forest import GROUP_NAME, ForestSettings
 from ..nodes.laws import NEVER
+from .job_operator import BUSY, running
 from .properties import with_labels
 
 _DEFAULTS = ForestSettings(())
@@ -103,6 +104,8 @@ def _problem(context: bpy.types.Context) -> str:
     trees, points = _trees(context), _points(context)
     if context.mode != "OBJECT":
         return "Switch to Object Mode first"
+    if running:
+        return BUSY
     if not trees:
         return "No baked tree is in the scene: bake one first"
     if len(trees) > 1:

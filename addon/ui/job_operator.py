@@ -19,12 +19,16 @@ from .viewport import is_previewed
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
 _NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
-"""Events that pass through during the work. Events that could edit or undo the scene do not."""
+"""Events that pass through during the work. Events that could edit or undo the scene do not, but for clicks on
+Leafcloud's tab, whose operators wait for the end of the work."""
 
 TAB = "Leafcloud"
 """The tab of the sidebar with all panels."""
 
 running: list[Job[Any]] = []
+
+BUSY = "A bake or a measurement is running"
+"""Why an operator cannot start."""
 
 
 def cancel_running() -> None:
@@ -48,7 +52,7 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
         operator.poll_message_set("Switch to Object Mode first")
         return False
     if running:
-        operator.poll_message_set("A bake or a measurement is running")
+        operator.poll_message_set(BUSY)
         return False
     return True
 

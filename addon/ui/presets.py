@@ -10,8 +10,8 @@ from bl_ui.utils import PresetPanel
 
 from .properties import PRESET_SETTINGS
 
-_FOLDER = Path(__file__).resolve().parents[1] / "presets"
-"""Presets that come with the add-on."""
+_FOLDER = str(Path(__file__).resolve().parents[1])
+"""The folder with the folder of the presets that come with the add-on."""
 
 
 class LEAFCLOUD_PT_presets(PresetPanel, bpy.types.Panel):
@@ -33,8 +33,8 @@ class LEAFCLOUD_OT_preset_add(AddPresetBase, bpy.types.Operator):
 
 
 def register_presets() -> None:
-    bpy.utils.register_preset_path(str(_FOLDER.parent))
+    bpy.utils.register_preset_path(_FOLDER)
 
 
 def unregister_presets() -> None:
-    bpy.utils.unregister_preset_path(str(_FOLDER.parent))
+    bpy.utils.unregister_preset_path(_FOLDER)

@@ -9,6 +9,9 @@ import bpy
 _FEWEST_SECONDS, _LEAST_FRACTION = 2.0, 0.1
 """Before them, the time that is left is a guess."""
 
+_MINUTES = 90.0
+"""Seconds from which minutes are told."""
+
 _began: list[float] = []
 """The start of the running job on the clock of `time.monotonic`, or empty."""
 
@@ -27,7 +30,7 @@ def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
         words = f"Leafcloud: {stage}, {fraction:.0%}{left}, Esc cancels" if stage else None
         context.workspace.status_text_set(words)
     for area in context.screen.areas if context.screen else ():
-        if area.type == "VIEW_3D":  # Others show nothing of the job.
+        if area.type == "VIEW_3D":  # Other editors do not show the job.
             area.tag_redraw()
 
 
@@ -35,4 +38,5 @@ def time_left(seconds: float, fraction: float) -> str:
     """Return the time that is left of a job in words; empty while it is not known."""
     if seconds < _FEWEST_SECONDS or fraction < _LEAST_FRACTION:
         return ""
-    return f", {seconds * (1.0 / fraction - 1.0):.0f} s left"
+    left = seconds * (1.0 / fraction - 1.0)
+    return f", {left:.0f} s left" if left < _MINUTES else f", {left / 60.0:.0f} min left"

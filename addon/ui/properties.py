@@ -241,7 +241,7 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
     forced = [f"{'+' if state == ON else '-'}{name}" for name, state in states.items() if state != AUTO]
     values = {each.name: _value(each, getattr(properties, each.name)) for each in described() if each.name in _SHOWN}
     if not properties.directory:
-        values["engine"] = BakeSettings.engine  # The panel shows the engine only for files.
+        values["engine"] = BakeSettings.engine  # Without files no engine reads the levels.
     return BakeSettings(effects=",".join(["auto", *forced]), **values)
 
 

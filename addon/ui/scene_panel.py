@@ -13,6 +13,7 @@ from ..levels.rollback import removed_on_failure
 from ..levels.shared_scene import SharedTrees, levels_shown, shared_trees
 from ..mesh.baked_levels import level_number
 from ..nodes.scene import SceneSettings, add_scene_modifier
+from .job_operator import BUSY, running
 from .properties import with_labels
 
 NAME = "Leafcloud Scene"
@@ -71,6 +72,9 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
             cls.poll_message_set("Switch to Object Mode first")
+            return False
+        if running:
+            cls.poll_message_set(BUSY)
             return False
         if not any(level_number(level) == 0 for obj in _visible(context) for level, _ in levels_shown(obj)):
             cls.poll_message_set("No baked tree is visible: bake one first, or unhide it")

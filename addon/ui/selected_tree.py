@@ -19,8 +19,8 @@ from ..plan.leaves import LeavesError, MaterialPart, choose_leaves
 from .properties import leaf_names
 from .selection import with_children
 
-_MOST_FACES = 300_000
-"""Faces that are counted in some hundredths of a second."""
+_MOST_FACES = 30_000
+"""Faces that are counted in a tenth of a second."""
 
 _last: list[tuple[object, str]] = []
 """The last selection and its words, or empty."""
@@ -28,11 +28,11 @@ _last: list[tuple[object, str]] = []
 
 def selection_words(context: bpy.types.Context) -> str:
     """Return the name of the selected tree, its number of leaves and its trunk; empty without a selection."""
-    objects = with_children(context.selected_objects)
+    objects = with_children(context)
     if not objects:
         return ""
     names = leaf_names(context.scene.leafcloud)
-    key = [(obj.name_full, len(obj.modifiers), _faces(obj)) for obj in objects], names, _name(context)
+    key = [(obj.name_full, len(obj.modifiers), _faces(obj), _materials(obj)) for obj in objects], names, _name(context)
     if not _last or _last[0][0] != key:
         _last[:] = [(key, f"{_name(context)}: {_parts(objects, names)}")]
     return _last[0][1]
@@ -54,6 +54,11 @@ def _faces(obj: bpy.types.Object) -> int:
     return len(obj.data.polygons) if obj.type == "MESH" else 0
 
 
+def _materials(obj: bpy.types.Object) -> list[str]:
+    """Return the names of the materials in the object's slots, at least one; empty for a slot without material."""
+    return ["" if slot.material is None else slot.material.name for slot in obj.material_slots] or [""]
+
+
 def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> str:
     if any(record_of(obj) is not None for obj in objects):
         return "baked"
@@ -66,7 +71,7 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
     try:
         choice = choose_leaves([part for part, _ in slots], names, lambda i: slots[i][1])
     except LeavesError:
-        return "no leaves found, name them below"
+        return "no leaves of that name" if names else "no leaves found, name them in Levels"
     leaves = sum(len(slots[i][1]) for i in choice.indices)
     return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(slots) else ''}"
 
@@ -80,12 +85,11 @@ def _slots(obj: bpy.types.Object) -> list[tuple[MaterialPart, NDArray[np.int64]]
     mesh.vertices.foreach_get("co", points.ravel())
     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
     mesh.loop_triangles.foreach_get("material_index", numbers)
-    materials = list(mesh.materials) or [None]
+    materials = _materials(obj)
     numbers = numbers.clip(0, len(materials) - 1)
 
     def slot(number: int) -> tuple[MaterialPart, NDArray[np.int64]]:
-        own, material = triangles[numbers == number], materials[number]
-        part = MaterialPart(obj.name, "" if material is None else material.name, len(own))
-        return part, np.bincount(leafcloud.leaf_ids(points, own))
+        own = triangles[numbers == number]
+        return MaterialPart(obj.name, materials[number], len(own)), np.bincount(leafcloud.leaf_ids(points, own))
 
     return [slot(number) for number in np.unique(numbers).tolist()]

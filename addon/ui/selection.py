@@ -9,7 +9,7 @@ import bpy
 
 from ..errors import SceneError
 from ..levels.earlier import levels_of
-from ..mesh.baked_levels import record_of
+from ..mesh.baked_levels import is_source, record_of
 from ..mesh.extract import Tree, extract
 from ..mesh.trees import extract_trees, grouped
 from .properties import leaf_names
@@ -41,7 +41,7 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     """
     here = {obj.name_full: obj for obj in context.view_layer.objects}
     sources: dict[bpy.types.Object, None] = {}
-    for obj in with_children(context.selected_objects):
+    for obj in with_children(context):
         made = record_of(obj)
         names = (obj.name_full,) if made is None else made.sources
         lost = [name for name in names if name not in here]
@@ -54,13 +54,25 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     return list(sources)
 
 
-def with_children(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return the objects, and after each empty the visible objects below it: they are the tree that it stands for."""
+def with_children(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the selected objects, and after each empty the objects below it: they are the tree that it stands for.
+
+    Hidden objects below it count only if they are the sources of an earlier bake, which hid them.
+    """
+    selected = list(context.selected_objects)
+    if all(obj.type != "EMPTY" for obj in selected):
+        return selected
+    below: dict[bpy.types.Object | None, list[bpy.types.Object]] = {}
+    for obj in context.view_layer.objects:
+        below.setdefault(obj.parent, []).append(obj)
     found: dict[bpy.types.Object, None] = {}
-    for obj in objects:
-        below = obj.children_recursive if obj.type == "EMPTY" else []
-        found |= dict.fromkeys([obj, *(child for child in below if child.visible_get())])
-    return list(found)
+    ahead = [obj for obj in reversed(selected) if obj.type == "EMPTY"]
+    while ahead:
+        obj = ahead.pop()
+        if obj not in found:
+            found[obj] = None
+            ahead += [child for child in below.get(obj, []) if child.visible_get() or is_source(child)]
+    return list(found | dict.fromkeys(selected))
 
 
 @contextmanager

@@ -11,18 +11,18 @@ from ..errors import SceneError
 from ..levels.earlier import remove_levels
 from ..levels.results import LevelResult, results_of
 from ..levels.shown import show_level, shown_level
-from ..mesh.baked_levels import level_number, record
-from .job_operator import refuse, running
-from .viewport import stop_preview
+from ..mesh.baked_levels import belongs_to_bake, level_number, record
+from .job_operator import BUSY, refuse, running
+from .viewport import draw_new_levels, stop_preview
 
 AUTO = -1
 """Number in place of a level's: the distance decides."""
 
 
 def active_tree(context: bpy.types.Context) -> bpy.types.Collection | None:
-    """Return the collection of the baked tree to which the active object belongs; None if it belongs to none."""
+    """Return the collection of the baked tree to which the active, selected object belongs; None if there is none."""
     obj = context.view_layer.objects.active
-    collections = () if obj is None else obj.users_collection
+    collections = obj.users_collection if obj is not None and obj.select_get() and belongs_to_bake(obj) else ()
     return next((each for each in collections if record(each) is not None), None)
 
 
@@ -37,7 +37,7 @@ class _OnTree:
         elif context.mode != "OBJECT":
             problem = "Switch to Object Mode first"
         elif running:
-            problem = "A bake or a measurement is running"
+            problem = BUSY
         if problem:
             cls.poll_message_set(problem)  # type: ignore[attr-defined]
         return not problem
@@ -61,12 +61,13 @@ class LEAFCLOUD_OT_show_level(_OnTree, bpy.types.Operator):
         if self.level != AUTO and self.level not in numbers:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level}; it has the levels 0 to {max(numbers)}")
             return {"CANCELLED"}
+        stop_preview()  # It draws levels by distance.
         show_level(tree, None if self.level == AUTO else self.level)
         return {"FINISHED"}
 
 
 class LEAFCLOUD_OT_remove(_OnTree, bpy.types.Operator):
-    """Remove the levels of the baked tree, and show the objects that they were made from"""
+    """Remove the levels of the baked tree and of its copies in the collection, and show the sources"""
 
     bl_idname = "leafcloud.remove"
     bl_label = "Remove Levels"
@@ -87,13 +88,13 @@ class LEAFCLOUD_OT_remove(_OnTree, bpy.types.Operator):
                     "restore them, or delete the levels by hand"
                 ),
             )
-        stop_preview()
         remove_levels(tree)
         sources = [here[source] for source in made.sources if source in here]
         for obj in sources:
             obj.hide_set(False)
             obj.hide_render = False
             obj.select_set(True)
+        draw_new_levels(context.view_layer)
         context.view_layer.objects.active = next((obj for obj in sources if obj.name == made.name), sources[0])
         self.report({"INFO"}, f"Removed the levels of {name}, and showed its sources")
         return {"FINISHED"}
@@ -139,7 +140,8 @@ def figures_of(result: LevelResult) -> tuple[str, ...]:
     times = f"{result.cheaper:.1f} × cheaper" if result.cheaper >= 1.0 else f"{1.0 / result.cheaper:.1f} × dearer"
     return (
         f"{triangles}, {times}",
-        f"from {result.distance:,.{_digits(result.distance)}f} on, error {result.image_error:.3f}",
+        f"from {result.distance:,.{_digits(result.distance)}f} on",
+        f"error {result.image_error:.3f} at 128 px",
         *texture,
     )
 
@@ -150,4 +152,4 @@ def _digits(distance: float) -> int:
 
 
 def _numbers(tree: bpy.types.Collection) -> list[int]:
-    return sorted(number for obj in tree.all_objects if (number := level_number(obj)) is not None)
+    return sorted({number for obj in tree.all_objects if (number := level_number(obj)) is not None})

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 from bpy.app.handlers import persistent
 
+from ..levels.shown import show_level
 from ..viewport.draw import Preview, levels_in
 from ..viewport.hiding import hide, reveal_all
 
@@ -140,6 +141,8 @@ class LEAFCLOUD_OT_preview(bpy.types.Operator):
         if is_previewed():
             stop_preview()
         else:
+            for tree in context.scene.collection.children_recursive:
+                show_level(tree, None)  # The preview draws levels by distance.
             start_preview(context.view_layer, _drawn_by_shader)
             if not is_previewed():
                 self.report({"WARNING"}, "All levels are hidden in this view layer: show some in the Outliner")

@@ -46,7 +46,7 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
     assert relative[1] > 1.5 * relative[0]  # A narrow field of view shows errors from farther away.
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "garden.blend"))
     assert {obj.name for obj in bpy.data.objects} == {
-        "camera", "garden_LOD0", "garden_LOD0_trunk", "garden_LOD1", "garden_LOD1_trunk"
+        "camera", "garden_tree", "garden_LOD0", "garden_LOD0_trunk", "garden_LOD1", "garden_LOD1_trunk"
     }  # fmt: skip
     assert bpy.context.scene.camera.name == "camera"
 

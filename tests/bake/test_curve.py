@@ -246,7 +246,7 @@ def drawn() -> list[tuple[str, str]]:
 
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_measures_a_curve_and_applies_an_offer() -> None:
-    assert [kind for kind, _ in drawn()] == ["leafcloud.curve", "prop", "prop", "prop"]
+    assert [kind for kind, _ in drawn()] == ["leafcloud.curve", "prop", "prop"]
     assert not bpy.ops.leafcloud.pick.poll()
     assert bpy.ops.leafcloud.curve() == {"FINISHED"}
     last = measured.last()

@@ -103,7 +103,7 @@ EFFECTS_APART = {
         ("addon.levels.material:_add_bent_normal",), ("images tree_LOD1_bent_normal is there", "bentNormalTexture")
     ),
     "shadow_proxy": Own(
-        ("addon.levels.shadow_proxy:add_shadow_proxy", "addon.levels.shadow_proxy:left_out"),
+        ("addon.levels.shadow_proxy:add_shadow_proxy",),
         ("objects tree_shadow is there", "images tree_shadow is there", "visible_shadow = False"),
     ),
     "leaf_map": Own(

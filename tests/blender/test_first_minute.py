@@ -11,7 +11,7 @@ import bpy
 import pytest
 
 import addon.ui as interface
-from addon.ui.properties import _SHOWN, PRESET_SETTINGS
+from addon.ui.properties import _SHOWN, PRESET_SETTINGS, bake_settings
 from addon.ui.selected_tree import selection_words
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -70,7 +70,20 @@ def test_a_selection_that_takes_long_to_count_is_told_by_its_objects() -> None:
 
 def test_a_selection_without_leaves_says_so() -> None:
     leaves(2, "rock")
-    assert selection_words(bpy.context) == "rock: no leaves found, name them below"
+    assert selection_words(bpy.context) == "rock: no leaves found, name them in Levels"
+    bpy.context.scene.leafcloud.leaves = "rok"
+    assert selection_words(bpy.context) == "rock: no leaves of that name"
+
+
+def test_a_renamed_material_is_seen_and_so_is_a_slot_of_the_object() -> None:
+    rock = leaves(3, "rock")
+    material = bpy.data.materials.new("stone")
+    rock.data.materials.append(None)
+    rock.material_slots[0].link = "OBJECT"
+    rock.material_slots[0].material = material
+    assert "no leaves" in selection_words(bpy.context)
+    material.name = "Leaf"
+    assert selection_words(bpy.context) == "rock: 3 leaves"
 
 
 def test_an_empty_stands_for_the_tree_below_it() -> None:
@@ -86,6 +99,10 @@ def test_an_empty_stands_for_the_tree_below_it() -> None:
     assert selection_words(bpy.context) == "Oak: 20 leaves"
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert "Oak_LOD1" in bpy.data.objects
+    bpy.ops.object.select_all(action="DESELECT")
+    root.select_set(True)
+    bpy.context.view_layer.objects.active = root
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}, "the hidden sources below it"
 
 
 def test_the_first_panel_has_the_purpose_and_the_quality_alone() -> None:
@@ -123,10 +140,11 @@ def test_presets_are_found_and_set_the_quality() -> None:
     settings = bpy.context.scene.leafcloud
     found = {}
     for preset in presets:
-        settings.epsilon, settings.leaves = 0.1, "crown"
+        settings.epsilon, settings.leaves, settings.chain, settings.seconds = 0.1, "crown", "both", 5.0
         bpy.ops.script.execute_preset(filepath=str(preset), menu_idname="LEAFCLOUD_PT_presets")
         found[preset.stem] = round(settings.quality, 3)
-        assert (settings.epsilon, settings.leaves) == (0.0, "crown")
+        assert (settings.epsilon, settings.leaves, settings.chain) == (0.0, "crown", "billboards")
+        bake_settings(settings)
     assert found == {"Background": 0.25, "Close_Up": 0.75, "Game": 0.5}
 
 

@@ -106,3 +106,29 @@ def test_copies_of_a_tree_move_on_their_own(baked: bpy.types.Collection) -> None
     for name, place in before.items():
         np.testing.assert_allclose(places(baked)[name], place)
     assert all(obj.data in {each.data for each in baked.objects} for obj in copy.children)
+
+
+def test_a_new_bake_keeps_animation_and_children_of_the_root(baked: bpy.types.Collection) -> None:
+    above = root(baked)
+    above.keyframe_insert("location", frame=1)
+    nest = bpy.data.objects.new("nest", None)
+    bpy.context.scene.collection.objects.link(nest)
+    nest.parent = above
+    bpy.ops.leafcloud.bake()
+    again = root(bpy.data.collections["leaves"])
+    assert again.name == "leaves_tree"
+    assert again.animation_data is not None
+    assert nest.parent == again
+
+
+def test_a_new_bake_beside_copies_has_the_names_of_the_first(baked: bpy.types.Collection, tmp_path: Path) -> None:
+    names = {obj.name for obj in baked.objects}
+    bpy.ops.object.duplicate(linked=True)
+    copies = set(bpy.context.selected_objects)
+    bpy.context.scene.leafcloud.directory = str(tmp_path)
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}, "a copy stands for its tree"
+    again = bpy.data.collections["leaves"]
+    assert {obj.name for obj in again.objects if obj not in copies} == names
+    assert all(
+        obj.data.name == obj.name for obj in again.objects if obj not in copies and level_number(obj) is not None
+    )

@@ -144,3 +144,38 @@ def test_a_tree_without_its_sources_is_not_removed() -> None:
     with pytest.raises(RuntimeError, match="the view layer lacks the objects that 'leaves' was made from"):
         bpy.ops.leafcloud.remove()
     assert "leaves_LOD1" in bpy.data.objects
+
+
+@pytest.mark.usefixtures("before")
+def test_children_of_an_artist_keep_their_place_after_the_removal() -> None:
+    bird = bpy.data.objects.new("bird", None)
+    bpy.context.scene.collection.objects.link(bird)
+    bird.parent, bird.location = bpy.data.objects["leaves_tree"], (4.0, 7.0, 0.0)
+    bpy.context.view_layer.update()
+    place = bird.matrix_world.copy()
+    bpy.ops.leafcloud.remove()
+    bpy.context.view_layer.update()
+    assert bird.parent is None
+    assert bird.matrix_world == place
+
+
+def test_removal_takes_copies_of_the_tree_with_it(before: dict[str, set[str]]) -> None:
+    bpy.ops.object.duplicate(linked=True)
+    layout = MagicMock()
+    layout.row.return_value = layout
+    interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
+    buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
+    assert buttons == ["Auto", "0", "1", "2", "Bake Again", None]
+    assert bpy.ops.leafcloud.remove() == {"FINISHED"}
+    assert names() == before
+
+
+@pytest.mark.usefixtures("before")
+def test_auto_changes_nothing_where_no_level_is_fixed() -> None:
+    level = next(obj for obj in tree().objects if level_number(obj) == 1)
+    level.hide_render = True
+    bpy.ops.leafcloud.show_level(level=-1)
+    assert level.hide_render
+    bpy.ops.leafcloud.show_level(level=0)
+    bpy.ops.leafcloud.show_level(level=-1)
+    assert level.hide_render

@@ -12,7 +12,14 @@ from addon.ui.progress import time_left
 
 @pytest.mark.parametrize(
     ("seconds", "fraction", "words"),
-    [(0.5, 0.5, ""), (5.0, 0.05, ""), (3.0, 0.25, ", 9 s left"), (30.0, 0.9, ", 3 s left"), (8.0, 1.0, ", 0 s left")],
+    [
+        (0.5, 0.5, ""),
+        (5.0, 0.05, ""),
+        (3.0, 0.25, ", 9 s left"),
+        (30.0, 0.9, ", 3 s left"),
+        (8.0, 1.0, ", 0 s left"),
+        (100.0, 0.1, ", 15 min left"),
+    ],
 )
 def test_the_time_left_is_told_once_it_is_known(seconds: float, fraction: float, words: str) -> None:
     assert time_left(seconds, fraction) == words

@@ -2,6 +2,7 @@
 import bpy
 
 settings = bpy.context.scene.leafcloud
-for name in ("epsilon", "form", "pixels", "triangles", "texture_size", "texture_height", "samples", "effort"):
-    settings.property_unset(name)
+for each in settings.bl_rna.properties:
+    if each.identifier not in ("rna_type", "name", "leaves", "trees", "engine", "directory", "seed"):
+        settings.property_unset(each.identifier)
 settings.quality = 0.25

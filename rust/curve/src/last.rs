@@ -9,6 +9,7 @@ use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING};
 use leafcloud::metrics::{Comparison, drawing_cost};
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_flip::{ImageErrors, SMALLEST, crown_pixels};
+use leafcloud_simplify::SimplifiedLeaves;
 
 /// Which form the last level may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,13 +32,23 @@ pub struct Place<'a> {
     /// The leaves, then the trunk if there is one.
     pub parts: &'a [&'a Foliage],
     /// Simplified leaves, if level 1 has them.
-    pub simpler: Option<&'a Foliage>,
+    pub simpler: Option<&'a SimplifiedLeaves>,
     /// The level before the cross impostor.
     pub before: &'a Foliage,
     /// Pictures of that level; `None` for the leaves.
     pub before_pictures: Option<&'a Comparison>,
     /// The chain of the tree.
     pub chain: &'a Chain,
+}
+
+impl Place<'_> {
+    /// Returns the simplified leaves, if they deviate by less than a texel of the impostor.
+    fn simpler(&self, up: glam::DVec3) -> Option<&Foliage> {
+        let simpler = self.simpler?;
+        let layout = Layout::around(self.parts, up, Size::default());
+        let texel = 2.0 * layout.extent.x.min(layout.extent.y) / layout.size.texels as f64;
+        (simpler.deviation * simpler.foliage.frame().radius < texel).then_some(&simpler.foliage)
+    }
 }
 
 /// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if it is left out.
@@ -54,7 +65,7 @@ pub fn octahedral(
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
-    let build = || Octahedral::build(place.parts, place.simpler, Size::default(), settings, progress);
+    let build = || Octahedral::build(place.parts, place.simpler(settings.up), Size::default(), settings, progress);
     match (last, cross, target) {
         (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
             "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",

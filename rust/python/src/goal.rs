@@ -113,7 +113,7 @@ impl Wanted {
         let built = goal.build(foliage, trunk, settings, progress.part(0.0, SHARE_OF_CHAIN))?;
         let (before, before_pictures) = built.before_last(foliage)?;
         let parts: Vec<&Foliage> = std::iter::once(foliage).chain(trunk).collect();
-        let simpler = built.leaf_level.as_ref().map(|level| &level.leaves.foliage);
+        let simpler = built.leaf_level.as_ref().map(|level| &level.leaves);
         let place = Place { parts: &parts, simpler, before: &before, before_pictures, chain: &built.chain };
         let impostor = octahedral(*last, goal.later_target(), place, settings, progress.part(SHARE_OF_CHAIN, 1.0))?;
         Ok(Built { octahedral: impostor.map(Arc::new), ..built })

@@ -139,7 +139,7 @@ pub struct Octahedral {
 
 impl Octahedral {
     /// Bakes the impostor of all parts; `parts[0]` is the leaves. Alpha then covers as much as the tree and colors have its mean, as for all
-    /// levels. `simpler`: leaves to render in place of `parts[0]`; no texel shows a deviation that is smaller.
+    /// levels. `simpler`: leaves to render in place of `parts[0]`, which deviate by less than a texel.
     ///
     /// # Errors
     /// A size or setting outside its range; [`Error::Cancelled`].
