@@ -369,8 +369,8 @@ class Level:
     def image_error(self) -> float:
         """Image error of the metrics, compared with the leaves, in pictures of 128 × 128 pixels."""
     def image_errors(self) -> ImageErrors:
-        """Measure the image error, without light and under a sun, compared with the leaves, in pictures of different sizes. Takes some tenths of a
-        second; keep the result."""
+        """Measure the image error, without light and under a sun, compared with the leaves, in pictures of different
+        sizes. Takes some tenths of a second; keep the result."""
     @property
     def seconds(self) -> BakeSeconds: ...
     @property
