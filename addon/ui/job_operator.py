@@ -19,8 +19,8 @@ from .viewport import is_previewed
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
 _NAVIGATION = {"MOUSEMOVE", "MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
-"""Events that pass through during the work. Events that could edit or undo the scene do not, but for clicks on
-Leafcloud's tab, whose operators wait for the end of the work."""
+"""Events that pass through during the work. Events that could edit or undo the scene do not. Clicks on Leafcloud's tab
+do, because its operators wait for the end of the work."""
 
 TAB = "Leafcloud"
 """The tab of the sidebar with all panels."""
