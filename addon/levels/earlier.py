@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..mesh.baked_levels import belongs_to_bake, full_names, record
-from .root import keep_root, root_of
+from .root import is_root, keep_root, root_of
 
 
 def levels_of(scene: bpy.types.Scene, sources: Iterable[bpy.types.Object]) -> tuple[bpy.types.Collection, ...]:
@@ -55,10 +55,12 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
         if new is None:
             continue
         _put_in_place(old, new, own)
-        if (root := root_of(old)) is not None and (made_now := root_of(new)) is not None and root in names:
-            keep_root(root, made_now)
-            own.remove(root)
-            del names[root]
+        roots = [obj for obj in own if obj in list(old.objects) and is_root(obj)]
+        made_now = root_of(new)
+        if roots and made_now is not None:
+            keep_root(roots[0], made_now)
+            own.remove(roots[0])
+            del names[roots[0]]
         old.user_remap(new)
         for obj in [obj for obj in old.all_objects if obj in names]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))

@@ -1,4 +1,4 @@
-"""What a bake says of each level, kept with the tree's collection for the sidebar."""
+"""Figures of each level of a bake, kept with the tree's collection for the sidebar."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import leafcloud
 
 _KEY = "leafcloud_results"
 """The custom property of a collection of levels: a list of results as JSON."""
-
 
 IMPOSTORS = {"cross": "Cross impostor", "octahedral": "Octahedral impostor"}
 """Names of the last level by its method."""

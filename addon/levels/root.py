@@ -1,4 +1,4 @@
-"""The root of a baked tree: an empty with all of its levels below, so that they move, turn and grow as one."""
+"""The root of a baked tree: an empty with all of its levels below, so that they move, rotate and scale together."""
 
 from __future__ import annotations
 

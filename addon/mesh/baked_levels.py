@@ -111,6 +111,7 @@ def belongs_to_bake(block: bpy.types.ID) -> bool:
 
 
 def _is_trunk(obj: bpy.types.Object) -> bool:
+    # Trunks have no custom property, because files would have it, too. An artist's own meshes have other names.
     return obj.type == "MESH" and "_trunk" in obj.name
 
 

@@ -1,4 +1,4 @@
-"""The baked tree in the sidebar: the shown level, the figures of each level, and the way back to the sources."""
+"""The baked tree in the sidebar: the shown level, the figures of each level, and the removal of all levels."""
 
 from __future__ import annotations
 
