@@ -16,7 +16,7 @@ import leafcloud
 
 from ..settings.bake import LARGEST_TEXTURE, BakeSettings
 from .facts import Camera, Facts, Span
-from .lod_range import LodRange, View, lod_ranges, rising
+from .lod_range import HandOverKind, LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
 from .quality import FINEST_BOUND, LARGEST_CROWN, SMALLEST_CROWN, core_target, decides_distances, distance_of
 
@@ -55,7 +55,8 @@ def camera_visibility(settings: BakeSettings, facts: Facts) -> CameraVisibility 
     soonest = soonest_switches(settings, facts, facts.camera.view)
     latest = latest_switches(settings, facts, facts.camera.view)
     is_cloud = [0 < number <= _clouds(settings) for number in range(len(soonest))]
-    soon, late = (lod_ranges(switches, is_cloud, transitions=True) for switches in (soonest, latest))
+    hand_overs = [HandOverKind.MORPH_AND_FADE if each else HandOverKind.FADE for each in is_cloud]
+    soon, late = (lod_ranges(switches, hand_overs, transitions=True) for switches in (soonest, latest))
     first = min(level_at(near, late) for near, _ in spans)
     last = max(level_at(far, soon) for _, far in spans)
     passed = tuple(

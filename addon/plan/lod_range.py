@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 
 import leafcloud
 
@@ -17,6 +18,17 @@ the edges of alpha are left to fade."""
 
 LEAST_STEP = 1.25
 """Minimum ratio of a level's switch distance to that of the level before."""
+
+
+class HandOverKind(Enum):
+    """How a level takes over from the level before, with transitions."""
+
+    FADE = auto()
+    """Impostors show the trunk, so nothing morphs to them."""
+    MORPH = auto()
+    """Simplified leaves are the leaves at the end of their morph. If both were drawn, they would shade each other."""
+    MORPH_AND_FADE = auto()
+    """Clouds differ from the leaves that lie on them by their light and the edges of their alpha."""
 
 
 @dataclass(frozen=True)
@@ -48,24 +60,24 @@ class LodRange:
 
 
 def lod_ranges(
-    switch_distances: Sequence[float], targets: Sequence[bool], *, transitions: bool
+    switch_distances: Sequence[float], hand_overs: Sequence[HandOverKind], *, transitions: bool
 ) -> tuple[LodRange, ...]:
     """Return the LOD range of every level.
 
-    Level i takes over at `switch_distances[i]`, which rise from 0. `targets[i]` is true for a level that the
-    level before can morph to: simplified leaves and clouds.
+    Level i takes over at `switch_distances[i]`, which rise from 0. `hand_overs`: one for each level; that of LOD 0
+    is not used.
 
-    With `transitions` each level morphs to the next level if it can, and cross-fades with any next level. The
-    next level appears shortly before the morph ends, or at its switch distance. It fades in before this level fades
-    out, so pixels that both levels cover never become transparent.
+    With `transitions` a level morphs to the next one, cross-fades with it, or both. After a morph alone the next level
+    appears where the morph ends, else shortly before that. Without a morph it appears at its switch distance. It fades
+    in before this level fades out, so pixels that both levels cover never become transparent.
     """
     result: list[LodRange] = []
     appear = whole = gone = switch_distances[0]
-    for end, is_target in zip((*switch_distances[1:], math.inf), (*targets[1:], False), strict=True):
-        morphs = transitions and is_target
+    for end, way in zip((*switch_distances[1:], math.inf), (*hand_overs[1:], HandOverKind.FADE), strict=True):
+        morphs, fades = transitions and way is not HandOverKind.FADE, transitions and way is not HandOverKind.MORPH
         start = max(START_SHARE * end, gone) if morphs else math.inf
-        hand_over = start + leafcloud.HAND_OVER * (end - start) if morphs else end
-        fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if transitions else 0.0
+        hand_over = start + leafcloud.HAND_OVER * (end - start) if morphs and fades else end
+        fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if fades else 0.0
         lod_range = LodRange(
             appear=appear,
             start=start,
@@ -82,6 +94,13 @@ def lod_ranges(
 def shows_trunk(level: leafcloud.AnyLevel) -> bool:
     """Return whether the level's own textures show the trunk. Nothing morphs to such a level."""
     return level.method in ("cross", "octahedral")
+
+
+def hand_over_to(level: leafcloud.AnyLevel) -> HandOverKind:
+    """Return how this level takes over from the level before."""
+    if shows_trunk(level):
+        return HandOverKind.FADE
+    return HandOverKind.MORPH if isinstance(level, leafcloud.LeafLevel) else HandOverKind.MORPH_AND_FADE
 
 
 def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:

@@ -12,7 +12,7 @@ from ..settings.bake import BakeSettings
 from .camera_visibility import camera_visibility, far_off, level_at, share_at_level_1
 from .decision import Decision, is_on
 from .facts import Facts
-from .lod_range import LodRange, View, lod_ranges, rising, shows_trunk
+from .lod_range import HandOverKind, LodRange, View, hand_over_to, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
 from .quality import SwitchSize, distance_of, switch_sizes
 
@@ -47,8 +47,8 @@ def schedule(
     switch_distances = _switch_distances(settings, facts, levels, by_picture, view)
     plain = [level.cross if isinstance(level, leafcloud.OctahedralLevel) else level for level in levels]
     plain_distances = _switch_distances(settings, facts, plain, switch_sizes(settings, plain), view)
-    targets = [False, *(not shows_trunk(level) for level in levels)]
-    ranges = lod_ranges(switch_distances, targets, transitions=bool(is_on(effects, "transitions")))
+    hand_overs = [HandOverKind.FADE, *map(hand_over_to, levels)]
+    ranges = lod_ranges(switch_distances, hand_overs, transitions=bool(is_on(effects, "transitions")))
     simplified = is_on(effects, "trunk_levels")
     return Schedule(
         switch_distances,

@@ -19,7 +19,7 @@ from addon.levels.build import build_levels
 from addon.levels.building import Build, BuiltLevel, Costs
 from addon.levels.mesh import MeshFaces, create_mesh, polygon_faces, split_vertices
 from addon.levels.prune_tables import area_shares, prefix_table
-from addon.plan.lod_range import lod_ranges
+from addon.plan.lod_range import HandOverKind, lod_ranges
 from addon.plan.registry import effect_named
 from addon.plan.schedule import Schedule
 from addon.versions import get_modifier_input
@@ -82,6 +82,12 @@ FOLIAGE = SimpleNamespace(
     leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([0.5, 0.0, 0.5]), radius=1.0, mirrored=False
 )
 RANKS = np.array([0.5, 0.25, 0.0], np.float32)
+HAND_OVERS = (
+    HandOverKind.FADE,
+    HandOverKind.MORPH_AND_FADE,
+    HandOverKind.MORPH_AND_FADE,
+    HandOverKind.FADE,
+)
 """Of the three leaves."""
 
 
@@ -124,7 +130,7 @@ def context(source: Tree, made: SimpleNamespace, *, transitions: bool = True, pr
         tree=source,
         foliage=FOLIAGE,
         chain=made,
-        schedule=Schedule(distances, lod_ranges(distances, (False, True, True, False), transitions=transitions)),
+        schedule=Schedule(distances, lod_ranges(distances, HAND_OVERS, transitions=transitions)),
         effects=tuple(effect_named(name) for name, wanted in on.items() if wanted),
         costs=Costs(),
     )

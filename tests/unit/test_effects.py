@@ -15,12 +15,14 @@ from addon.effects.back_sides import EFFECT as BACK_SIDES
 from addon.plan.decision import Decision, first_on, is_on
 from addon.plan.effects import camera_note, plan_channels, plan_effects
 from addon.plan.facts import Camera, Facts
-from addon.plan.lod_range import LodRange, View, lod_ranges, rising, trunk_range
+from addon.plan.lod_range import HandOverKind, LodRange, View, lod_ranges, rising, trunk_range
 from addon.plan.registry import all_effects
 from addon.settings.bake import BakeSettings, SettingsError
 from addon.settings.effects import EFFECTS
 
 FACTS = Facts(engine="generic", leaves=672)
+
+FADE, BOTH = HandOverKind.FADE, HandOverKind.MORPH_AND_FADE
 
 
 BY_ALL = set(EFFECTS) - {"baked_light", "blend_order"}
@@ -175,7 +177,7 @@ def test_an_unknown_effect_raises() -> None:
 
 def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
     """Level 1 appears at a = 0.998. Its fade-in ends 5 % farther away. The leaves vanish 10 % farther away."""
-    leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), 20.0, 40.0)
     assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.05 * 9.99)
@@ -183,7 +185,7 @@ def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
 
 
 def test_the_cross_impostor_fades_in_before_the_last_cloud_fades_out() -> None:
-    *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
     assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
     assert cross == LodRange(100.0, math.inf, math.inf, math.inf, fade_in_end=112.5, fade_out_start=math.inf)
@@ -191,7 +193,7 @@ def test_the_cross_impostor_fades_in_before_the_last_cloud_fades_out() -> None:
 
 
 def test_a_trunk_switches_at_the_start_of_a_fade_and_fades_into_the_cross_impostor() -> None:
-    ranges = lod_ranges((0.0, 10.0, 40.0, 100.0), (False, True, True, False), transitions=True)
+    ranges = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     leaves, first, second = (trunk_range(ranges, number) for number in range(3))
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (ranges[1].appear, ranges[1].appear)
@@ -199,21 +201,30 @@ def test_a_trunk_switches_at_the_start_of_a_fade_and_fades_into_the_cross_impost
     assert (second.fade_out_start, second.vanish) == (112.5, 125.0)
 
 
+def test_simplified_leaves_take_over_without_a_fade() -> None:
+    """A fade would draw them twice in the same place, where each copy would shade the other."""
+    leaves, simplified, cloud = lod_ranges((0.0, 10.0, 40.0), (FADE, HandOverKind.MORPH, BOTH), transitions=True)
+    assert (leaves.start, leaves.end, leaves.vanish, simplified.appear) == (5.0, 10.0, 10.0, 10.0)
+    assert not leaves.fades
+    assert (simplified.start, simplified.end, cloud.appear) == (20.0, 40.0, pytest.approx(39.96))
+    assert simplified.vanish > cloud.fade_in_end > cloud.appear
+
+
 def test_without_transitions_levels_switch_at_once() -> None:
-    leaves, first, cross = lod_ranges((0.0, 10.0, 40.0), (False, True, False), transitions=False)
+    leaves, first, cross = lod_ranges((0.0, 10.0, 40.0), (FADE, BOTH, FADE), transitions=False)
     assert [leaves.vanish, first.appear, first.vanish, cross.appear] == [10.0, 10.0, 40.0, 40.0]
     assert not any(lod_range.fades for lod_range in (leaves, first, cross))
 
 
 def test_a_transition_starts_after_the_previous_level_has_vanished() -> None:
-    leaves, first, second = lod_ranges((0.0, 10.0, 12.5), (False, True, True), transitions=True)
+    leaves, first, second = lod_ranges((0.0, 10.0, 12.5), (FADE, BOTH, BOTH), transitions=True)
     assert first.start == leaves.vanish > 6.25
     assert first.start < second.appear < first.end == 12.5
 
 
 def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
-    leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (False, True, True), transitions=True)
+    leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (FADE, BOTH, BOTH), transitions=True)
     assert leaves.appear < first.appear < first.fade_in_end < leaves.vanish < second.appear <= 12.5
 
 
