@@ -53,20 +53,61 @@ def get_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
     return _convert(socket, stored)
 
 
+def draw_modifier_input(
+    layout: bpy.types.UILayout, modifier: bpy.types.NodesModifier, name: str, text: str | None = None
+) -> None:
+    """Add a field for the input `name` to the layout. `text`: its label, if it is not the name."""
+    identifier = _input_socket(modifier, name).identifier
+    label = name if text is None else text
+    if hasattr(modifier, "properties"):  # 5.2 and later
+        layout.prop(getattr(modifier.properties.inputs, identifier), "value", text=label)
+    else:
+        layout.prop(modifier, f'["{identifier}"]', text=label)
+
+
+def modifier_inputs(modifier: bpy.types.NodesModifier) -> dict[str, Any]:
+    """Return the values of all inputs by name, except the geometry."""
+    return {
+        socket.name: get_modifier_input(modifier, socket.name)
+        for socket in _input_sockets(modifier)
+        if socket.socket_type != "NodeSocketGeometry"
+    }
+
+
 def drive_modifier_input(modifier: bpy.types.NodesModifier, name: str, source: bpy.types.ID, path: str) -> None:
     """Drive the input `name` by the number at `path` of `source`, with a driver that needs no Python.
 
-    Raise `KeyError` if the modifier's group has no such input.
+    A driver that the input has gets the new source. Raise `KeyError` if the modifier's group has no such input.
     """
+    driven = _input_path(modifier, name)
+    owner = modifier.id_data
+    found = owner.animation_data.drivers.find(driven) if owner.animation_data else None
+    set_source((found or owner.driver_add(driven)).driver, source, path)
+
+
+def set_source(driver: bpy.types.Driver, source: bpy.types.ID, path: str) -> None:
+    """Make the driver return the number at `path` of `source`, without Python."""
+    driver.type = "SUM"
+    variable = driver.variables[0] if driver.variables else driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = source, path
+
+
+def source_of_input(modifier: bpy.types.NodesModifier, name: str) -> tuple[bpy.types.ID, str] | None:
+    """Return the data-block and the path that drive the input `name` as `drive_modifier_input` does; None if none."""
+    data = modifier.id_data.animation_data
+    found = data.drivers.find(_input_path(modifier, name)) if data else None
+    if found is None or not found.driver.variables:
+        return None
+    target = found.driver.variables[0].targets[0]
+    return None if target.id is None else (target.id, target.data_path)
+
+
+def _input_path(modifier: bpy.types.NodesModifier, name: str) -> str:
+    """Return the path of an input's value from the modifier's object."""
     identifier = _input_socket(modifier, name).identifier
     if hasattr(modifier, "properties"):  # 5.2 and later
-        driven = f'modifiers["{modifier.name}"].properties.inputs.{identifier}.value'
-    else:
-        driven = f'modifiers["{modifier.name}"]["{identifier}"]'
-    driver = modifier.id_data.driver_add(driven).driver
-    driver.type = "SUM"
-    variable = driver.variables.new()
-    variable.targets[0].id, variable.targets[0].data_path = source, path
+        return f'modifiers["{modifier.name}"].properties.inputs.{identifier}.value'
+    return f'modifiers["{modifier.name}"]["{identifier}"]'
 
 
 def set_corner_normals(mesh: bpy.types.Mesh, normals: NDArray[np.float32]) -> None:
@@ -106,15 +147,16 @@ def clear_terminator(obj: bpy.types.Object) -> None:
 
 
 def _input_socket(modifier: bpy.types.NodesModifier, name: str) -> bpy.types.NodeTreeInterfaceSocket:
-    sockets = [
-        item
-        for item in modifier.node_group.interface.items_tree
-        if item.item_type == "SOCKET" and item.in_out == "INPUT"
-    ]
+    sockets = _input_sockets(modifier)
     for socket in sockets:
         if socket.name == name:
             return socket
     raise KeyError(f"node group {modifier.node_group.name!r} has no input {name!r}, it has {[s.name for s in sockets]}")
+
+
+def _input_sockets(modifier: bpy.types.NodesModifier) -> list[bpy.types.NodeTreeInterfaceSocket]:
+    items = modifier.node_group.interface.items_tree
+    return [item for item in items if item.item_type == "SOCKET" and item.in_out == "INPUT"]
 
 
 def _convert(socket: bpy.types.NodeTreeInterfaceSocket, value: Any) -> Any:

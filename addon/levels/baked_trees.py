@@ -18,7 +18,7 @@ import leafcloud
 
 from ..mesh.baked_levels import EXTRAS, level_number
 from ..nodes.laws import NEVER
-from ..nodes.lod import GROUP_NAME
+from ..nodes.lod import GROUP_NAME, lod_distance
 from ..plan.lod_range import View
 from ..versions import get_modifier_input
 from .building import BuiltLevel
@@ -86,7 +86,7 @@ def baked_tree(collection: bpy.types.Collection) -> BakedTree:
     scale = float(np.mean(np.abs(objects[0].matrix_world.to_scale())))
     return BakedTree(
         levels=tuple(_built(number, obj, trunk.get(obj)) for number, obj in enumerate(objects)),
-        switch_distances=(0.0, *(scale * lod_input(obj, "Appear") for obj in objects[1:])),
+        switch_distances=(0.0, *(scale * lod_length(obj, "Appear") for obj in objects[1:])),
         centre=lod_input(objects[0], "Centre"),
         scale=scale,
     )
@@ -109,7 +109,7 @@ def leaf_pruning(leaves: bpy.types.Object, pixels: float, view: View) -> LeafPru
     growth, contrast = (
         (lod_input(leaves, name), lod_input(leaves, f"{name} Quadratic")) for name in ("Growth", "Contrast")
     )
-    start, half = lod_input(leaves, "Prune Start"), lod_input(leaves, "Prune Half")
+    start, half = lod_length(leaves, "Prune Start"), lod_input(leaves, "Prune Half")
     return LeafPruning(start, half, growth, contrast, measured=True)
 
 
@@ -126,6 +126,11 @@ def lod_input(level: bpy.types.Object, name: str) -> Any:
         return get_modifier_input(modifier, name)
     except KeyError as error:
         raise ValueError(f"object {level.name!r} has a modifier that is not Leafcloud's: {error.args[0]}") from None
+
+
+def lod_length(level: bpy.types.Object, name: str) -> float:
+    """Return the distance `name` of the level's modifier times its LOD Distance, as `lod_input` does."""
+    return min(float(lod_input(level, name)) * lod_distance(level.modifiers[GROUP_NAME]), NEVER)
 
 
 def _built(number: int, obj: bpy.types.Object, trunk: bpy.types.Object | None) -> BuiltLevel:

@@ -20,7 +20,7 @@ from .leaves import leaf_object, simplified_object
 from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
-from .root import add_root, put_below
+from .root import add_root, follow_distance, put_below
 from .trunk import Trunk, TrunkView, simplified, whole
 
 NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
@@ -121,6 +121,7 @@ def _add_level(
             member.hide_viewport = member.hide_render = number not in build.schedule.drawn
         for effect in build.charged():
             effect.add_to_member(member, lod_range, build)
+        follow_distance(root, member)
     built = BuiltLevel(number, obj, trunk_object, _triangles(obj))
     if trunk is None:
         return built

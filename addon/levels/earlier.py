@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..mesh.baked_levels import belongs_to_bake, full_names, record
+from .placed_tree import hand_down
 from .root import is_root, keep_root, root_of
 
 
@@ -55,6 +56,7 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
         if new is None:
             continue
         _put_in_place(old, new, own)
+        hand_down(old, new)
         roots = [obj for obj in own if obj in list(old.objects) and is_root(obj)]
         made_now = root_of(new)
         if roots and made_now is not None:

@@ -77,3 +77,4 @@ def _add_groups(obj: bpy.types.Object, billboard: NDArray[np.int32]) -> None:
     for number, members in enumerate(np.split(order, ends[:-1])):
         group = obj.vertex_groups.new(name=f"{GROUP_PREFIX}{number:03d}")
         group.add(members.tolist(), 1.0, "REPLACE")
+        group.lock_weight = True  # Painting and smoothing of weights leave it alone.

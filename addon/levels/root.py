@@ -9,6 +9,8 @@ import bpy
 from mathutils import Matrix
 
 from ..mesh.baked_levels import EXTRAS
+from ..nodes.laws import ABOUT_LOD_DISTANCE, LOD_DISTANCE, NEAREST
+from ..versions import drive_modifier_input, modifier_inputs
 from .building import Build
 from .rollback import left_out
 
@@ -25,6 +27,7 @@ def add_root(collection: bpy.types.Collection, build: Build) -> bpy.types.Object
     root.matrix_world = Matrix(build.tree.matrix.tolist())
     root.empty_display_size = _SIZE * build.radius
     root[EXTRAS] = {_KEY: build.tree.matrix.ravel().tolist()}
+    _add_distance(root)
     collection.objects.link(root)
     return root
 
@@ -35,6 +38,19 @@ def put_below(root: bpy.types.Object, obj: bpy.types.Object) -> None:
     # The dependency graph computes matrix_world later. The steps after this one read it now.
     obj.matrix_world = root.matrix_world
     obj.location, obj.rotation_euler, obj.scale = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+
+def _add_distance(root: bpy.types.Object) -> None:
+    root[LOD_DISTANCE] = 1.0
+    shown = root.id_properties_ui(LOD_DISTANCE)
+    shown.update(min=NEAREST, soft_min=0.1, soft_max=10.0, description=ABOUT_LOD_DISTANCE)
+
+
+def follow_distance(root: bpy.types.Object, obj: bpy.types.Object) -> None:
+    """Make the modifiers of a level or trunk follow the custom property LOD Distance of the root."""
+    for modifier in obj.modifiers:
+        if modifier.type == "NODES" and LOD_DISTANCE in modifier_inputs(modifier):
+            drive_modifier_input(modifier, LOD_DISTANCE, root, f'["{LOD_DISTANCE}"]')
 
 
 @contextmanager
@@ -75,8 +91,12 @@ def keep_root(before: bpy.types.Object, root: bpy.types.Object) -> None:
     before.name, before[EXTRAS] = name, extras
     if made != place:
         before.matrix_world = before.matrix_world @ made.inverted() @ place
+    if LOD_DISTANCE not in before:  # Made by an earlier version.
+        _add_distance(before)
     for level in levels:
         put_below(before, level)
+    for obj in before.children_recursive:
+        follow_distance(before, obj)
 
 
 def is_root(obj: bpy.types.Object) -> bool:

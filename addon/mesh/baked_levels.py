@@ -12,6 +12,9 @@ import bpy
 EXTRAS = "leafcloud"
 """The custom property of objects and meshes. It is also the key in the glTF extras."""
 
+TREE_GROUP = "leafcloud_tree_group"
+"""The custom property that a baked tree's collection and the node group of its placed trees share: an identifier."""
+
 PLAIN = "leafcloud_plain"
 """The custom property of an octahedral impostor's object: the mesh that files have instead."""
 
@@ -88,10 +91,12 @@ def plain_mesh(obj: bpy.types.Object) -> bpy.types.Mesh:
 
 
 def follows_a_bake(obj: bpy.types.Object) -> bool:
-    """Return whether an object is a baked level, which cannot be baked again.
+    """Return whether an object is a baked level or a placed tree, which cannot be baked again.
 
     Level 0 imported from a glTF file counts as ordinary leaves: it has no modifiers and is in no collection of levels.
     """
+    if is_placed_tree(obj):
+        return True
     number = level_number(obj)
     return number is not None and (number > 0 or len(obj.modifiers) > 0 or record_of(obj) is not None)
 
@@ -113,6 +118,12 @@ def belongs_to_bake(block: bpy.types.ID) -> bool:
 def _is_trunk(obj: bpy.types.Object) -> bool:
     # Trunks have no custom property, because files would have it, too. An artist's own meshes have other names.
     return obj.type == "MESH" and "_trunk" in obj.name
+
+
+def is_placed_tree(obj: bpy.types.Object) -> bool:
+    """Return whether an object shows a baked tree at its own place (`levels.placed_tree`)."""
+    groups = [modifier.node_group for modifier in obj.modifiers if modifier.type == "NODES"]
+    return any(group is not None and TREE_GROUP in group for group in groups)
 
 
 def is_source(obj: bpy.types.Object) -> bool:

@@ -21,6 +21,12 @@ BLOCK = 1024.0
 HIDDEN_SHARE = "leaf_hidden_share"
 """Point attribute: fraction of a level hidden while it cross-fades. 0 or missing: fully visible."""
 
+LOD_DISTANCE = "LOD Distance"
+"""Input of the groups that follow the camera: the factor on all of their distances."""
+ABOUT_LOD_DISTANCE = "Factor on all distances. At 2 finer levels are drawn twice as far away"
+NEAREST = 1e-3
+"""Least factor."""
+
 LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
 SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
 
@@ -91,8 +97,24 @@ class CameraNodes:
 
 
 def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSocket:
-    """Return d to the input Centre, in the object's coordinates. 0 without a camera: the level is at rest, unpruned."""
-    return camera.distance(section, camera.location, section.group_input("Centre"), label="Distance d")
+    """Return d to the input Centre, in the object's coordinates, divided by the input LOD Distance.
+
+    0 without a camera: the level is at rest, unpruned.
+    """
+    distance = camera.distance(section, camera.location, section.group_input("Centre"), label="Distance")
+    factor = section.math("MAXIMUM", section.group_input(LOD_DISTANCE), NEAREST, label=LOD_DISTANCE)
+    return section.math("MINIMUM", section.math("DIVIDE", distance, factor), NEVER * 0.99, label="Distance d")
+
+
+def declare_distance(tree: bpy.types.NodeTree, panel: Any) -> None:
+    """Declare the inputs of `camera_distance`."""
+    declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
+    declare_factor(tree, panel)
+
+
+def declare_factor(tree: bpy.types.NodeTree, panel: Any = None) -> None:
+    """Declare the input LOD Distance."""
+    declare(tree, LOD_DISTANCE, "Float", ABOUT_LOD_DISTANCE, panel, default_value=1.0, min_value=NEAREST)
 
 
 def transition_share(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

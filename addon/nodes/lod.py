@@ -1,7 +1,7 @@
 """The node group *Leafcloud LOD*. It morphs leaves onto billboards, prunes and hides them as the camera moves.
 
 The laws are Lacewell et al.'s transition and Gomez' pruning after Cook et al. d is the distance from the scene's active
-camera to the level's center in the object's own coordinates:
+camera to the level's center in the object's own coordinates, divided by the input LOD Distance:
 
     a = clamp((d − start) / (end − start), 0, 1)                 transition
     λ = min((d₀/d)^(log_h ½), 1)                                 share of leaves kept, d₀ = prune start, h = prune half
@@ -38,12 +38,13 @@ import bpy
 import leafcloud
 
 from ..material.node_links import MEAN_SHARE
-from ..versions import InputValue, set_modifier_input
+from ..versions import InputValue, modifier_inputs, set_modifier_input
 from .builder import Section
 from .laws import (
     BLOCK,
     HIDDEN_SHARE,
     LENGTH,
+    LOD_DISTANCE,
     NEVER,
     SHARE,
     TINY,
@@ -52,6 +53,7 @@ from .laws import (
     camera_distance,
     declare,
     declare_by_hand,
+    declare_distance,
     declare_pruning,
     declare_transition,
     declare_trend,
@@ -64,7 +66,7 @@ from .laws import (
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 4
+_LAYOUT = 5
 """Version stored in the group. Increase it when inputs or laws change: files baked earlier then keep their group."""
 
 
@@ -132,6 +134,11 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
     return add_modifier(obj, GROUP_NAME, lod_group(), values)
 
 
+def lod_distance(modifier: bpy.types.NodesModifier) -> float:
+    """Return the factor on all distances of a level; 1 for the levels of earlier versions."""
+    return float(modifier_inputs(modifier).get(LOD_DISTANCE, 1.0))
+
+
 def set_manual(modifier: bpy.types.NodesModifier, *, transition: float, keep: float) -> None:
     """Make the level ignore the camera: always drawn, at transition a = `transition`, keeping λ = `keep` of the leaves.
 
@@ -168,7 +175,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Vanish", "Float", "Distance from which the level is no longer drawn", panel, **never)
     declare(tree, "Fade In End", "Float", "Distance where the fade-in ends", panel, default_value=0.0, **LENGTH)
     declare(tree, "Fade Out Start", "Float", "Distance where the fade-out starts", panel, **never)
-    declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
+    declare_distance(tree, panel)
 
     panel = tree.interface.new_panel("By Hand")
     declare(tree, "Manual", "Bool", "Ignore the camera: always draw the level, with the two values below", panel)

@@ -72,6 +72,7 @@ from .laws import (
     camera_distance,
     declare,
     declare_by_hand,
+    declare_distance,
     declare_transition,
     group_of_layout,
     transition_share,
@@ -81,7 +82,7 @@ GROUP_NAME = "Leafcloud Wind"
 SWAY_NAME = "Leafcloud Sway"
 _LAYOUT_KEY = "leafcloud_wind_layout"
 _SWAY_KEY = "leafcloud_sway_layout"
-_LAYOUT = 1
+_LAYOUT = 2
 """Version stored in both groups. Increase it when inputs or laws change: files baked earlier then keep their groups."""
 
 HALF_FORCE = 4.0
@@ -209,7 +210,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
 
     panel = tree.interface.new_panel("Transition to Billboards")
     declare_transition(tree, panel)
-    declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
+    declare_distance(tree, panel)
     declare(tree, "Manual", "Bool", "Ignore the camera and use the value below, as in Leafcloud LOD", panel)
     declare_by_hand(tree, panel)
 

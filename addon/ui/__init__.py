@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
@@ -17,6 +18,14 @@ from .panels import (
     LEAFCLOUD_PT_search,
     LEAFCLOUD_PT_textures,
 )
+from .place import (
+    LEAFCLOUD_OT_asset,
+    LEAFCLOUD_OT_place,
+    LEAFCLOUD_OT_place_instances,
+    LEAFCLOUD_PT_place,
+    place_new_instances,
+)
+from .preferences import LeafcloudPreferences
 from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_presets, unregister_presets
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
@@ -34,9 +43,11 @@ _CLASSES = (
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
+    *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
+    LeafcloudPreferences,
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
-    *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+    *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_place, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
 )
 
 
@@ -56,10 +67,12 @@ def register() -> None:
     register_presets()
     add_handlers()
     bpy.app.handlers.load_post.append(persistent(_forget_file))
+    bpy.app.handlers.depsgraph_update_post.append(persistent(place_new_instances))
 
 
 def unregister() -> None:
     bpy.app.handlers.load_post.remove(_forget_file)
+    bpy.app.handlers.depsgraph_update_post.remove(place_new_instances)
     cancel_running()
     stop_preview()
     remove_handlers()

@@ -32,6 +32,7 @@ from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse
 from .measured import predicted, tell
+from .preferences import preference
 from .progress import show
 from .properties import bake_settings, show_plan, with_labels
 from .selection import selected_trees
@@ -100,6 +101,9 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
             remember(tree_set.collection, sources)
             for tree in tree_set.trees:
                 remember(tree.collection, tree.prepared.tree.sources)
+                if not preference("vertex_groups"):
+                    for level in tree.levels:
+                        level.object.vertex_groups.clear()
         effects = joint_effects([tree.effects for tree in tree_set.trees])
         show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
         for tree in tree_set.trees:

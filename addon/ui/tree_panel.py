@@ -10,40 +10,19 @@ from bpy.props import IntProperty
 from ..errors import SceneError
 from ..levels.earlier import remove_levels
 from ..levels.results import LevelResult, results_of
+from ..levels.root import root_of
 from ..levels.shown import show_level, shown_level
-from ..mesh.baked_levels import belongs_to_bake, level_number, record
-from .job_operator import BUSY, refuse, running
+from ..mesh.baked_levels import level_number, record
+from ..nodes.laws import LOD_DISTANCE
+from .job_operator import refuse
+from .on_tree import OnTree, active_tree
 from .viewport import draw_new_levels, stop_preview
 
 AUTO = -1
 """Number in place of a level's: the distance decides."""
 
 
-def active_tree(context: bpy.types.Context) -> bpy.types.Collection | None:
-    """Return the collection of the baked tree to which the active, selected object belongs; None if there is none."""
-    obj = context.view_layer.objects.active
-    collections = obj.users_collection if obj is not None and obj.select_get() and belongs_to_bake(obj) else ()
-    return next((each for each in collections if record(each) is not None), None)
-
-
-class _OnTree:
-    """Mixin for operators on the active baked tree. Put it before `bpy.types.Operator` in the list of bases."""
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        problem = ""
-        if active_tree(context) is None:
-            problem = "Select a baked tree"
-        elif context.mode != "OBJECT":
-            problem = "Switch to Object Mode first"
-        elif running:
-            problem = BUSY
-        if problem:
-            cls.poll_message_set(problem)  # type: ignore[attr-defined]
-        return not problem
-
-
-class LEAFCLOUD_OT_show_level(_OnTree, bpy.types.Operator):
+class LEAFCLOUD_OT_show_level(OnTree, bpy.types.Operator):
     """Show this level at all distances. Auto shows the level for each distance"""
 
     bl_idname = "leafcloud.show_level"
@@ -66,7 +45,7 @@ class LEAFCLOUD_OT_show_level(_OnTree, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LEAFCLOUD_OT_remove(_OnTree, bpy.types.Operator):
+class LEAFCLOUD_OT_remove(OnTree, bpy.types.Operator):
     """Remove the levels of the baked tree and of its copies in the collection, and show the sources"""
 
     bl_idname = "leafcloud.remove"
@@ -121,11 +100,17 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
             text = "Auto" if number == AUTO else str(number)
             is_shown = number == (AUTO if shown is None else shown)
             row.operator("leafcloud.show_level", text=text, depress=is_shown).level = number
+        root = root_of(tree)
+        if root is not None and LOD_DISTANCE in root:
+            layout.prop(root, f'["{LOD_DISTANCE}"]', text=LOD_DISTANCE)
         for result in results_of(tree):
             column = layout.column(align=True)
             column.label(text=result.name)
             for text in figures_of(result):
                 column.label(text=text, icon="BLANK1")
+        layout.operator("leafcloud.select_billboard")
+        layout.operator("leafcloud.place")
+        layout.operator("leafcloud.asset")
         layout.operator("leafcloud.bake", text="Bake Again")
         layout.operator("leafcloud.remove")
 

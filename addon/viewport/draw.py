@@ -12,7 +12,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..mesh.baked_levels import EXTRAS
-from ..nodes.lod import GROUP_NAME
+from ..nodes.lod import GROUP_NAME, lod_distance
 from ..versions import get_modifier_input
 from .corners import MaterialTriangles, parts_of
 from .look import LevelInputs, look_at
@@ -116,20 +116,25 @@ def inputs_of(obj: bpy.types.Object) -> LevelInputs:
     """Return the current inputs of a level's node groups, and the tables in its extras."""
     modifier = obj.modifiers[GROUP_NAME]
 
+    factor = lod_distance(modifier)
+
     def number(name: str) -> float:
         return float(get_modifier_input(modifier, name))
+
+    def length(name: str) -> float:
+        return factor * number(name)
 
     extras = obj.get(EXTRAS)
     table = obj.data.get(EXTRAS)
     return LevelInputs(
-        start=number("Start"),
-        end=number("End"),
-        prune_start=number("Prune Start"),
+        start=length("Start"),
+        end=length("End"),
+        prune_start=length("Prune Start"),
         prune_half=number("Prune Half"),
-        appear=number("Appear"),
-        vanish=number("Vanish"),
-        fade_in_end=number("Fade In End"),
-        fade_out_start=number("Fade Out Start"),
+        appear=length("Appear"),
+        vanish=length("Vanish"),
+        fade_in_end=length("Fade In End"),
+        fade_out_start=length("Fade Out Start"),
         growth=(number("Growth"), number("Growth Quadratic")),
         contrast=(number("Contrast"), number("Contrast Quadratic")),
         mean_color=tuple(extras["mean_color"]) if extras is not None and "mean_color" in extras else (0.0, 0.0, 0.0),

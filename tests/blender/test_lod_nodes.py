@@ -379,6 +379,7 @@ def test_the_inputs_have_the_promised_names() -> None:
             "Fade In End",
             "Fade Out Start",
             "Centre",
+            "LOD Distance",
             "Manual",
             "Transition",
             "Keep",

@@ -1,0 +1,33 @@
+"""The baked tree that operators and panels of the sidebar work on: the one of the active object."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..mesh.baked_levels import belongs_to_bake, record
+from .job_operator import BUSY, running
+
+
+def active_tree(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """Return the collection of the baked tree to which the active, selected object belongs; None if there is none."""
+    obj = context.view_layer.objects.active
+    collections = obj.users_collection if obj is not None and obj.select_get() and belongs_to_bake(obj) else ()
+    return next((each for each in collections if record(each) is not None), None)
+
+
+def mode_problem(context: bpy.types.Context) -> str:
+    """Return why the scene cannot be changed now, with the remedy; empty if it can."""
+    if context.mode != "OBJECT":
+        return "Switch to Object Mode first"
+    return BUSY if running else ""
+
+
+class OnTree:
+    """Mixin for operators on the active baked tree. Put it before `bpy.types.Operator` in the list of bases."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        problem = "Select a baked tree" if active_tree(context) is None else mode_problem(context)
+        if problem:
+            cls.poll_message_set(problem)  # type: ignore[attr-defined]
+        return not problem
