@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import bpy
-from bpy.app.handlers import persistent
 
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
+from .handlers import add_handlers, remove_handlers
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import (
@@ -31,7 +31,8 @@ from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, sh
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .selected_tree import forget_selection
 from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
-from .viewport import LEAFCLOUD_OT_preview, add_handlers, remove_handlers, stop_preview
+from .viewport import HANDLERS as PREVIEW_HANDLERS
+from .viewport import LEAFCLOUD_OT_preview, stop_preview
 
 _OF_SCENE = {
     "leafcloud": LeafcloudSettings,
@@ -65,17 +66,13 @@ def register() -> None:
         setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
-    add_handlers()
-    bpy.app.handlers.load_post.append(persistent(_forget_file))
-    bpy.app.handlers.depsgraph_update_post.append(persistent(place_new_instances))
+    add_handlers(PREVIEW_HANDLERS, (("load_post", _forget_file), ("depsgraph_update_post", place_new_instances)))
 
 
 def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_forget_file)
-    bpy.app.handlers.depsgraph_update_post.remove(place_new_instances)
+    remove_handlers()
     cancel_running()
     stop_preview()
-    remove_handlers()
     unregister_presets()
     forget_curve()
     del bpy.types.WindowManager.leafcloud

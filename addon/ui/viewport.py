@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ..levels.shown import show_level
 from ..viewport.draw import Preview, levels_in
 from ..viewport.hiding import hide, reveal_all
+from .handlers import Handlers
 
 Drawer = Callable[[list[bpy.types.Object]], Callable[[], None]]
 
@@ -93,26 +93,16 @@ def _hide_again(*_: object) -> None:
             start_preview(layer, preview.drawer)
 
 
-_HANDLERS = {
-    "load_pre": _before_loading,
-    "load_post": _hide_again,
-    "save_pre": _before_saving,
-    "save_post": _hide_again,
-    "save_post_fail": _hide_again,
-    "undo_post": _hide_again,
-    "redo_post": _hide_again,
-}
-
-
-def add_handlers() -> None:
-    """Register the handlers that update previews on loading, saving and undo."""
-    for name, function in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(persistent(function))
-
-
-def remove_handlers() -> None:
-    for name, function in _HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(function)
+HANDLERS: Handlers = (
+    ("load_pre", _before_loading),
+    ("load_post", _hide_again),
+    ("save_pre", _before_saving),
+    ("save_post", _hide_again),
+    ("save_post_fail", _hide_again),
+    ("undo_post", _hide_again),
+    ("redo_post", _hide_again),
+)
+"""They update a preview on loading, saving and undo."""
 
 
 def _drawn_by_shader(levels: list[bpy.types.Object]) -> Callable[[], None]:
