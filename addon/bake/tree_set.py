@@ -172,6 +172,7 @@ class ChainsJob:
                 if self._cancelled:  # `cancel` was called between two jobs.
                     self._job.cancel()
                 chains.append(self._job.result())
+                measure(each.settings, chains[-1].levels)
             self._finished += 1
         shared = chains if len(chains) == 1 else leafcloud.share_pages(chains)
         if self._cancelled:

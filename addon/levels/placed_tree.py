@@ -64,8 +64,9 @@ def _found(collection: bpy.types.Collection) -> bpy.types.NodeTree | None:
 
 def _fill(group: bpy.types.NodeTree, collection: bpy.types.Collection) -> None:
     before = {node.inputs["Object"].default_value for node in group.nodes if node.bl_idname == "GeometryNodeObjectInfo"}
-    fill_tree_group(group, [_part(number, obj) for number, obj in _members(collection)])
+    group.nodes.clear()
     bpy.data.batch_remove(before)
+    fill_tree_group(group, [_part(number, obj) for number, obj in _members(collection)])
 
 
 def _members(collection: bpy.types.Collection) -> Iterator[tuple[int, bpy.types.Object]]:

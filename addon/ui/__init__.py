@@ -9,6 +9,7 @@ from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, fo
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .handlers import add_handlers, remove_handlers
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
+from .menu import LEAFCLOUD_MT_object, add_menu, remove_menu
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import (
     LEAFCLOUD_PT_bake,
@@ -45,7 +46,7 @@ _CLASSES = (
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
-    LeafcloudPreferences,
+    *(LeafcloudPreferences, LEAFCLOUD_MT_object),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
     *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_place, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
@@ -66,6 +67,7 @@ def register() -> None:
         setattr(bpy.types.Scene, name, bpy.props.PointerProperty(type=settings))
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
+    add_menu()
     add_handlers(PREVIEW_HANDLERS, (("load_post", _forget_file), ("depsgraph_update_post", place_new_instances)))
 
 
@@ -73,6 +75,7 @@ def unregister() -> None:
     remove_handlers()
     cancel_running()
     stop_preview()
+    remove_menu()
     unregister_presets()
     forget_curve()
     del bpy.types.WindowManager.leafcloud

@@ -6,6 +6,7 @@ import bmesh
 import bpy
 
 from ..mesh.baked_levels import level_number
+from .on_tree import active_tree
 
 BILLBOARD = "leaf_billboard"
 """The point attribute with the number of each leaf's billboard on the next level; negative for none."""
@@ -39,9 +40,8 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        obj = context.active_object
-        if obj is None or level_number(obj) is None or BILLBOARD not in obj.data.attributes:
-            cls.poll_message_set("Make a baked level with morphs active: the leaves, or a cloud that is not the last")
+        if _level(context) is None:
+            cls.poll_message_set("Make a baked tree active, or one of its levels that morphs onto billboards")
             return False
         if context.mode not in {"OBJECT", "EDIT_MESH"}:
             cls.poll_message_set("Switch to Object Mode or Edit Mode first")
@@ -50,8 +50,7 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Extend the selection of Edit Mode."""
-        if context.mode != "EDIT_MESH":
-            bpy.ops.object.mode_set(mode="EDIT")
+        self._edit(context)
         count = select_billboards(context.active_object)
         if not count:
             self.report({"WARNING"}, "No selected leaf lies on a billboard: select one first")
@@ -63,8 +62,7 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
         """Wait for a click on a leaf. Outside of a 3D view, extend the selection."""
         if bpy.app.background or context.area is None or context.area.type != "VIEW_3D":
             return self.execute(context)
-        if context.mode != "EDIT_MESH":
-            bpy.ops.object.mode_set(mode="EDIT")
+        self._edit(context)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set("Click a leaf: select its billboard    Shift: add    Esc: cancel")
         context.window_manager.modal_handler_add(self)
@@ -83,6 +81,21 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
             bpy.ops.view3d.select(extend=event.shift, deselect_all=not event.shift, location=place)
         return self.execute(context)
 
+    def _edit(self, context: bpy.types.Context) -> None:
+        """Enter Edit Mode, with the level active."""
+        if context.mode != "EDIT_MESH":
+            context.view_layer.objects.active = _level(context)
+            bpy.ops.object.mode_set(mode="EDIT")
+
     def _stop(self, context: bpy.types.Context) -> None:
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
+
+
+def _level(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the active level if it morphs onto billboards, or the first such level of the active tree; else None."""
+    tree, active = active_tree(context), context.active_object
+    levels = [active] if active is not None and level_number(active) is not None else []
+    if not levels and tree is not None:
+        levels = sorted((obj for obj in tree.objects if level_number(obj) is not None), key=lambda obj: obj.name)
+    return next((obj for obj in levels if BILLBOARD in obj.data.attributes), None)

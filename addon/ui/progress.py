@@ -29,9 +29,10 @@ def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
     if context.workspace is not None:
         words = f"Leafcloud: {stage}, {fraction:.0%}{left}, Esc cancels" if stage else None
         context.workspace.status_text_set(words)
-    for area in context.screen.areas if context.screen else ():
-        if area.type == "VIEW_3D":  # Other editors do not show the job.
-            area.tag_redraw()
+    views = [area for area in context.screen.areas if area.type == "VIEW_3D"] if context.screen else []
+    for region in [region for view in views for region in view.regions]:
+        if region.type == "UI":  # Only the sidebar shows the job. A view with a large tree takes long to draw.
+            region.tag_redraw()
 
 
 def time_left(seconds: float, fraction: float) -> str:

@@ -103,16 +103,19 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         root = root_of(tree)
         if root is not None and LOD_DISTANCE in root:
             layout.prop(root, f'["{LOD_DISTANCE}"]', text=LOD_DISTANCE)
+        column = layout.column(align=True)
+        row = column.row(align=True)
+        row.operator("leafcloud.place")
+        row.operator("leafcloud.asset")
+        row = column.row(align=True)
+        row.operator("leafcloud.bake", text="Bake Again")
+        row.operator("leafcloud.remove")
+        column.operator("leafcloud.select_billboard")
         for result in results_of(tree):
             column = layout.column(align=True)
             column.label(text=result.name)
             for text in figures_of(result):
                 column.label(text=text, icon="BLANK1")
-        layout.operator("leafcloud.select_billboard")
-        layout.operator("leafcloud.place")
-        layout.operator("leafcloud.asset")
-        layout.operator("leafcloud.bake", text="Bake Again")
-        layout.operator("leafcloud.remove")
 
 
 def figures_of(result: LevelResult) -> tuple[str, ...]:

@@ -102,7 +102,7 @@ def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
         getattr(layout, part).return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", None, None, None, "Bake Again", None]
+    assert buttons == ["Auto", "0", "1", "2", None, None, "Bake Again", None, None]
     labels = [call.kwargs["text"] for call in layout.label.call_args_list]
     results = results_of(tree())
     assert labels == ["leaves", *(line for each in results for line in (each.name, *figures_of(each)))]
@@ -162,10 +162,10 @@ def test_children_of_an_artist_keep_their_place_after_the_removal() -> None:
 def test_removal_takes_copies_of_the_tree_with_it(before: dict[str, set[str]]) -> None:
     bpy.ops.object.duplicate(linked=True)
     layout = MagicMock()
-    layout.row.return_value = layout
+    layout.row.return_value = layout.column.return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", None, None, None, "Bake Again", None]
+    assert buttons == ["Auto", "0", "1", "2", None, None, "Bake Again", None, None]
     assert bpy.ops.leafcloud.remove() == {"FINISHED"}
     assert names() == before
 

@@ -1,0 +1,200 @@
+"""A first session with the extension, by mouse and keys: the tests are its steps, in order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from blender_window import Window
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+BAKE = (134, 150)
+"""Place of the button *Bake Levels* in the sidebar."""
+
+_STATE = """
+def drawn(obj):
+    graph = bpy.context.evaluated_depsgraph_get()
+    shown = obj.evaluated_get(graph)
+    mesh = shown.to_mesh()
+    count = len(mesh.loops) - 2 * len(mesh.polygons)
+    shown.to_mesh_clear()
+    return count
+"""
+
+
+def objects(blender: Window) -> dict[str, Any]:
+    """Return the place of each visible object in the scene, by name."""
+    return dict(
+        blender.run("""
+bpy.context.view_layer.update()
+result = {obj.name: list(obj.matrix_world.translation) for obj in bpy.context.scene.objects if obj.visible_get()}
+""")
+    )
+
+
+def blocks(blender: Window) -> dict[str, list[str]]:
+    """Return the names of all data-blocks by kind."""
+    return dict(
+        blender.run("""
+kinds = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+result = {kind: sorted(block.name for block in getattr(bpy.data, kind)) for kind in kinds}
+""")
+    )
+
+
+def wait_for_the_end(blender: Window, seconds: float = 60.0) -> None:
+    """Wait until a bake has begun, and until it has ended."""
+    blender.wait(lambda: blender.run("result = bool(bpy.context.window_manager.leafcloud.stage)"), 10.0, "bake")
+    blender.wait(
+        lambda: not blender.run("result = bool(bpy.context.window_manager.leafcloud.stage)"), seconds, "end of the bake"
+    )
+
+
+def colors(picture: Path) -> np.ndarray:
+    """Return the pixels (h, w, 3) of the 3D view without its toolbar and sidebar, in [0, 1]."""
+    with Image.open(picture) as opened:
+        return np.asarray(opened.convert("RGB"), float)[150:880, 150:980] / 255.0
+
+
+def greens(picture: Path) -> int:
+    red, green, blue = np.moveaxis(colors(picture), 2, 0)
+    return int(((green > 1.15 * red) & (green > 1.15 * blue) & (green > 0.15)).sum())
+
+
+def test_a_click_bakes_the_selected_tree(blender: Window) -> None:
+    blender.keys("a", "x", "Return")
+    blender.run(f"bpy.ops.import_scene.gltf(filepath={str(ROOT / 'examples' / 'shrub.glb')!r})")
+    blender.keys("a")
+    blender.capture("1_selected")
+    before = blocks(blender)
+    assert before["objects"] == ["branches", "leaves"]
+    blender.click_in_sidebar(*BAKE)
+    wait_for_the_end(blender)
+    blender.move(600, 500)
+    blender.keys("Home")
+    blender.capture("2_baked")
+    seen = objects(blender)
+    assert {"leaves_tree", "leaves_LOD0", "leaves_LOD1"} <= seen.keys()
+    assert not {"leaves", "branches"} & seen.keys(), "the sources are hidden"
+    assert blender.run("result = bpy.context.view_layer.objects.active.name") == "leaves_tree"
+
+
+def test_escape_leaves_everything_as_it_was(blender: Window) -> None:
+    blender.run("bpy.context.scene.leafcloud.effort = 'best'")
+    before = blocks(blender), objects(blender)
+    blender.click_in_sidebar(*BAKE)
+    blender.keys("Escape")
+    wait_for_the_end(blender)
+    assert (blocks(blender), objects(blender)) == before
+    blender.run("bpy.context.scene.leafcloud.effort = 'default'")
+
+
+def test_the_preview_draws_leaves(blender: Window) -> None:
+    blender.move(600, 500)
+    blender.keys("z")  # The pie of shadings: material preview shows the leaves' own color.
+    blender.keys("2")
+    blender.wait(
+        lambda: greens(blender.capture("3_material")) > 5_000, 60.0, "leaves: EEVEE compiles its shaders first"
+    )
+    own = greens(blender.capture("3_material"))
+    blender.search("Preview in 3D Views")
+    blender.move(620, 520)
+    blender.settle()
+    shown = greens(blender.capture("4_preview"))
+    blender.search("Preview in 3D Views")
+    assert 0.5 * own < shown < 2.0 * own
+
+
+def test_the_tree_moves_as_one(blender: Window) -> None:
+    before = objects(blender)
+    blender.move(600, 500)
+    blender.keys("g", "x", "3", "Return")
+    after = objects(blender)
+    assert after.keys() == before.keys()
+    for name, place in before.items():
+        assert after[name] == pytest.approx([place[0] + 3.0, *place[1:]], abs=1e-5)
+
+
+def test_an_instance_of_the_collection_shows_its_own_level(blender: Window) -> None:
+    """The camera stands far from the original and near to the instance."""
+    blender.run("""
+camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+bpy.context.scene.collection.objects.link(camera)
+bpy.context.scene.camera = camera
+camera.location = (503.0, 0.0, 0.5)
+bpy.ops.object.collection_instance_add(collection="leaves", location=(500.0, 0.0, 0.0))
+bpy.context.object.name = "near"
+""")
+    blender.wait(
+        lambda: blender.run("result = bpy.data.objects['near'].type == 'MESH'"), 5.0, "placed tree for the instance"
+    )
+    near, far = blender.run(
+        _STATE
+        + """
+result = [drawn(bpy.data.objects["near"]), sum(drawn(each) for each in bpy.data.collections["leaves"].all_objects
+          if each.type == "MESH")]
+"""
+    )
+    assert near > 10 * far > 0
+
+
+def test_undo_and_redo_are_exact(blender: Window) -> None:
+    after = blocks(blender), objects(blender)
+    blender.move(600, 500)
+    for _ in range(2):  # The placed tree, and the tree that was moved.
+        blender.keys("ctrl+z")
+    assert "near" not in objects(blender) or blender.run("result = bpy.data.objects['near'].type") == "EMPTY"
+    for _ in range(2):
+        blender.keys("ctrl+shift+z")
+    again = blocks(blender), objects(blender)
+    assert again[1] == after[1]
+    for kind, names in after[0].items():
+        assert again[0][kind] == names, kind
+
+
+def test_a_saved_file_opens_with_its_levels_also_without_the_extension(blender: Window, tmp_path: Path) -> None:
+    path = tmp_path / "tree.blend"
+    before = objects(blender)
+    counts = blender.run(_STATE + "result = drawn(bpy.data.objects['near'])")
+    blender.run(f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
+    blender.run(f"""
+import addon_utils
+name = next(each for each in bpy.context.preferences.addons.keys() if each.endswith(".leafcloud"))
+addon_utils.disable(name)
+bpy.ops.wm.open_mainfile(filepath={str(path)!r})
+""")
+    assert not blender.run("result = hasattr(bpy.types.Scene, 'leafcloud')")
+    assert objects(blender) == before
+    assert blender.run(_STATE + "result = drawn(bpy.data.objects['near'])") == counts
+    blender.run("""
+import addon_utils
+addon_utils.enable("bl_ext.user_default.leafcloud", default_set=True)
+""")
+
+
+def test_a_new_bake_replaces_the_levels(blender: Window) -> None:
+    blender.run("""
+for obj in bpy.context.scene.objects:
+    obj.select_set(obj.name == "leaves_tree")
+bpy.context.view_layer.objects.active = bpy.data.objects["leaves_tree"]
+""")
+    before = blocks(blender)
+    blender.move(600, 500)
+    blender.search("Bake Levels")
+    wait_for_the_end(blender)
+    blender.capture("5_baked_again")
+    again = blocks(blender)
+    assert again["objects"] == before["objects"]
+    assert again["collections"] == before["collections"]
+
+
+def test_a_removal_shows_the_sources(blender: Window) -> None:
+    blender.move(600, 500)
+    blender.search("Remove Levels")
+    blender.capture("6_removed")
+    seen = objects(blender)
+    assert {"leaves", "branches"} <= seen.keys()
+    assert not [name for name in seen if "_LOD" in name]
