@@ -20,6 +20,7 @@ from ..levels.rollback import removed_on_failure
 from ..mesh.trees import numbered
 from ..plan.decision import Decision, is_on
 from ..plan.effects import CameraNote, camera_note
+from ..plan.quality import measure
 from ..plan.registry import all_effects
 from ..settings.bake import BakeSettings
 from .job import Progress, wait

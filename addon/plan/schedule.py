@@ -14,7 +14,7 @@ from .decision import Decision, is_on
 from .facts import Facts
 from .lod_range import HandOverKind, LodRange, View, hand_over_to, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
-from .quality import SwitchSize, distance_of, switch_sizes
+from .quality import SwitchSize, distance_of, plain_levels, switch_sizes
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def schedule(
     by_picture = switch_sizes(settings, levels)
     start = far_off(facts.leaf_size, settings.prune_pixels, view)
     switch_distances = _switch_distances(settings, facts, levels, by_picture, view)
-    plain = [level.cross if isinstance(level, leafcloud.OctahedralLevel) else level for level in levels]
+    plain = plain_levels(levels)
     plain_distances = _switch_distances(settings, facts, plain, switch_sizes(settings, plain), view)
     hand_overs = [HandOverKind.FADE, *map(hand_over_to, levels)]
     ranges = lod_ranges(switch_distances, hand_overs, transitions=bool(is_on(effects, "transitions")))

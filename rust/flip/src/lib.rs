@@ -9,6 +9,8 @@
 mod sizes;
 
 use leafcloud::Image;
+use std::ops::Range;
+
 use leafcloud::metrics::Comparison;
 
 pub use sizes::{ImageErrors, REPORTED_SIZE, SMALLEST, crown_pixels};
@@ -16,11 +18,14 @@ pub use sizes::{ImageErrors, REPORTED_SIZE, SMALLEST, crown_pixels};
 /// Returns the image error of a level against its base at [`REPORTED_SIZE`], in [0, 1]; see [`ImageErrors`].
 #[must_use]
 pub fn image_error(pictures: &Comparison) -> f64 {
-    ImageErrors::at_sizes(&pictures.flat, &[REPORTED_SIZE]).0[0].1
+    ImageErrors::reported(pictures)
 }
 
 /// FLIP counts within this many pixels of a silhouette: empty background must not dilute the mean.
 const REACH: usize = 4;
+
+/// FLIP of a pixel depends on the pixels within this many rows and columns: its filters end at 10.
+const FILTERED: usize = 16;
 
 /// Composites a color code over mid-gray by its alpha.
 fn over_grey(code: u8, alpha: u8) -> u8 {
@@ -50,6 +55,9 @@ pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
 /// If the sizes differ.
 #[must_use]
 pub fn flip(base: &Image, other: &Image) -> f64 {
+    assert_eq!((base.width(), base.height()), (other.width(), other.height()), "images of one size");
+    let Some(seen) = seen(base, other) else { return 0.0 };
+    let [base, other] = &[base, other].map(|image| cropped(image, &seen));
     let errors = flip_map(base, other);
     let pixels = base.pixels().iter().zip(other.pixels());
     let either: Vec<u8> = pixels.map(|(a, b)| a[3].max(b[3])).collect();
@@ -62,6 +70,26 @@ pub fn flip(base: &Image, other: &Image) -> f64 {
         .filter(|(_, near)| **near)
         .fold((0.0, 0usize), |(sum, count), (error, _)| (sum + f64::from(*error), count + 1));
     if count == 0 { 0.0 } else { sum / count as f64 }
+}
+
+/// Returns the columns and rows that can count: those of the plant in either image, with a margin. `None` if both are empty.
+fn seen(base: &Image, other: &Image) -> Option<[Range<usize>; 2]> {
+    let (width, height) = (base.width(), base.height());
+    let drawn = |x: usize, y: usize| base.pixels()[y * width + x][3] > 0 || other.pixels()[y * width + x][3] > 0;
+    let around = |count: usize, any: &dyn Fn(usize) -> bool| {
+        let (first, last) = ((0..count).find(|&i| any(i))?, (0..count).rfind(|&i| any(i))?);
+        let margin = REACH + FILTERED;
+        Some(first.saturating_sub(margin)..(last + 1 + margin).min(count))
+    };
+    let columns = around(width, &|x| (0..height).any(|y| drawn(x, y)))?;
+    let rows = around(height, &|y| (0..width).any(|x| drawn(x, y)))?;
+    Some([columns, rows])
+}
+
+fn cropped(image: &Image, [columns, rows]: &[Range<usize>; 2]) -> Image {
+    let row = |y: usize| &image.pixels()[y * image.width()..][columns.clone()];
+    let pixels: Vec<[u8; 4]> = rows.clone().flat_map(row).copied().collect();
+    Image::new(columns.len(), rows.len(), pixels).expect("a part of an image")
 }
 
 /// Dilates a mask by [`REACH`] steps along rows and columns.
@@ -103,6 +131,28 @@ mod tests {
         let faint = |alpha: u8| Image::new(32, 32, vec![[20, 200, 40, alpha]; 1024]).unwrap();
         assert!(flip(&faint(60), &faint(0)) > 0.05, "{}", flip(&faint(60), &faint(0)));
         assert_eq!(flip(&faint(60), &faint(60)), 0.0);
+    }
+
+    /// `image` in the middle of an empty image with this side.
+    fn within(image: &Image, side: usize) -> Image {
+        let first = (side - image.width()) / 2;
+        let mut pixels = vec![[0; 4]; side * side];
+        for (y, row) in image.pixels().chunks(image.width()).enumerate() {
+            pixels[(first + y) * side + first..][..row.len()].copy_from_slice(row);
+        }
+        Image::new(side, side, pixels).unwrap()
+    }
+
+    #[test]
+    fn the_background_does_not_count() {
+        let near = flip(&within(&columns(16), 80), &within(&columns(8), 80));
+        let far = flip(&within(&columns(16), 200), &within(&columns(8), 200));
+        assert_eq!(near, far);
+        let [base, other] = [columns(16), columns(8)].map(|image| within(&image, 200));
+        let map = flip_map(&base, &other);
+        let near = grown(&base.pixels().iter().map(|p| p[3] > 0).collect::<Vec<_>>(), 200, 200);
+        let counted: Vec<f64> = map.iter().zip(&near).filter(|(_, near)| **near).map(|(e, _)| f64::from(*e)).collect();
+        assert!((far - counted.iter().sum::<f64>() / counted.len() as f64).abs() < 1e-6, "{far}");
     }
 
     #[test]

@@ -38,8 +38,12 @@ impl ImageErrors {
         Self(flat.0.iter().zip(&lit.0).map(larger).collect())
     }
 
-    /// Returns the errors at the size of the pictures and at halves of it.
+    /// Returns the errors at the size of the pictures and at halves of it. The pictures keep them.
     fn down_from_largest(pictures: &Pictures) -> Self {
+        Self(pictures.errors.get_or_init(|| Self::measured(pictures).0).clone())
+    }
+
+    fn measured(pictures: &Pictures) -> Self {
         let largest = pictures.base.first().map_or(0, Image::width);
         let mut sizes: Vec<usize> =
             std::iter::successors(Some(largest), |size| Some(size / 2)).take_while(|size| *size >= SMALLEST).collect();
@@ -47,8 +51,15 @@ impl ImageErrors {
         Self::at_sizes(pictures, &sizes)
     }
 
+    /// Returns the error of flat-lit pictures at [`REPORTED_SIZE`].
+    pub(crate) fn reported(pictures: &Comparison) -> f64 {
+        let kept = Self::down_from_largest(&pictures.flat);
+        let found = kept.0.iter().find(|(size, _)| *size == REPORTED_SIZE);
+        found.map_or_else(|| Self::at_sizes(&pictures.flat, &[REPORTED_SIZE]).0[0].1, |(_, error)| *error)
+    }
+
     /// Returns the errors at `sizes`: halves of the size of the pictures.
-    pub(crate) fn at_sizes(pictures: &Pictures, sizes: &[usize]) -> Self {
+    fn at_sizes(pictures: &Pictures, sizes: &[usize]) -> Self {
         let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
         let errors_of = |(base, level): (&Image, &Image)| -> Vec<f64> {
             let [base, level] = [base, level].map(mips::means);
@@ -126,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_shift_by_a_pixel_is_gone_at_half_of_the_size() {
-        let flat = Pictures { base: Arc::from([comb(0)]), level: Arc::from([comb(1)]) };
+        let flat = Pictures::new(Arc::from([comb(0)]), vec![comb(1)]);
         let pictures = Comparison { flat, lit: None };
         let ImageErrors(found) = ImageErrors::of(&pictures);
         assert_eq!(found.iter().map(|(size, _)| *size).collect::<Vec<_>>(), [8, 16, 32, 64]);

@@ -9,7 +9,6 @@ use leafcloud::{Foliage, Progress};
 use leafcloud_curve::quality::{LATER, settings_for};
 use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, leaf_level, octahedral};
 
-use crate::image_errors::Measured;
 use crate::leaf_level::PyLeafLevel;
 use crate::levels::PyChain;
 use crate::options::Quality;
@@ -28,8 +27,8 @@ pub struct Built {
 impl Built {
     pub fn into_python(self) -> PyChain {
         let Self { chain, frame, offer, leaf_level, octahedral } = self;
-        let leaf_level = leaf_level.map(|level| PyLeafLevel { level, frame, measured: Measured::default() });
-        PyChain::new(chain, frame.radius, offer, leaf_level, octahedral)
+        let leaf_level = leaf_level.map(|level| PyLeafLevel { level, frame });
+        PyChain { chain, radius: frame.radius, offer, leaf_level, octahedral }
     }
 
     /// Returns the triangles of the level before the last one, and its pictures; those of the leaves are not known.

@@ -1,27 +1,7 @@
 //! `ImageErrors`: the image error of a level by the size of the crown.
 
-use std::sync::{Arc, OnceLock};
-
-use leafcloud::metrics::Comparison;
-use leafcloud_flip::{ImageErrors, crown_pixels, image_error};
+use leafcloud_flip::{ImageErrors, crown_pixels};
 use pyo3::prelude::*;
-
-/// Image errors of a level, measured when they are first asked for. Clones share them.
-#[derive(Clone, Default)]
-pub struct Measured {
-    reported: Arc<OnceLock<f64>>,
-    by_size: Arc<OnceLock<ImageErrors>>,
-}
-
-impl Measured {
-    pub fn reported(&self, pictures: &Comparison) -> f64 {
-        *self.reported.get_or_init(|| image_error(pictures))
-    }
-
-    pub fn by_size(&self, pictures: &Comparison) -> PyImageErrors {
-        PyImageErrors(self.by_size.get_or_init(|| ImageErrors::of(pictures)).clone())
-    }
-}
 
 #[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
 pub struct PyImageErrors(pub ImageErrors);

@@ -6,6 +6,7 @@ use glam::DVec3;
 use leafcloud::Foliage;
 use leafcloud::geometry::Frame;
 use leafcloud_curve::LeafLevel;
+use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -13,7 +14,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{self, point_groups};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
-use crate::image_errors::{Measured, PyImageErrors};
+use crate::image_errors::PyImageErrors;
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]
@@ -22,7 +23,6 @@ pub struct PyLeafLevel {
     pub level: Arc<LeafLevel>,
     /// Frame of the tree's own leaves.
     pub frame: Frame,
-    pub measured: Measured,
 }
 
 impl PyLeafLevel {
@@ -83,13 +83,13 @@ impl PyLeafLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let own = self.clone();
-        interruptible(py, move |_| Ok(own.measured.reported(&own.level.pictures)))
+        let level = Arc::clone(&self.level);
+        interruptible(py, move |_| Ok(image_error(&level.pictures)))
     }
 
     fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
-        let own = self.clone();
-        interruptible(py, move |_| Ok(own.measured.by_size(&own.level.pictures)))
+        let level = Arc::clone(&self.level);
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&level.pictures))))
     }
 
     #[classattr]

@@ -7,6 +7,7 @@ use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, Octahedral, share_page};
 use leafcloud::{Cloud, Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
+use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -15,7 +16,7 @@ use crate::arrays::{self, image_array, image_or_none, point_groups, vector_rows}
 use crate::curve::offer_dict;
 use crate::errors::read;
 use crate::foliage::PyFoliage;
-use crate::image_errors::{Measured, PyImageErrors};
+use crate::image_errors::PyImageErrors;
 use crate::ktx2;
 use crate::leaf_level::PyLeafLevel;
 use crate::octahedral_level::PyOctahedralLevel;
@@ -88,22 +89,6 @@ pub struct PyChain {
     pub leaf_level: Option<PyLeafLevel>,
     /// The last level as an octahedral impostor, drawn in place of the cross impostor of `chain`.
     pub octahedral: Option<Arc<Octahedral>>,
-    /// Errors of the levels of `chain`.
-    cloud_errors: Vec<Measured>,
-    octahedral_errors: Measured,
-}
-
-impl PyChain {
-    pub fn new(
-        chain: Arc<Chain>,
-        radius: f64,
-        offer: Option<Offer>,
-        leaf_level: Option<PyLeafLevel>,
-        octahedral: Option<Arc<Octahedral>>,
-    ) -> Self {
-        let cloud_errors = chain.levels.iter().map(|_| Measured::default()).collect();
-        Self { chain, radius, offer, leaf_level, octahedral, cloud_errors, octahedral_errors: Measured::default() }
-    }
 }
 
 #[pymethods]
@@ -123,23 +108,18 @@ impl PyChain {
     fn levels(&self, py: Python<'_>) -> PyResult<Vec<Py<PyAny>>> {
         let own = self.leaf_level.iter().map(|level| Ok(Py::new(py, level.clone())?.into_any()));
         let mut clouds = self.clouds();
-        let last = self.octahedral.as_ref().and_then(|impostor| {
-            let measured = self.octahedral_errors.clone();
-            Some(PyOctahedralLevel { impostor: Arc::clone(impostor), cross: clouds.pop()?, measured })
-        });
+        let last = self
+            .octahedral
+            .as_ref()
+            .and_then(|impostor| Some(PyOctahedralLevel { impostor: Arc::clone(impostor), cross: clouds.pop()? }));
         let clouds = clouds.into_iter().map(|level| Ok(Py::new(py, level)?.into_any()));
         own.chain(clouds).chain(last.map(|level| Ok(Py::new(py, level)?.into_any()))).collect()
     }
 
     #[getter]
     fn clouds(&self) -> Vec<PyLevel> {
-        let level = |(index, measured): (usize, &Measured)| PyLevel {
-            chain: Arc::clone(&self.chain),
-            index,
-            radius: self.radius,
-            measured: measured.clone(),
-        };
-        self.cloud_errors.iter().enumerate().map(level).collect()
+        let level = |index| PyLevel { chain: Arc::clone(&self.chain), index, radius: self.radius };
+        (0..self.chain.levels.len()).map(level).collect()
     }
 
     #[getter]
@@ -205,8 +185,12 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
     let owned: Vec<_> = chains.iter().map(own).collect();
     let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
     let shared = interruptible(py, move |_| share_all(&chains))?;
-    let with_own = |(chain, (radius, offer, leaf_level, octahedral))| {
-        PyChain::new(Arc::new(chain), radius, offer, leaf_level, octahedral)
+    let with_own = |(chain, (radius, offer, leaf_level, octahedral))| PyChain {
+        chain: Arc::new(chain),
+        radius,
+        offer,
+        leaf_level,
+        octahedral,
     };
     Ok(shared.into_iter().zip(owned).map(with_own).collect())
 }
@@ -244,7 +228,6 @@ pub struct PyLevel {
     chain: Arc<Chain>,
     index: usize,
     radius: f64,
-    measured: Measured,
 }
 
 impl PyLevel {
@@ -469,13 +452,13 @@ impl PyLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let level = self.clone();
-        interruptible(py, move |_| Ok(level.measured.reported(&level.level().pictures)))
+        let pictures = self.level().pictures.clone();
+        interruptible(py, move |_| Ok(image_error(&pictures)))
     }
 
     fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
-        let level = self.clone();
-        interruptible(py, move |_| Ok(level.measured.by_size(&level.level().pictures)))
+        let pictures = self.level().pictures.clone();
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&pictures))))
     }
 
     #[getter]

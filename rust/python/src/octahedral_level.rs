@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use leafcloud::lod::Octahedral;
+use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::image_array;
 use crate::errors::read;
-use crate::image_errors::{Measured, PyImageErrors};
+use crate::image_errors::PyImageErrors;
 use crate::levels::PyLevel;
 use crate::tools::{cost_dict, sun_direction, upright, view};
 use crate::work::interruptible;
@@ -20,7 +21,6 @@ pub struct PyOctahedralLevel {
     pub impostor: Arc<Octahedral>,
     /// The level in files for readers without the shader.
     pub cross: PyLevel,
-    pub measured: Measured,
 }
 
 #[pymethods]
@@ -125,13 +125,13 @@ impl PyOctahedralLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let (impostor, measured) = (Arc::clone(&self.impostor), self.measured.clone());
-        interruptible(py, move |_| Ok(measured.reported(&impostor.pictures)))
+        let impostor = Arc::clone(&self.impostor);
+        interruptible(py, move |_| Ok(image_error(&impostor.pictures)))
     }
 
     fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
-        let (impostor, measured) = (Arc::clone(&self.impostor), self.measured.clone());
-        interruptible(py, move |_| Ok(measured.by_size(&impostor.pictures)))
+        let impostor = Arc::clone(&self.impostor);
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&impostor.pictures))))
     }
 
     #[getter]

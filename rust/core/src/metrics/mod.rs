@@ -15,7 +15,7 @@ use render::silhouette;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
 pub use visibility::{LeafSamples, visibility};
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DQuat, DVec3, Vec3};
 
@@ -154,7 +154,7 @@ impl Reference {
             return Ok(self.beside(self.pictures_of(level)?));
         };
         let (flat, lit) = flat_and_lit(&[level], &self.views, &Light::on(&[level], frame, *sun))?;
-        let lit = Pictures { base: Arc::clone(pictures), level: lit.into() };
+        let lit = Pictures::new(Arc::clone(pictures), lit);
         Ok(Comparison { lit: Some(lit), ..self.beside(flat) })
     }
 
@@ -167,13 +167,13 @@ impl Reference {
         let drawn = |sun| self.views.iter().map(|view| draw(view, sun)).collect::<Result<Vec<_>>>();
         let flat = self.beside(drawn(None)?);
         let Some(Sunlit { sun, pictures, .. }) = &self.sunlit else { return Ok(flat) };
-        let lit = Pictures { base: Arc::clone(pictures), level: drawn(Some(*sun))?.into() };
+        let lit = Pictures::new(Arc::clone(pictures), drawn(Some(*sun))?);
         Ok(Comparison { lit: Some(lit), ..flat })
     }
 
     /// Returns flat-lit pictures of a level beside those of the base.
     fn beside(&self, level: Vec<Image>) -> Comparison {
-        let flat = Pictures { base: Arc::clone(&self.pictures), level: level.into() };
+        let flat = Pictures::new(Arc::clone(&self.pictures), level);
         Comparison { flat, lit: None }
     }
 
@@ -207,12 +207,28 @@ pub struct Comparison {
 }
 
 /// Pictures of a level and of its base in the same views and light.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Pictures {
     /// Pictures of the base, one for each view.
     pub base: Arc<[Image]>,
     /// Pictures of the level.
     pub level: Arc<[Image]>,
+    /// The side of the pictures in pixels and the error at that size, once they have been judged. Judging takes as long as drawing.
+    pub errors: Arc<OnceLock<Vec<(usize, f64)>>>,
+}
+
+impl PartialEq for Pictures {
+    fn eq(&self, other: &Self) -> bool {
+        self.base == other.base && self.level == other.level
+    }
+}
+
+impl Pictures {
+    /// Returns pictures that nobody has judged yet.
+    #[must_use]
+    pub fn new(base: Arc<[Image]>, level: Vec<Image>) -> Self {
+        Self { base, level: level.into(), errors: Arc::default() }
+    }
 }
 
 impl Comparison {
