@@ -13,10 +13,14 @@ from ..levels.rollback import removed_on_failure
 from ..levels.shared_scene import SharedTrees, levels_shown, shared_trees
 from ..mesh.baked_levels import level_number
 from ..nodes.scene import SceneSettings, add_scene_modifier
+from ..versions import get_modifier_input
 from .job_operator import BUSY, running
 from .properties import with_labels
 
 NAME = "Leafcloud Scene"
+
+_REPLACED = "leafcloud_replaced"
+"""Custom property of the objects that a scene hides. A later scene draws them again."""
 
 _DEFAULTS = SceneSettings()
 
@@ -62,7 +66,8 @@ class LeafcloudSceneSettings(bpy.types.PropertyGroup):
 
 
 class LEAFCLOUD_OT_scene(bpy.types.Operator):
-    """Draw all baked trees with one object. Farther trees get fewer leaves, to keep the triangles within the budget"""
+    """Draw all baked trees with one object. Farther trees get fewer leaves, to keep the triangles within the budget.
+    Replaces an earlier scene"""
 
     bl_idname = "leafcloud.scene"
     bl_label = "Build Scene"
@@ -76,15 +81,16 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
         if running:
             cls.poll_message_set(BUSY)
             return False
-        if not any(level_number(level) == 0 for obj in _visible(context) for level, _ in levels_shown(obj)):
+        if not any(level_number(level) == 0 for obj in _trees(context) for level, _ in levels_shown(obj)):
             cls.poll_message_set("No baked tree is visible: bake one first, or unhide it")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        before = [obj for obj in context.scene.objects if NAME in obj.modifiers]
         try:
             with removed_on_failure():
-                shared = shared_trees(_visible(context), NAME)
+                shared = shared_trees(_trees(context), NAME)
                 settings = self._settings(context, shared)
                 obj = bpy.data.objects.new(NAME, bpy.data.meshes.new(NAME))
                 context.scene.collection.objects.link(obj)
@@ -92,7 +98,11 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
         except ValueError as error:
             self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
+        for scene_object in before:
+            _remove(scene_object)
+        obj.name = NAME
         for source in shared.sources:
+            source[_REPLACED] = True
             source.hide_render = True
             if source.visible_get():
                 source.hide_set(True)
@@ -144,8 +154,15 @@ class LEAFCLOUD_PT_scene(bpy.types.Panel):
         layout.operator("leafcloud.scene")
 
 
-def _visible(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
-    """Yield the visible objects that may be trees of the scene."""
+def _trees(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
+    """Yield the objects that may be trees of the scene: visible ones, and those that an earlier scene hides."""
     trees = context.scene.leafcloud_scene.trees
     objects = context.view_layer.objects if trees is None else trees.all_objects
-    return (obj for obj in objects if obj.visible_get())
+    return (obj for obj in objects if obj.visible_get() or _REPLACED in obj)
+
+
+def _remove(scene_object: bpy.types.Object) -> None:
+    """Remove the object of an earlier scene, with its copies of the trees."""
+    drawn = get_modifier_input(scene_object.modifiers[NAME], "Trees")
+    copies = list(drawn.objects) if drawn is not None and drawn.users <= 1 else []
+    bpy.data.batch_remove([scene_object, scene_object.data, *copies, *([drawn] if copies else [])])

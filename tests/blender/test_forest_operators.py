@@ -90,6 +90,22 @@ def test_all_visible_trees_make_a_scene_and_their_own_objects_are_hidden() -> No
         assert get_modifier_input(modifier, name) == get_modifier_input(leaves.modifiers[0], name)
 
 
+def test_a_changed_budget_builds_the_scene_again() -> None:
+    """The first scene hides its trees, and the second one finds them all the same, and replaces the first."""
+    baked_crown()
+    settings = bpy.context.scene.leafcloud_scene
+    settings.budget = 0
+    bpy.ops.leafcloud.scene()
+    whole = triangles(evaluate(bpy.data.objects["Leafcloud Scene"]))
+    before = {kind: len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "collections", "node_groups")}
+    settings.budget = whole - 10
+    assert bpy.ops.leafcloud.scene() == {"FINISHED"}
+    assert {kind: len(getattr(bpy.data, kind)) for kind in before} == before
+    assert [obj.name for obj in bpy.context.view_layer.objects if obj.visible_get()] == ["Leafcloud Scene"]
+    add_camera((0.0, 0.0, 3.0))
+    assert triangles(evaluate(bpy.data.objects["Leafcloud Scene"])) <= whole - 10
+
+
 def test_the_settings_of_a_scene_start_as_those_of_the_node_group() -> None:
     wanted, usual = bpy.context.scene.leafcloud_scene, SceneSettings()
     assert (wanted.full_models, wanted.far, wanted.strength) == (usual.full_models, usual.far, usual.strength)
