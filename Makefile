@@ -180,6 +180,19 @@ lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sou
 extension: setup ## build the Blender extension's zip into dist/
 	.venv/bin/python tools/build_extension.py --wheel $(WHEELS)/leafcloud-*.whl --out dist
 
+.PHONY: extension-portable
+extension-portable: setup .venv/.portable ## build the zip for all Linux systems that Blender supports (glibc 2.28), into dist/portable/
+	rm -rf target/portable
+	PATH="$(CURDIR)/.venv/bin:$$PATH" CARGO_TARGET_DIR=target/zig .venv/bin/maturin build --release --locked --zig --compatibility manylinux_2_28 --interpreter .venv/bin/python --out target/portable
+	.venv/bin/python tools/build_extension.py --wheel target/portable/leafcloud-*.whl --out dist/portable
+
+# BLENDER is a command, such as /opt/blender/blender.
+.PHONY: test-interface
+test-interface: extension .venv/.test ## drive the extension's zip in a real Blender's window: make test-interface BLENDER=/path/to/blender
+	@tools/prerequisites.sh window
+	@test -n "$$BLENDER" || { echo "leafcloud: make test-interface needs BLENDER, the command of a Blender 4.2 or later; tools/debian_blender.sh makes one" >&2; exit 1; }
+	.venv/bin/python -m pytest tests/interface $(ARGS)
+
 .PHONY: clean
 clean: ## remove all build outputs and environments
 	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules $(THREE)/node_modules .mypy_cache .pytest_cache .ruff_cache
@@ -214,6 +227,10 @@ $(eval $(call environment,.venv-5.0,5.0))
 	@touch $@
 
 .venv/.lint: tools/requirements/lint.txt .venv/.blender
+	@tools/environment.sh .venv $<
+	@touch $@
+
+.venv/.portable: tools/requirements/portable.txt .venv/.build
 	@tools/environment.sh .venv $<
 	@touch $@
 

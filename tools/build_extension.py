@@ -1,4 +1,4 @@
-"""Builds the Blender extension: the add-on's folder, the wheel and leafcloud.glsl in one zip, with Blender's own tool.
+"""Builds the Blender extension with Blender's own tool: the add-on's folder, wheel, leafcloud.glsl and sample tree in a zip.
 
     python tools/build_extension.py --wheel target/wheels/leafcloud-….whl --out dist
 
@@ -19,7 +19,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-ADDON, LAWS = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl"
+ADDON, LAWS, SAMPLE = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl", ROOT / "examples" / "shrub.glb"
 
 # Blender's name of a platform by start and end of a wheel's platform tag.
 PLATFORMS = {
@@ -77,6 +77,8 @@ def build(wheel: Path, out: Path) -> Path:
         shutil.copy(wheel, source / "wheels")
         (source / "shaders").mkdir()
         shutil.copy(LAWS, source / "shaders")
+        (source / "samples").mkdir()
+        shutil.copy(SAMPLE, source / "samples")
         (source / "blender_manifest.toml").write_text(with_wheel(manifest, wheel), encoding="utf-8")
         for arguments in (
             ["build", "--source-dir", str(source), "--output-filepath", str(archive)],

@@ -8,6 +8,7 @@
 #       blender    the system libraries that the bpy wheels load
 #       node       node and npm, for the glTF validator and three.js
 #       chromium   the browser in which three.js draws, and shaders are tested
+#       window     a virtual screen, and tools that press keys and take pictures on it
 #   tools/prerequisites.sh --find-python
 #       prints the path of that Python
 #
@@ -128,11 +129,22 @@ check_chromium() {
     command -v chromium >/dev/null || install "three.js needs a browser" chromium
 }
 
-[ $# -gt 0 ] || fail "usage: tools/prerequisites.sh rust|python|lint|blender|node|chromium …"
+check_window() {
+    local entry
+    local -a packages=()
+    for entry in Xvfb=xvfb xdotool=xdotool import=imagemagick; do
+        command -v "${entry%=*}" >/dev/null || packages+=("${entry#*=}")
+    done
+    if [ ${#packages[@]} -gt 0 ]; then
+        install "The tests of the interface need a virtual screen" "${packages[@]}"
+    fi
+}
+
+[ $# -gt 0 ] || fail "usage: tools/prerequisites.sh rust|python|lint|blender|node|chromium|window …"
 for need in "$@"; do
     case "$need" in
         --find-python) find_python ;;
-        rust | python | lint | blender | node | chromium) "check_$need" ;;
-        *) fail "tools/prerequisites.sh knows rust, python, lint, blender, node and chromium, not '$need'." ;;
+        rust | python | lint | blender | node | chromium | window) "check_$need" ;;
+        *) fail "tools/prerequisites.sh knows rust, python, lint, blender, node, chromium and window, not '$need'." ;;
     esac
 done

@@ -29,6 +29,7 @@ from .place import (
 from .preferences import LeafcloudPreferences
 from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_presets, unregister_presets
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
+from .sample import LEAFCLOUD_OT_sample
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .selected_tree import forget_selection
 from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
@@ -46,7 +47,7 @@ _CLASSES = (
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
-    *(LeafcloudPreferences, LEAFCLOUD_MT_object),
+    *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
     *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_place, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),

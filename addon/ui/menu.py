@@ -19,7 +19,7 @@ class LEAFCLOUD_MT_object(bpy.types.Menu):
 
 
 _GROUPS = (
-    ("bake", "preview", "remove"),
+    ("sample", "bake", "preview", "remove"),
     ("place", "asset", "place_instances", "select_billboard"),
     ("curve", "forest", "scene"),
 )

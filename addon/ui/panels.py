@@ -38,6 +38,8 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout.use_property_decorate = False
         words = selection_words(context)
         layout.label(text=words or "Select leaves and trunk of a tree", icon="OUTLINER_OB_MESH" if words else "INFO")
+        if not words:
+            layout.operator("leafcloud.sample")
         column = layout.column(align=True)
         column.prop(settings, "engine")
         if settings.engine != BakeSettings.engine:

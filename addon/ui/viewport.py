@@ -10,19 +10,22 @@ import bpy
 from ..levels.shown import show_level
 from ..viewport.draw import Preview, levels_in
 from ..viewport.hiding import hide, reveal_all
+from ..viewport.labels import Labels
 from .handlers import Handlers
 
-Drawer = Callable[[list[bpy.types.Object]], Callable[[], None]]
+Draws = dict[str, Callable[[], None]]
+"""Functions that draw into a 3D view, by their time: POST_VIEW in the scene, POST_PIXEL on top in pixels."""
+Drawer = Callable[[list[bpy.types.Object]], Draws]
 
 
 @dataclass(frozen=True)
 class _Running:
-    """A running preview: its draw handler, and the levels of a view layer that are hidden from Blender's own drawing.
+    """A running preview: its draw handlers, and the levels of a view layer that are hidden from Blender's own drawing.
 
-    The view layer is stored by name, because undo replaces the layer. `drawer` makes a draw function for levels.
+    The view layer is stored by name, because undo replaces the layer. `drawer` makes the draw functions for levels.
     """
 
-    handle: object
+    handles: list[object]
     drawer: Drawer
     levels: list[bpy.types.Object]
     scene: str
@@ -34,7 +37,7 @@ _running: list[_Running] = []
 
 
 def start_preview(layer: bpy.types.ViewLayer, drawer: Drawer) -> None:
-    """Hide the visible levels of a view layer, and draw them in every 3D view with the function that `drawer` returns.
+    """Hide the visible levels of a view layer, and draw them in every 3D view with the functions that `drawer` returns.
 
     Do nothing without a visible level.
     """
@@ -43,16 +46,18 @@ def start_preview(layer: bpy.types.ViewLayer, drawer: Drawer) -> None:
     levels = [obj for obj in levels_in(scene) if obj.visible_get(view_layer=layer)]
     if not levels:
         return
-    draw = drawer(levels)
+    draws = drawer(levels)
     hide(layer, levels)
-    handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_VIEW")
-    _running.append(_Running(handle, drawer, levels, scene.name, layer.name))
+    add = bpy.types.SpaceView3D.draw_handler_add
+    handles = [add(draw, (), "WINDOW", time) for time, draw in draws.items()]
+    _running.append(_Running(handles, drawer, levels, scene.name, layer.name))
 
 
 def stop_preview() -> None:
     """Stop the preview, and show the hidden levels. Do nothing without a preview."""
     while _running:
-        bpy.types.SpaceView3D.draw_handler_remove(_running.pop().handle, "WINDOW")
+        for handle in _running.pop().handles:
+            bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
         reveal_all()
 
 
@@ -105,10 +110,10 @@ HANDLERS: Handlers = (
 """They update a preview on loading, saving and undo."""
 
 
-def _drawn_by_shader(levels: list[bpy.types.Object]) -> Callable[[], None]:
+def _drawn_by_shader(levels: list[bpy.types.Object]) -> Draws:
     preview = Preview()
     preview.read(levels)
-    return preview.draw
+    return {"POST_VIEW": preview.draw, "POST_PIXEL": Labels(levels).draw}
 
 
 class LEAFCLOUD_OT_preview(bpy.types.Operator):

@@ -161,3 +161,11 @@ def test_object_mode_is_asked_for_by_name() -> None:
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
     with pytest.raises(RuntimeError, match="Switch to Object Mode first"):
         bpy.ops.leafcloud.bake()
+
+
+def test_the_sample_tree_is_ready_to_bake() -> None:
+    assert bpy.ops.leafcloud.sample() == {"FINISHED"}
+    assert selection_words(bpy.context).startswith("leaves: ")
+    assert "trunk" in selection_words(bpy.context)
+    bpy.context.scene.leafcloud.texture_size = 64
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}

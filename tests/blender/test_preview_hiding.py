@@ -47,9 +47,9 @@ drawn: list[list[str]] = []
 """For each request to draw, the names of the levels."""
 
 
-def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
+def drawer(levels: list[bpy.types.Object]) -> dict[str, Callable[[], None]]:
     drawn.append([obj.name for obj in levels])
-    return lambda: None
+    return {"POST_VIEW": lambda: None, "POST_PIXEL": lambda: None}
 
 
 def preview(names: list[str]) -> None:

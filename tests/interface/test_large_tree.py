@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def test_the_interface_redraws_during_the_bake(tree: Window) -> None:
     tree.settle(0.5)
     seconds = time.monotonic() - began
     times = tree.run("result = list(looks)")
-    gaps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(times)]
     at = [round(a - times[0], 2) for a, gap in zip(times, gaps, strict=False) if gap > 0.1]
     print(f"bake {seconds:.1f} s, gaps above 0.1 s:", [round(gap, 2) for gap in gaps if gap > 0.1], "at", at)
     tree.capture("baked")

@@ -1,0 +1,43 @@
+"""The sample tree that comes with the extension."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from .job_operator import BUSY, running
+
+_ADDON = Path(__file__).resolve().parents[1]
+_PLACES = (_ADDON / "samples" / "shrub.glb", _ADDON.parent / "examples" / "shrub.glb")
+"""In the extension's folder, and in the repository."""
+
+
+class LEAFCLOUD_OT_sample(bpy.types.Operator):
+    """Add a small tree to try Leafcloud on, and select it"""
+
+    bl_idname = "leafcloud.sample"
+    bl_label = "Add Sample Tree"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        problem = BUSY if running else "" if context.mode == "OBJECT" else "Switch to Object Mode first"
+        if problem:
+            cls.poll_message_set(problem)
+        return not problem
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        path = next((each for each in _PLACES if each.is_file()), None)
+        if path is None:
+            self.report({"ERROR"}, f"{_PLACES[0]} is missing: install the extension again")
+            return {"CANCELLED"}
+        for obj in context.selected_objects:
+            obj.select_set(False)
+        before = set(context.scene.objects)
+        bpy.ops.import_scene.gltf(filepath=str(path))
+        made = [obj for obj in context.scene.objects if obj not in before]
+        for obj in made:
+            obj.select_set(True)
+        context.view_layer.objects.active = next(obj for obj in made if obj.name.startswith("leaves"))
+        return {"FINISHED"}

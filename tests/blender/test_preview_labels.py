@@ -1,0 +1,74 @@
+"""The labels of the preview: one for each tree, with the level that is drawn at its distance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import pytest
+from mathutils import Vector
+
+from addon.mesh.baked_levels import level_number
+from addon.viewport.draw import centre_of
+from addon.viewport.labels import MOST, Labels
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture
+def levels(registered: None, shrub: Path) -> list[bpy.types.Object]:
+    """Return the levels of a tree. Level 1 takes over at 128 radii, level 2 at 160, the cross at 200."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.epsilon, settings.pixels = 64, 2, 0.1, 8.0
+    settings.last, settings.every_level = "cross", True
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    found = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
+    return sorted(found, key=lambda obj: obj.name)
+
+
+def eye_at(levels: list[bpy.types.Object], radii: float) -> Vector:
+    return centre_of(levels[0]) + Vector((radii * levels[0]["leafcloud"]["radius"], 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("radii", "number"), [(1.0, 0), (120.0, 0), (145.0, 1), (180.0, 2), (300.0, 3)])
+def test_each_tree_has_the_label_of_its_level(levels: list[bpy.types.Object], radii: float, number: int) -> None:
+    eye = eye_at(levels, radii)
+    [label] = Labels(levels).seen_from(eye)
+    level = levels[number]
+    parts = [level.data, *(child.data for child in level.children)]
+    triangles = sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in parts)
+    distance = (centre_of(level) - eye).length
+    name = "leaves" if number == 0 else f"level {number}"
+    assert label.text == f"{name}   {distance:,.3g} m   {triangles:,} triangles"
+    assert label.place.z == pytest.approx(centre_of(level).z + levels[0]["leafcloud"]["radius"])
+
+
+def test_a_fade_has_one_label(levels: list[bpy.types.Object]) -> None:
+    labels = Labels(levels)
+    for radii in range(1, 320):
+        assert len(labels.seen_from(eye_at(levels, float(radii)))) == 1, radii
+
+
+def test_the_nearest_trees_have_labels(levels: list[bpy.types.Object]) -> None:
+    copies = []
+    for number in range(MOST + 5):
+        copy = levels[0].copy()
+        copy.location.y = 0.1 * number
+        bpy.context.scene.collection.objects.link(copy)
+        copies.append(copy)
+    bpy.context.view_layer.update()
+    found = Labels(copies).seen_from(eye_at(levels, 1.0))
+    assert len(found) == MOST
+    distances = [label.distance for label in found]
+    assert distances == sorted(distances, reverse=True)
+    assert max(distances) < (centre_of(copies[MOST]) + copies[MOST].location - eye_at(levels, 1.0)).length
+
+
+def test_deleted_levels_have_no_label(levels: list[bpy.types.Object]) -> None:
+    labels = Labels(levels)
+    for level in levels:
+        bpy.data.objects.remove(level)
+    assert labels.seen_from(Vector((1.0, 0.0, 0.0))) == []
