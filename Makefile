@@ -167,6 +167,15 @@ docs: setup ## remake the pictures of the documentation
 	cp out/docs/preview.png docs/pine.png
 	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
 
+.PHONY: docs-interface
+docs-interface: ## remake the pictures of docs/first_tree.md: make docs-interface BLENDER=/path/to/blender
+	rm -rf out/interface
+	$(MAKE) test-interface ARGS='-k first_session'
+	@mkdir -p docs/interface
+	for name in 1_start 2_sample 4_baked 5_level_1 7_preview 8_preview_far; do \
+	    convert out/interface/first_session/$$name.png -resize 50% +dither -colors 64 -define png:compression-level=9 docs/interface/$$name.png || exit 1; \
+	done
+
 .PHONY: lint
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
 	@tools/prerequisites.sh rust lint

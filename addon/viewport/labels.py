@@ -18,6 +18,8 @@ from .look import LevelInputs, look_at
 MOST = 30
 """Trees that get a label: those nearest to the view."""
 _SIZE = 13.0
+_HEADERS = 6.0
+"""Height of the view's headers, in sizes of the text."""
 _COLOR, _SHADOW = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.8)
 
 
@@ -72,7 +74,8 @@ class Labels:
             place = location_3d_to_region_2d(region, view, label.place)
             if place is not None:
                 width, _ = blf.dimensions(0, label.text)
-                blf.position(0, place.x - width / 2.0, place.y + size / 2.0, 0.0)
+                top = region.height - _HEADERS * size  # A near crown reaches beyond the view.
+                blf.position(0, place.x - width / 2.0, min(place.y + size / 2.0, top), 0.0)
                 blf.draw(0, label.text)
         blf.disable(0, blf.SHADOW)
 

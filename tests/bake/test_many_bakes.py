@@ -10,7 +10,7 @@ import pytest
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("registered")]
 
-BAKES, FIRST = 40, 10
+BAKES, FIRST = 60, 10
 MOST_GROWTH = 50e6
 """Bytes of memory that all bakes after the first ones may add."""
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups", "textures", "actions")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[2]
 BAKE = (134, 150)
 """Place of the button *Bake Levels* in the sidebar."""
+SHOW_AUTO, SHOW_1 = (39, 403), (133, 403)
+"""Places of the buttons *Auto* and *1* in the panel *Baked Tree*."""
 
 _STATE = """
 def drawn(obj):
@@ -46,8 +49,8 @@ result = {kind: sorted(block.name for block in getattr(bpy.data, kind)) for kind
 
 
 def wait_for_the_end(blender: Window, seconds: float = 60.0) -> None:
-    """Wait until a bake has begun, and until it has ended."""
-    blender.wait(lambda: blender.run("result = bool(bpy.context.window_manager.leafcloud.stage)"), 10.0, "bake")
+    """Wait until a bake has begun, if it has not yet, and until it has ended."""
+    time.sleep(0.5)
     blender.wait(
         lambda: not blender.run("result = bool(bpy.context.window_manager.leafcloud.stage)"), seconds, "end of the bake"
     )
@@ -66,20 +69,38 @@ def greens(picture: Path) -> int:
 
 def test_a_click_bakes_the_selected_tree(blender: Window) -> None:
     blender.keys("a", "x", "Return")
-    blender.run(f"bpy.ops.import_scene.gltf(filepath={str(ROOT / 'examples' / 'shrub.glb')!r})")
-    blender.keys("a")
-    blender.capture("1_selected")
+    blender.settle(1.0)
+    blender.capture("1_start")
+    blender.search("Add Sample Tree")
+    blender.move(600, 500)
+    blender.keys("KP_Decimal")
+    blender.settle(1.0)
+    blender.capture("2_sample")
     before = blocks(blender)
     assert before["objects"] == ["branches", "leaves"]
     blender.click_in_sidebar(*BAKE)
+    blender.capture("3_baking")
     wait_for_the_end(blender)
     blender.move(600, 500)
-    blender.keys("Home")
-    blender.capture("2_baked")
+    blender.keys("KP_Decimal")
+    blender.settle(1.0)
+    blender.capture("4_baked")
     seen = objects(blender)
     assert {"leaves_tree", "leaves_LOD0", "leaves_LOD1"} <= seen.keys()
     assert not {"leaves", "branches"} & seen.keys(), "the sources are hidden"
     assert blender.run("result = bpy.context.view_layer.objects.active.name") == "leaves_tree"
+
+
+def test_a_click_shows_one_level_at_all_distances(blender: Window) -> None:
+    blender.click_in_sidebar(*SHOW_1)
+    blender.move(600, 500)
+    blender.settle(1.0)
+    blender.capture("5_level_1")
+    seen = objects(blender)
+    assert "leaves_LOD1" in seen
+    assert "leaves_LOD0" not in seen
+    blender.click_in_sidebar(*SHOW_AUTO)
+    assert {"leaves_LOD0", "leaves_LOD1"} <= objects(blender).keys()
 
 
 def test_escape_leaves_everything_as_it_was(blender: Window) -> None:
@@ -97,13 +118,17 @@ def test_the_preview_draws_leaves(blender: Window) -> None:
     blender.keys("z")  # The pie of shadings: material preview shows the leaves' own color.
     blender.keys("2")
     blender.wait(
-        lambda: greens(blender.capture("3_material")) > 5_000, 60.0, "leaves: EEVEE compiles its shaders first"
+        lambda: greens(blender.capture("6_material")) > 5_000, 60.0, "leaves: EEVEE compiles its shaders first"
     )
-    own = greens(blender.capture("3_material"))
+    own = greens(blender.capture("6_material"))
     blender.search("Preview in 3D Views")
     blender.move(620, 520)
     blender.settle()
-    shown = greens(blender.capture("4_preview"))
+    shown = greens(blender.capture("7_preview"))
+    blender.move(600, 500)
+    blender.zoom_out(18)
+    blender.settle()
+    blender.capture("8_preview_far")
     blender.search("Preview in 3D Views")
     assert 0.5 * own < shown < 2.0 * own
 
@@ -131,6 +156,7 @@ bpy.context.object.name = "near"
     blender.wait(
         lambda: blender.run("result = bpy.data.objects['near'].type == 'MESH'"), 5.0, "placed tree for the instance"
     )
+    blender.capture("9_instance")
     near, far = blender.run(
         _STATE
         + """
@@ -185,7 +211,7 @@ bpy.context.view_layer.objects.active = bpy.data.objects["leaves_tree"]
     blender.move(600, 500)
     blender.search("Bake Levels")
     wait_for_the_end(blender)
-    blender.capture("5_baked_again")
+    blender.capture("10_baked_again")
     again = blocks(blender)
     assert again["objects"] == before["objects"]
     assert again["collections"] == before["collections"]
@@ -194,7 +220,8 @@ bpy.context.view_layer.objects.active = bpy.data.objects["leaves_tree"]
 def test_a_removal_shows_the_sources(blender: Window) -> None:
     blender.move(600, 500)
     blender.search("Remove Levels")
-    blender.capture("6_removed")
+    blender.settle(1.0)
+    blender.capture("11_removed")
     seen = objects(blender)
     assert {"leaves", "branches"} <= seen.keys()
     assert not [name for name in seen if "_LOD" in name]

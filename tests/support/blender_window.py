@@ -80,6 +80,12 @@ class Window:
         self._xdotool("click", "1")
         time.sleep(0.2)
 
+    def zoom_out(self, steps: int) -> None:
+        """Turn the wheel where the mouse is."""
+        for _ in range(steps):
+            self._xdotool("click", "5")
+            time.sleep(0.05)
+
     def move(self, x: int, y: int) -> None:
         self._xdotool("mousemove", str(x), str(y))
         time.sleep(0.2)
