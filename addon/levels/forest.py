@@ -45,12 +45,14 @@ class Forest:
     distances: tuple[float, ...]
     centre: tuple[float, float, float]
 
-    def plant(self, obj: bpy.types.Object, *, width: float = 0.15, far: float = NEVER) -> bpy.types.NodesModifier:
+    def plant(
+        self, obj: bpy.types.Object, *, width: float = 0.15, far: float = NEVER, kind: int = -1
+    ) -> bpy.types.NodesModifier:
         """Add a modifier to `obj` that draws a tree on each of its points. The scale of `obj` must be 1.
 
-        width, far: as in `ForestSettings`.
+        width, far, kind: as in `ForestSettings`.
         """
-        return add_forest_modifier(obj, self.variants, ForestSettings(self.distances, self.centre, width, far))
+        return add_forest_modifier(obj, self.variants, ForestSettings(self.distances, self.centre, width, far, kind))
 
 
 def build_forest(

@@ -27,6 +27,11 @@ class Section:
         self._frame.label = label
         self._frame.location = origin
 
+    @property
+    def frame(self) -> bpy.types.Node:
+        """The frame, for nodes that the section does not place."""
+        return self._frame
+
     def node(self, kind: str, *operands: Operand, label: str = "", **properties: Any) -> bpy.types.Node:
         """Add a node with `operands` on its enabled inputs, in order. `None` keeps an input's default.
 

@@ -11,6 +11,9 @@ So a tree switches between D and (1 + width)·D, never nearer than D, and neighb
 the points' attribute `id`, which scattering nodes store, else on their index. It does not change when the camera moves.
 Points may have the attributes `rotation` (rotation or Euler angles) and `scale` (number or vector).
 
+With a Kind of at least 0 the trees stand on the points of point clouds whose attribute `leafcloud_kind` is the Kind
+(`nodes.points`). All other geometry stays, so several forests on one object mix several kinds of trees.
+
 All instances share one mesh per variant, so 100,000 trees take little memory. They have no transition and no continuous
 pruning: a tree's distance only selects its variant.
 """
@@ -25,12 +28,13 @@ import bpy
 
 from .builder import Section
 from .laws import LENGTH, NEVER, SHARE, CameraNodes, add_modifier, declare, group_of_layout
+from .points import KIND
 
 GROUP_NAME = "Leafcloud Forest"
 MOST_VARIANTS = 16
 
 _LAYOUT_KEY = "leafcloud_forest_layout"
-_LAYOUT = 1
+_LAYOUT = 2
 """Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
 
@@ -43,6 +47,7 @@ class ForestSettings:
     centre: the point that they are measured from, in the coordinates of the variants.
     width: the fraction of a distance over which the trees' switches are spread at random. In [0, 1].
     far: points beyond this distance are not drawn. ≥ 0.
+    kind: the kind of the trees, or −1 to plant on all points, in place of the object's geometry.
 
     Raises `ValueError` for a value that is out of range or not finite, and for too many distances.
     """
@@ -51,6 +56,7 @@ class ForestSettings:
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     width: float = 0.15
     far: float = NEVER
+    kind: int = -1
 
     def __post_init__(self) -> None:
         limits = {
@@ -58,6 +64,7 @@ class ForestSettings:
             "centre": (True, "finite"),
             "width": (0.0 <= self.width <= 1.0, "in [0, 1]"),
             "far": (self.far >= 0.0, "at least 0"),
+            "kind": (self.kind >= -1, "at least −1"),
         }
         for name, (holds, limit) in limits.items():
             value = getattr(self, name)
@@ -79,7 +86,13 @@ def add_forest_modifier(
 
     It works without the add-on and without Python. `variants` need not be in any scene and must not contain `obj`.
     """
-    values = {"Variants": variants, "Centre": settings.centre, "Width": settings.width, "Far": settings.far}
+    values = {
+        "Variants": variants,
+        "Centre": settings.centre,
+        "Width": settings.width,
+        "Far": settings.far,
+        "Kind": settings.kind,
+    }
     values |= {_from(number): distance for number, distance in enumerate(settings.distances, start=1)}
     return add_modifier(obj, GROUP_NAME, forest_group(), values)
 
@@ -102,7 +115,10 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     far = "Distance beyond which points are not drawn"
     declare(tree, "Far", "Float", far, default_value=NEVER, **LENGTH)
 
-    panel = tree.interface.new_panel("Distances")
+    kind = "Kind of the points that the tree is planted on. −1: all points, in place of all geometry"
+    declare(tree, "Kind", "Int", kind, default_value=-1, min_value=-1)
+
+    panel = tree.interface.new_panel("Distances", default_closed=True)
     for number in range(1, MOST_VARIANTS):
         description = f"Distance where variant {number} takes over. The finest is variant 0"
         declare(tree, _from(number), "Float", description, panel, default_value=NEVER, **LENGTH)
@@ -130,9 +146,34 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     variants = section.result("GeometryNodeCollectionInfo", collection, True, False, label="Variants")
     count = section.result("GeometryNodeAttributeDomainSize", variants, label="Variant count", component="INSTANCES")
     level = section.math("MINIMUM", level, section.math("SUBTRACT", count, 1.0, label="The coarsest"), label="Level")
-    points = section.group_input("Geometry")
+    whole, kind = section.group_input("Geometry"), section.group_input("Kind")
+    chosen = section.compare_integers(kind, "GREATER_EQUAL", 0, label="Points of one kind")
+    own = section.compare_integers(section.attribute("INT", KIND), "EQUAL", kind, label="This kind")
+    cloud = section.node("GeometryNodeSeparateComponents", whole, label="Parts").outputs["Point Cloud"]
+    ours = section.node("GeometryNodeSeparateGeometry", cloud, own, label="Points of this kind").outputs["Selection"]
+    points = section.switch("GEOMETRY", chosen, whole, ours, label="Points")
     operands = (points, drawn, variants, True, level, rotation, scale)
-    section.node("NodeGroupOutput", section.result("GeometryNodeInstanceOnPoints", *operands, label="Plant"))
+    forest = section.result("GeometryNodeInstanceOnPoints", *operands, label="Plant")
+    rest = _without(section, whole, own)
+    joined = tree.nodes.new("GeometryNodeJoinGeometry")
+    joined.label, joined.parent, joined.location = "All kinds so far", section.frame, (1800.0, 400.0)
+    for each in (forest, rest):
+        tree.links.new(each, joined.inputs[0])
+    section.node(
+        "NodeGroupOutput", section.switch("GEOMETRY", chosen, forest, joined.outputs[0], label="With other geometry")
+    )
+
+
+def _without(section: Section, whole: bpy.types.NodeSocket, own: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Return the geometry without the points of point clouds where `own` is true."""
+    parts = section.node("GeometryNodeSeparateComponents", whole, label="Parts").outputs
+    others = section.node("GeometryNodeSeparateGeometry", parts["Point Cloud"], own, label="Other points")
+    joined = section.frame.id_data.nodes.new("GeometryNodeJoinGeometry")
+    joined.label, joined.parent, joined.location = "Other geometry", section.frame, (1200.0, 700.0)
+    kept = (parts[name] for name in ("Instances", "Curve", "Mesh"))
+    for each in (*kept, others.outputs["Inverted"]):
+        section.frame.id_data.links.new(each, joined.inputs[0])
+    return joined.outputs[0]
 
 
 def _level(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

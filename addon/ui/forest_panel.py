@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import FloatProperty, PointerProperty
+from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..bake.pipeline import view_of
 from ..levels.baked_trees import LeafPruning, baked_tree, leaf_pruning, tree_collections
@@ -12,10 +12,12 @@ from ..levels.rollback import removed_on_failure
 from ..mesh.baked_levels import level_number
 from ..nodes.forest import GROUP_NAME, ForestSettings
 from ..nodes.laws import NEVER
+from ..nodes.points import GROUP_NAME as POINTS_NAME
+from ..nodes.points import PointSettings, add_points_modifier
 from .job_operator import BUSY, running
 from .properties import with_labels
 
-_DEFAULTS = ForestSettings(())
+_DEFAULTS, _POINTS = ForestSettings(()), PointSettings(smallest=0.8, largest=1.2)
 _WITH_POINTS = ("MESH", "CURVE", "CURVES", "POINTCLOUD")
 
 
@@ -24,13 +26,54 @@ class LeafcloudForestSettings(bpy.types.PropertyGroup):
 
     tree: PointerProperty(
         name="Tree",
-        description="Collection of a baked tree. Empty: the only baked tree in the scene",
+        description="Collection of a baked tree. Empty: all baked trees in the scene, mixed at random",
         type=bpy.types.Collection,
     )
     points: PointerProperty(
         name="Points",
-        description="Object with one point per tree. The trees replace its own geometry. Empty: the active object",
+        description="Object with one point or instance per tree, or the ground to scatter trees on. Empty: the active "
+        "object",
         type=bpy.types.Object,
+    )
+    density: FloatProperty(
+        name="Density",
+        description="Trees per square unit, scattered on the object's faces. 0: a tree on each point or instance of it",
+        default=_POINTS.density,
+        min=0.0,
+        soft_max=1.0,
+        precision=4,
+    )
+    mask: StringProperty(
+        name="Mask",
+        description="Vertex group or attribute of the object, from 0 to 1, that the density is multiplied by",
+    )
+    slope: FloatProperty(
+        name="Slope",
+        description="Steepest slope on which trees are scattered",
+        default=_POINTS.slope,
+        min=0.0,
+        max=_POINTS.slope,
+        subtype="ANGLE",
+    )
+    turn: FloatProperty(
+        name="Turn",
+        description="Random turn of each tree about its own axis, as a fraction of a full turn",
+        default=_POINTS.turn,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    smallest: FloatProperty(
+        name="Scale", description="Scale of the smallest trees", default=_POINTS.smallest, min=0.001, soft_max=10.0
+    )
+    largest: FloatProperty(
+        name="to", description="Scale of the largest trees", default=_POINTS.largest, min=0.001, soft_max=10.0
+    )
+    seed: IntProperty(
+        name="Seed", description="Start of all random numbers. Another one gives another forest", default=0, min=0
+    )
+    ground: BoolProperty(
+        name="Ground", description="Keep the object's own meshes and curves visible", default=_POINTS.ground
     )
     width: FloatProperty(
         name="Dither",
@@ -51,7 +94,7 @@ class LeafcloudForestSettings(bpy.types.PropertyGroup):
 
 
 class LEAFCLOUD_OT_forest(bpy.types.Operator):
-    """Plant a baked tree on every point of an object. Each tree shows the level for its distance from the camera"""
+    """Plant baked trees on an object. Each tree shows the level for its distance from the camera"""
 
     bl_idname = "leafcloud.forest"
     bl_label = "Plant Forest"
@@ -69,16 +112,17 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         assert points is not None, "poll refuses without points"
         try:
             with removed_on_failure():
-                forest = _build(context, _trees(context)[0])
-                before = [each for each in points.modifiers if each.name.startswith(GROUP_NAME)]
-                planted = forest.plant(points, width=wanted.width, far=wanted.far or NEVER)
+                forests = [_build(context, tree) for tree in _trees(context)]
         except ValueError as error:
             self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
-        for modifier in before:
+        for modifier in [each for each in points.modifiers if each.name.startswith((GROUP_NAME, POINTS_NAME))]:
             points.modifiers.remove(modifier)
-        planted.name = GROUP_NAME
-        self.report({"INFO"}, f"Planted {points.name} with {len(forest.distances) + 1} variants")
+        add_points_modifier(points, _point_settings(wanted, len(forests)))
+        for kind, forest in enumerate(forests):
+            forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
+        kinds = ", ".join(forest.variants.name.removesuffix("_forest") for forest in forests)
+        self.report({"INFO"}, f"Planted {kinds} on {points.name}")
         return {"FINISHED"}
 
 
@@ -94,9 +138,31 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("tree", "points", "width", "far"):
-            layout.prop(context.scene.leafcloud_forest, name)
+        wanted = context.scene.leafcloud_forest
+        column = layout.column(align=True)
+        column.prop(wanted, "tree")
+        column.prop(wanted, "points")
+        column = layout.column(align=True)
+        column.prop(wanted, "density")
+        if wanted.density > 0.0:
+            ground = _points(context)
+            if ground is not None and ground.type == "MESH":
+                column.prop_search(wanted, "mask", ground, "vertex_groups")
+            else:
+                column.prop(wanted, "mask")
+            column.prop(wanted, "slope")
+        column = layout.column(align=True)
+        for name in ("turn", "smallest", "largest", "seed", "ground"):
+            column.prop(wanted, name)
+        column = layout.column(align=True)
+        column.prop(wanted, "width")
+        column.prop(wanted, "far")
         layout.operator("leafcloud.forest")
+
+
+def _point_settings(wanted: LeafcloudForestSettings, kinds: int) -> PointSettings:
+    names = ("ground", "density", "mask", "slope", "turn", "smallest", "largest", "seed")
+    return PointSettings(kinds, **{name: getattr(wanted, name) for name in names})
 
 
 def _problem(context: bpy.types.Context) -> str:
@@ -108,8 +174,6 @@ def _problem(context: bpy.types.Context) -> str:
         return BUSY
     if not trees:
         return "No baked tree is in the scene: bake one first"
-    if len(trees) > 1:
-        return f"Choose the tree: {', '.join(tree.name for tree in trees[:4])} …"
     if points is None:
         return "Choose the object with the points, or make it active"
     if points.type not in _WITH_POINTS:

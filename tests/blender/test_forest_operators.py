@@ -203,7 +203,7 @@ def test_a_forest_has_pruned_variants_where_the_tree_was_baked_to_be_pruned() ->
         baked, points = baked_crown(chain=chain), grid(3, 1.0)
         bpy.context.view_layer.objects.active = points
         bpy.ops.leafcloud.forest()
-        [modifier] = points.modifiers
+        modifier = points.modifiers["Leafcloud Forest"]
         found = [get_modifier_input(modifier, f"From {number}") for number in range(1, 16)]
         return baked, [distance for distance in found if distance < 1e8]
 
@@ -229,7 +229,7 @@ def test_a_forest_stands_as_its_tree_does_under_a_parent() -> None:
     bpy.context.view_layer.update()
     bpy.context.view_layer.objects.active = grid(1, 1.0)
     assert bpy.ops.leafcloud.forest() == {"FINISHED"}
-    [first, *_] = bpy.data.objects["Points"].modifiers
+    first = bpy.data.objects["Points"].modifiers["Leafcloud Forest"]
     variants = get_modifier_input(first, "Variants")
     for obj in variants.all_objects:
         assert np.allclose(obj.matrix_basis.to_3x3(), parent.matrix_world.to_3x3(), atol=1e-5)
@@ -254,7 +254,7 @@ def test_the_settings_of_a_forest_reach_the_node_group() -> None:
     settings.tree, settings.points, settings.width, settings.far = baked.collection, grid(3, 4.0), 0.5, 6.0
     bpy.ops.leafcloud.forest()
     add_camera((0.0, 0.0, 0.0))
-    [modifier] = settings.points.modifiers
+    modifier = settings.points.modifiers["Leafcloud Forest"]
     assert get_modifier_input(modifier, "Width") == 0.5
     assert len(drawn(settings.points)) == 2
 
@@ -265,18 +265,22 @@ def test_planting_again_replaces_the_forest() -> None:
     bpy.context.view_layer.objects.active = points
     bpy.ops.leafcloud.forest()
     bpy.ops.leafcloud.forest()
-    assert [modifier.name for modifier in points.modifiers] == ["Leafcloud Forest"]
+    assert [modifier.name for modifier in points.modifiers] == ["Leafcloud Points", "Leafcloud Forest"]
     assert len(drawn(points)) == 3
 
 
-def test_a_forest_of_two_trees_asks_which() -> None:
-    baked_crown("one", trunk=False)
-    second = baked_crown("two", trunk=False)
-    bpy.context.view_layer.objects.active = grid(2, 1.0)
-    with pytest.raises(RuntimeError, match="Choose the tree: tree, "):
-        bpy.ops.leafcloud.forest()
-    bpy.context.scene.leafcloud_forest.tree = second.collection
+def test_a_forest_mixes_all_trees_of_the_scene() -> None:
+    for name in ("one", "two"):
+        baked_crown(name, trunk=False)
+    ground = grid(40, 1.0)
+    bpy.context.view_layer.objects.active = ground
     assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+    names = [name.partition("_forest")[0] for name in drawn(ground)]
+    assert len(names) == 40
+    assert set(names) == {"tree", "tree.001"}
+    assert [modifier.name for modifier in ground.modifiers] == [
+        *("Leafcloud Points", "Leafcloud Forest", "Leafcloud Forest.001")
+    ]
 
 
 def test_objects_that_cannot_be_planted_give_a_message() -> None:
