@@ -13,6 +13,9 @@ import leafcloud
 _KEY = "leafcloud_results"
 """The custom property of a collection of levels: a list of results as JSON."""
 
+_WARNINGS = "leafcloud_warnings"
+"""The custom property of a collection of levels: a list of texts as JSON."""
+
 IMPOSTORS = {"cross": "Cross impostor", "octahedral": "Octahedral impostor"}
 """Names of the last level by its method."""
 
@@ -42,6 +45,16 @@ class LevelResult:
 def keep_results(collection: bpy.types.Collection, results: Iterable[LevelResult]) -> None:
     """Store the results of all levels, the leaves first."""
     collection[_KEY] = json.dumps([asdict(each) for each in results])
+
+
+def keep_warnings(collection: bpy.types.Collection, warnings: Iterable[str]) -> None:
+    """Store the warnings of the bake."""
+    collection[_WARNINGS] = json.dumps(list(warnings))
+
+
+def warnings_of(collection: bpy.types.Collection) -> tuple[str, ...]:
+    """Return the stored warnings; empty if there are none."""
+    return tuple(json.loads(collection.get(_WARNINGS, "[]")))
 
 
 def results_of(collection: bpy.types.Collection) -> tuple[LevelResult, ...]:

@@ -26,6 +26,7 @@ from ..errors import SceneError
 from ..export.files import write
 from ..export.staging import Staging
 from ..levels.earlier import levels_of, name_before, replaced
+from ..levels.results import keep_warnings
 from ..levels.rollback import removed_on_failure
 from ..levels.root import root_of
 from ..mesh.baked_levels import remember
@@ -113,6 +114,8 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
             obj.hide_render = True
         _select(context, _parts(tree_set))
         draw_new_levels(context.view_layer)
+        for tree in tree_set.trees:
+            keep_warnings(tree.collection, map(with_labels, tree.prepared.warnings))
         for warning in dict.fromkeys(warning for tree in tree_set.trees for warning in tree.prepared.warnings):
             self.report({"WARNING"}, with_labels(warning))
         for reason in dict.fromkeys(reason for chain in chains for reason in left_out_reasons(chain)):

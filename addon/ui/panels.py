@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING
 
 import bpy
@@ -14,9 +13,7 @@ from .presets import LEAFCLOUD_PT_presets
 from .properties import AUTO, OFF, ON, effect_label, effect_property
 from .selected_tree import selection_words
 from .viewport import is_previewed
-
-_MARGINS, _LETTER = 80.0, 6.6
-"""Width of a panel's margins and of a letter, in pixels at 100 % interface scale. The sidebar does not wrap text."""
+from .wrapped import add_text
 
 
 class LEAFCLOUD_PT_bake(bpy.types.Panel):
@@ -142,8 +139,9 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
                 continue
             below = column.column(align=True)
             below.active = row.state != OFF
-            for text in [*([row.cost] if row.cost else []), *textwrap.wrap(row.reason, _letters(context))]:
-                below.label(text=text, icon="BLANK1")
+            if row.cost:
+                below.label(text=row.cost, icon="BLANK1")
+            add_text(below, context, row.reason)
 
 
 def _consequence(quality: float) -> str:
@@ -160,17 +158,9 @@ def _add_note(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Add a box with the note on the camera, and a button that bakes with the other value of Viewer, if it has one."""
     status = context.window_manager.leafcloud
     box = layout.box()
-    column = box.column(align=True)
-    for number, text in enumerate(textwrap.wrap(status.note, _letters(context))):
-        column.label(text=text, icon="INFO" if number == 0 else "BLANK1")
+    add_text(box, context, status.note, "INFO")
     if status.viewer:
         box.operator("leafcloud.bake", text=_REMEDIES[status.viewer]).viewer = status.viewer
-
-
-def _letters(context: bpy.types.Context) -> int:
-    """Return the number of letters that fit on a line of the region."""
-    width = context.region.width / context.preferences.system.ui_scale
-    return max(int((width - _MARGINS) / _LETTER), 16)
 
 
 _ICONS = {ON: "CHECKBOX_HLT", OFF: "CHECKBOX_DEHLT", AUTO: "QUESTION"}

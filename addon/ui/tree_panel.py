@@ -9,7 +9,7 @@ from bpy.props import IntProperty
 
 from ..errors import SceneError
 from ..levels.earlier import remove_levels
-from ..levels.results import LevelResult, results_of
+from ..levels.results import LevelResult, results_of, warnings_of
 from ..levels.root import root_of
 from ..levels.shown import show_level, shown_level
 from ..mesh.baked_levels import level_number, record
@@ -17,6 +17,7 @@ from ..nodes.laws import LOD_DISTANCE
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree
 from .viewport import draw_new_levels, stop_preview
+from .wrapped import add_text
 
 AUTO = -1
 """Number in place of a level's: the distance decides."""
@@ -111,6 +112,8 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         row.operator("leafcloud.bake", text="Bake Again")
         row.operator("leafcloud.remove")
         column.operator("leafcloud.select_billboard")
+        for warning in warnings_of(tree):
+            add_text(layout, context, warning, "ERROR")
         for result in results_of(tree):
             column = layout.column(align=True)
             column.label(text=result.name)

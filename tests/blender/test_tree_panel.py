@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 import addon.ui as interface
-from addon.levels.results import LevelResult, results_of
+from addon.levels.results import LevelResult, keep_warnings, results_of
 from addon.levels.shown import shown_level
 from addon.mesh.baked_levels import level_number
 from addon.ui.tree_panel import active_tree, figures_of
@@ -93,6 +93,21 @@ def test_the_figures_of_each_level_are_saved_with_the_file(tmp_path: Path) -> No
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "tree.blend"))
     assert results_of(bpy.data.collections["leaves"]) == results
+
+
+@pytest.mark.usefixtures("before")
+def test_warnings_of_the_bake_stay_in_the_panel() -> None:
+    keep_warnings(tree(), ["the leaves have no texture coordinates, so all of them show one texel of the image"])
+    layout = MagicMock()
+    layout.row.return_value = layout.column.return_value = layout
+    context = SimpleNamespace(
+        view_layer=bpy.context.view_layer,
+        region=SimpleNamespace(width=300.0),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), context)
+    warned = [call.kwargs for call in layout.label.call_args_list if call.kwargs.get("icon") == "ERROR"]
+    assert [each["text"] for each in warned] == ["the leaves have no texture"]
 
 
 @pytest.mark.usefixtures("before")
