@@ -53,6 +53,11 @@ def get_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> Any:
     return _convert(socket, stored)
 
 
+def has_modifier_input(modifier: bpy.types.NodesModifier, name: str) -> bool:
+    """Return whether the modifier has a group with an input of this name."""
+    return modifier.node_group is not None and any(socket.name == name for socket in _input_sockets(modifier))
+
+
 def draw_modifier_input(
     layout: bpy.types.UILayout, modifier: bpy.types.NodesModifier, name: str, text: str | None = None
 ) -> None:

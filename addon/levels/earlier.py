@@ -68,7 +68,9 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))
             if heir is not None:
                 obj.user_remap(heir)
+    shared = _data_of(own)
     bpy.data.batch_remove(own)
+    _remove_unused(shared)
 
 
 def remove_levels(collection: bpy.types.Collection) -> None:
@@ -124,3 +126,18 @@ def _own_blocks(collections: Iterable[bpy.types.Collection], *, copies: bool = F
         mine = [block for block in kind if users.get(block) and users[block] <= own.keys() and not block.use_fake_user]
         own |= dict.fromkeys(mine)
     return list(own)
+
+
+def _data_of(own: Collection[bpy.types.ID]) -> list[bpy.types.ID]:
+    """Return the meshes, materials and images that these blocks use, and that others use, too."""
+    users, found = bpy.data.user_map(), dict.fromkeys(own)
+    for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.images):
+        found |= dict.fromkeys(block for block in kind if users.get(block, set()) & found.keys())
+    return [block for block in found if block not in own]
+
+
+def _remove_unused(blocks: Sequence[bpy.types.ID]) -> None:
+    """Remove the blocks that nothing uses any more, in their order: materials before their images."""
+    for block in blocks:
+        if block.users == 0:
+            bpy.data.batch_remove([block])

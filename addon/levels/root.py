@@ -9,8 +9,8 @@ import bpy
 from mathutils import Matrix
 
 from ..mesh.baked_levels import EXTRAS
-from ..nodes.laws import ABOUT_LOD_DISTANCE, LOD_DISTANCE, NEAREST
-from ..versions import drive_modifier_input, modifier_inputs
+from ..nodes.laws import ABOUT_LOD_DISTANCE, LOD_DISTANCE, NEAREST, is_own_group
+from ..versions import drive_modifier_input, has_modifier_input
 from .building import Build
 from .rollback import left_out
 
@@ -49,7 +49,8 @@ def _add_distance(root: bpy.types.Object) -> None:
 def follow_distance(root: bpy.types.Object, obj: bpy.types.Object) -> None:
     """Make the modifiers of a level or trunk follow the custom property LOD Distance of the root."""
     for modifier in obj.modifiers:
-        if modifier.type == "NODES" and LOD_DISTANCE in modifier_inputs(modifier):
+        is_own = modifier.type == "NODES" and is_own_group(modifier.node_group)
+        if is_own and has_modifier_input(modifier, LOD_DISTANCE):
             drive_modifier_input(modifier, LOD_DISTANCE, root, f'["{LOD_DISTANCE}"]')
 
 

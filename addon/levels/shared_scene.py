@@ -14,7 +14,8 @@ from mathutils import Matrix
 
 from ..mesh.baked_levels import level_number
 from .baked_trees import trunks
-from .root import is_root
+from .placed_tree import tree_of
+from .root import is_root, root_of
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,17 @@ def shared_trees(objects: Iterable[bpy.types.Object], name: str) -> SharedTrees:
 def levels_shown(obj: bpy.types.Object) -> Iterator[tuple[bpy.types.Object, Matrix]]:
     """Yield the levels that the object shows, and their world matrices.
 
-    An object shows itself if it is a level, or the levels of the collection that it instances.
+    An object shows itself if it is a level, the levels of the collection that it instances, or those of the tree that
+    is placed by it.
     """
+    placed = tree_of(obj)
     if level_number(obj) is not None:
         yield obj, obj.matrix_world
+    elif placed is not None and (root := root_of(placed)) is not None:
+        there = obj.matrix_world @ root.matrix_world.inverted_safe()
+        for level in root.children:
+            if level_number(level) is not None:
+                yield level, there @ level.matrix_world
     elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
         there = obj.matrix_world @ Matrix.Translation(-obj.instance_collection.instance_offset)
         for level in obj.instance_collection.all_objects:

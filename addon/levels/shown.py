@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 
-from ..mesh.baked_levels import level_number
+from ..mesh.baked_levels import levels_and_trunks
 from ..nodes.lod import GROUP_NAME
 from ..versions import set_modifier_input
 
@@ -27,7 +25,7 @@ def show_level(collection: bpy.types.Collection, number: int | None) -> None:
     """Show one level with its trunk at all distances, or let the distance decide."""
     if number == shown_level(collection):
         return
-    for own, obj in _members(collection):
+    for own, obj in levels_and_trunks(collection.all_objects):
         if (modifier := obj.modifiers.get(GROUP_NAME)) is not None:
             set_modifier_input(modifier, "Manual", number is not None)
             set_modifier_input(modifier, "Transition", 0.0)
@@ -43,13 +41,3 @@ def show_level(collection: bpy.types.Collection, number: int | None) -> None:
         collection.pop(_KEY, None)
     else:
         collection[_KEY] = number
-
-
-def _members(collection: bpy.types.Collection) -> Iterator[tuple[int, bpy.types.Object]]:
-    """Yield the levels and their trunks, each with the level's number."""
-    # Blender makes this list anew where the visibility of an object changes.
-    for obj in list(collection.all_objects):
-        level = obj if level_number(obj) is not None else obj.parent
-        number = None if level is None else level_number(level)
-        if number is not None:
-            yield number, obj

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from uuid import uuid4
 
@@ -82,6 +82,16 @@ def level_number(obj: bpy.types.Object) -> int | None:
     extras = obj.get(EXTRAS)
     number = extras.get("level") if obj.type == "MESH" and hasattr(extras, "get") else None
     return number if isinstance(number, int) else None
+
+
+def levels_and_trunks(objects: Iterable[bpy.types.Object]) -> Iterator[tuple[int, bpy.types.Object]]:
+    """Yield the levels and their trunks among the objects, each with the level's number."""
+    # Blender makes the list of a collection anew where the visibility of an object changes.
+    for obj in list(objects):
+        level = obj if level_number(obj) is not None else obj.parent
+        number = None if level is None or obj.type != "MESH" or is_placed_tree(obj) else level_number(level)
+        if number is not None:
+            yield number, obj
 
 
 def plain_mesh(obj: bpy.types.Object) -> bpy.types.Mesh:

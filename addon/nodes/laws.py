@@ -51,6 +51,11 @@ def group_of_layout(
     return tree
 
 
+def is_own_group(group: bpy.types.NodeTree | None) -> bool:
+    """Return whether `group_of_layout` made the group, also in an earlier version."""
+    return group is not None and any(key.startswith("leafcloud_") and key.endswith("_layout") for key in group.keys())  # noqa: SIM118 no mapping
+
+
 def add_modifier(
     obj: bpy.types.Object, name: str, group: bpy.types.NodeTree, values: Mapping[str, InputValue]
 ) -> bpy.types.NodesModifier:
@@ -99,10 +104,14 @@ class CameraNodes:
 def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSocket:
     """Return d to the input Centre, in the object's coordinates, divided by the input LOD Distance.
 
-    0 without a camera: the level is at rest, unpruned.
+    0 without a camera: the level is at rest, unpruned. A LOD Distance of 0 counts as 1: a driver gives 0 where its
+    source is gone, as after the deletion of a root.
     """
     distance = camera.distance(section, camera.location, section.group_input("Centre"), label="Distance")
-    factor = section.math("MAXIMUM", section.group_input(LOD_DISTANCE), NEAREST, label=LOD_DISTANCE)
+    given = section.group_input(LOD_DISTANCE)
+    positive = section.compare(given, "GREATER_THAN", 0.0, label="Is it given?")
+    least = section.math("MAXIMUM", given, NEAREST, label="At least")
+    factor = section.switch("FLOAT", positive, 1.0, least, label=LOD_DISTANCE)
     return section.math("MINIMUM", section.math("DIVIDE", distance, factor), NEVER * 0.99, label="Distance d")
 
 
@@ -114,7 +123,7 @@ def declare_distance(tree: bpy.types.NodeTree, panel: Any) -> None:
 
 def declare_factor(tree: bpy.types.NodeTree, panel: Any = None) -> None:
     """Declare the input LOD Distance."""
-    declare(tree, LOD_DISTANCE, "Float", ABOUT_LOD_DISTANCE, panel, default_value=1.0, min_value=NEAREST)
+    declare(tree, LOD_DISTANCE, "Float", ABOUT_LOD_DISTANCE, panel, default_value=1.0, min_value=0.0)
 
 
 def transition_share(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

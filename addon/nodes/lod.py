@@ -38,13 +38,14 @@ import bpy
 import leafcloud
 
 from ..material.node_links import MEAN_SHARE
-from ..versions import InputValue, modifier_inputs, set_modifier_input
+from ..versions import InputValue, get_modifier_input, has_modifier_input, set_modifier_input
 from .builder import Section
 from .laws import (
     BLOCK,
     HIDDEN_SHARE,
     LENGTH,
     LOD_DISTANCE,
+    NEAREST,
     NEVER,
     SHARE,
     TINY,
@@ -135,8 +136,9 @@ def add_lod_modifier(obj: bpy.types.Object, settings: LodSettings) -> bpy.types.
 
 
 def lod_distance(modifier: bpy.types.NodesModifier) -> float:
-    """Return the factor on all distances of a level; 1 for the levels of earlier versions."""
-    return float(modifier_inputs(modifier).get(LOD_DISTANCE, 1.0))
+    """Return the factor on all distances of a level; 1 if it is 0, and for the levels of earlier versions."""
+    factor = float(get_modifier_input(modifier, LOD_DISTANCE)) if has_modifier_input(modifier, LOD_DISTANCE) else 1.0
+    return max(factor, NEAREST) if factor > 0.0 else 1.0
 
 
 def set_manual(modifier: bpy.types.NodesModifier, *, transition: float, keep: float) -> None:

@@ -59,10 +59,10 @@ def fill_tree_group(tree: bpy.types.NodeTree, parts: Sequence[Part]) -> None:
     tree.is_modifier = True
     tree.animation_data_clear()
     tree.nodes.clear()
-    joined = tree.nodes.new("GeometryNodeJoinGeometry")
+    joined, last = tree.nodes.new("GeometryNodeJoinGeometry"), max(part.level for part in parts)
     for row, part in enumerate(parts):
         section = Section(tree, part.source.name, (0.0, _ROW * row))
-        tree.links.new(_drawn(section, part, _geometry(section, part)), joined.inputs[0])
+        tree.links.new(_drawn(section, part.level, last, _geometry(section, part)), joined.inputs[0])
     joined.location = (2200.0, 0.0)
     output = tree.nodes.new("NodeGroupOutput")
     output.location = (2400.0, 0.0)
@@ -83,11 +83,11 @@ def _geometry(section: Section, part: Part) -> bpy.types.NodeSocket:
     for old, new in part.fading:
         geometry = section.result("GeometryNodeReplaceMaterial", geometry, old, new, label="Material that fades")
     for step in part.steps:
-        geometry = _applied(section, part, step, geometry)
+        geometry = _applied(section, step, geometry)
     return geometry
 
 
-def _applied(section: Section, part: Part, step: Step, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _applied(section: Section, step: Step, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Return the geometry after one modifier."""
     node = section.node("GeometryNodeGroup", label=step.group.name, node_tree=step.group)
     tree = node.id_data
@@ -101,15 +101,20 @@ def _applied(section: Section, part: Part, step: Step, geometry: bpy.types.NodeS
     if LOD_DISTANCE in node.inputs:
         tree.links.new(section.group_input(LOD_DISTANCE), node.inputs[LOD_DISTANCE])
     if "Manual" in node.inputs:
-        by_hand = section.compare_integers(section.group_input("Level"), "EQUAL", part.level, label="Always?")
+        by_hand = section.compare_integers(section.group_input("Level"), "GREATER_EQUAL", 0, label="By hand?")
         tree.links.new(by_hand, node.inputs["Manual"])
     return node.outputs[0]
 
 
-def _drawn(section: Section, part: Part, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Return the geometry, or nothing if the input Level is another level."""
-    level = section.group_input("Level")
+def _drawn(section: Section, number: int, last: int, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Return the geometry of level `number`, or nothing if the input Level is another one."""
+    level = _chosen(section, last)
     free = section.compare_integers(level, "LESS_THAN", 0, label="By distance")
-    this = section.compare_integers(level, "EQUAL", part.level, label="This level")
+    this = section.compare_integers(level, "EQUAL", number, label="This level")
     wanted = section.logic(free, "OR", this)
     return section.switch("GEOMETRY", wanted, None, geometry, label="Nothing of other levels")
+
+
+def _chosen(section: Section, last: int) -> bpy.types.NodeSocket:
+    """Return the input Level, at most the last level: a new bake may have fewer."""
+    return section.math("MINIMUM", section.group_input("Level"), float(last), label="Level")

@@ -10,6 +10,8 @@ from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudFor
 from .handlers import add_handlers, remove_handlers
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
 from .menu import LEAFCLOUD_MT_object, add_menu, remove_menu
+from .new_instances import HANDLERS as INSTANCE_HANDLERS
+from .new_instances import stop_offers
 from .operators import LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan
 from .panels import (
     LEAFCLOUD_PT_bake,
@@ -24,7 +26,6 @@ from .place import (
     LEAFCLOUD_OT_place,
     LEAFCLOUD_OT_place_instances,
     LEAFCLOUD_PT_place,
-    place_new_instances,
 )
 from .preferences import LeafcloudPreferences
 from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_presets, unregister_presets
@@ -69,11 +70,12 @@ def register() -> None:
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
     add_menu()
-    add_handlers(PREVIEW_HANDLERS, (("load_post", _forget_file), ("depsgraph_update_post", place_new_instances)))
+    add_handlers(PREVIEW_HANDLERS, INSTANCE_HANDLERS, (("load_post", _forget_file),))
 
 
 def unregister() -> None:
     remove_handlers()
+    stop_offers()
     cancel_running()
     stop_preview()
     remove_menu()

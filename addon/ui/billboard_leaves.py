@@ -40,13 +40,16 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if _level(context) is None:
-            cls.poll_message_set("Make a baked tree active, or one of its levels that morphs onto billboards")
-            return False
+        level, problem = _level(context), ""
         if context.mode not in {"OBJECT", "EDIT_MESH"}:
-            cls.poll_message_set("Switch to Object Mode or Edit Mode first")
-            return False
-        return True
+            problem = "Switch to Object Mode or Edit Mode first"
+        elif level is None:
+            problem = "Make a baked tree active, or one of its levels that morphs onto billboards"
+        elif context.mode == "OBJECT" and not level.visible_get():
+            problem = f"{level.name} is hidden: press Auto, and stop the preview"
+        if problem:
+            cls.poll_message_set(problem)
+        return not problem
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Extend the selection of Edit Mode."""
@@ -55,7 +58,7 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
         if not count:
             self.report({"WARNING"}, "No selected leaf lies on a billboard: select one first")
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Selected the leaves of {count} billboards")
+        self.report({"INFO"}, f"Billboards whose leaves are selected: {count}")
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -84,7 +87,10 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
     def _edit(self, context: bpy.types.Context) -> None:
         """Enter Edit Mode, with the level active."""
         if context.mode != "EDIT_MESH":
-            context.view_layer.objects.active = _level(context)
+            level = _level(context)
+            for obj in context.selected_objects:
+                obj.select_set(obj == level)
+            context.view_layer.objects.active = level
             bpy.ops.object.mode_set(mode="EDIT")
 
     def _stop(self, context: bpy.types.Context) -> None:
@@ -94,7 +100,8 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
 
 def _level(context: bpy.types.Context) -> bpy.types.Object | None:
     """Return the active level if it morphs onto billboards, or the first such level of the active tree; else None."""
-    tree, active = active_tree(context), context.active_object
+    active = context.active_object
+    tree = None if context.mode == "EDIT_MESH" else active_tree(context)
     levels = [active] if active is not None and level_number(active) is not None else []
     if not levels and tree is not None:
         levels = sorted((obj for obj in tree.objects if level_number(obj) is not None), key=lambda obj: obj.name)

@@ -5,16 +5,24 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
-from ..levels.placed_tree import place_of, placed_tree
+from ..levels.placed_tree import place_of, placed_tree, tree_group
 from ..levels.rollback import removed_on_failure
+from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, record
 from ..nodes.laws import LOD_DISTANCE
 from ..versions import draw_modifier_input
+from .job_operator import refuse
 from .on_tree import OnTree, active_tree, mode_problem
-from .preferences import preference
 
 _ASSET = "Leafcloud"
 """Tag of the assets, by which the asset browser finds them."""
+
+
+def _placed(tree: bpy.types.Collection) -> bpy.types.Object:
+    with removed_on_failure():
+        obj = placed_tree(tree.name, tree_group(tree))
+    obj.matrix_world = place_of(tree)
+    return obj
 
 
 class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
@@ -27,9 +35,10 @@ class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         tree = active_tree(context)
         assert tree is not None, "poll refuses without a tree"
-        with removed_on_failure():
-            obj = placed_tree(tree)
-        obj.matrix_world = place_of(tree)
+        try:
+            obj = _placed(tree)
+        except ValueError as error:
+            return refuse(self, error)
         obj.location = context.scene.cursor.location
         context.collection.objects.link(obj)
         for other in context.selected_objects:
@@ -49,17 +58,28 @@ class LEAFCLOUD_OT_asset(OnTree, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         tree = active_tree(context)
         assert tree is not None, "poll refuses without a tree"
-        with removed_on_failure():
-            obj = placed_tree(tree)
+        try:
+            group = tree_group(tree)
+        except ValueError as error:
+            return refuse(self, error)
+        obj = _asset_of(group)
+        if obj is None:
+            obj = placed_tree(tree.name, group)
+            obj.asset_mark()
         obj.matrix_world = place_of(tree)
         obj.location = (0.0, 0.0, 0.0)
-        obj.asset_mark()
         obj.asset_data.description = "A tree that shows the level of detail for its distance from the camera"
         obj.asset_data.tags.new(_ASSET, skip_if_exists=True)
         if not bpy.app.background:
             obj.asset_generate_preview()
         self.report({"INFO"}, f"{obj.name} is an asset: save the file in a folder of the asset libraries")
         return {"FINISHED"}
+
+
+def _asset_of(group: bpy.types.NodeTree) -> bpy.types.Object | None:
+    """Return the asset that draws the group; None if there is none."""
+    assets = (obj for obj in bpy.data.objects if obj.asset_data is not None)
+    return next((obj for obj in assets if any(each.node_group == group for each in obj.modifiers)), None)
 
 
 class LEAFCLOUD_OT_place_instances(bpy.types.Operator):
@@ -72,72 +92,72 @@ class LEAFCLOUD_OT_place_instances(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         problem = mode_problem(context)
-        if not any(map(_instanced, context.selected_objects)):
+        if not any(map(instanced_tree, context.selected_objects)):
             problem = "Select collection instances of a baked tree"
         if problem:
             cls.poll_message_set(problem)
         return not problem
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        instances = [obj for obj in context.selected_objects if _instanced(obj) is not None]
-        for instance in instances:
-            show_own_level(instance)
-        self.report({"INFO"}, f"{len(instances)} instances show their own levels")
+        instances = [obj for obj in context.selected_objects if instanced_tree(obj) is not None]
+        try:
+            show_own_levels(instances)
+        except ValueError as error:
+            return refuse(self, error)
+        self.report({"INFO"}, f"Collection instances that show their own levels: {len(instances)}")
         return {"FINISHED"}
 
 
-def show_own_level(instance: bpy.types.Object) -> None:
-    """Replace an instance of a baked tree's collection by a placed tree, which has its name, place and children.
+def instanced_tree(obj: bpy.types.Object) -> bpy.types.Collection | None:
+    """Return the collection of the one baked tree that an object is an instance of; None for any other object."""
+    collection = obj.instance_collection if obj.instance_type == "COLLECTION" else None
+    is_tree = collection is not None and record(collection) is not None and root_of(collection) is not None
+    return collection if is_tree else None
 
-    An animated instance stays, with the placed tree below it.
+
+def show_own_levels(instances: list[bpy.types.Object]) -> None:
+    """Replace instances of baked trees' collections by placed trees with their names, places and children.
+
+    An instance with animation, constraints or other data that a new object would lack stays, with the placed tree below
+    it. Raises `ValueError` for a tree without levels.
     """
-    tree = _instanced(instance)
-    assert tree is not None, "the object is an instance"
-    with removed_on_failure():
-        obj = placed_tree(tree)
-    own = Matrix.Translation(-tree.instance_offset) @ place_of(tree)
-    if instance.animation_data is not None:
-        for collection in instance.users_collection:
-            collection.objects.link(obj)
-        obj.parent, obj.matrix_basis, instance.instance_type = instance, own, "NONE"
-        return
-    obj.parent, obj.parent_type, obj.parent_bone = instance.parent, instance.parent_type, instance.parent_bone
-    obj.matrix_parent_inverse = instance.matrix_parent_inverse
+    groups: dict[bpy.types.Collection, bpy.types.NodeTree] = {}
+    for instance in instances:
+        tree = instanced_tree(instance)
+        assert tree is not None, "each object is an instance"
+        if tree not in groups:
+            groups[tree] = tree_group(tree)
+        obj = placed_tree(tree.name, groups[tree])
+        own = Matrix.Translation(-tree.instance_offset) @ place_of(tree)
+        if _is_plain(instance):
+            _take_the_place(obj, instance, own)
+        else:
+            for collection in instance.users_collection:
+                collection.objects.link(obj)
+            obj.parent, obj.matrix_basis, instance.instance_type = instance, own, "NONE"
+            obj.hide_render, obj.hide_viewport = instance.hide_render, instance.hide_viewport
+
+
+def _is_plain(instance: bpy.types.Object) -> bool:
+    """Return whether an instance has no data of its own but its transform, parent and collections."""
+    usual = instance.parent_type == "OBJECT" and not (instance.hide_render or instance.hide_viewport)
+    moved = any(instance.delta_location) or any(instance.delta_rotation_euler) or set(instance.delta_scale) != {1.0}
+    return usual and not moved and instance.animation_data is None and not instance.constraints and not instance.keys()
+
+
+def _take_the_place(obj: bpy.types.Object, instance: bpy.types.Object, own: Matrix) -> None:
+    """Put `obj`, with the matrix `own` relative to the instance, in place of a plain instance, which is removed."""
+    obj.parent, obj.matrix_parent_inverse = instance.parent, instance.matrix_parent_inverse
     obj.matrix_basis = instance.matrix_basis @ own
-    was_selected = [layer.objects.active == instance for layer in bpy.context.scene.view_layers], instance.select_get()
-    name = instance.name
+    layers = [layer for layer in bpy.context.scene.view_layers if layer.objects.active == instance]
+    name, selected, hidden = instance.name, instance.select_get(), instance.hide_get()
     instance.user_remap(obj)
     bpy.data.objects.remove(instance)
     obj.name = name
-    obj.select_set(was_selected[1])
-    for layer, was_active in zip(bpy.context.scene.view_layers, was_selected[0], strict=True):
-        if was_active:
-            layer.objects.active = obj
-
-
-def place_new_instances(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
-    """Handler: soon after an instance of a baked tree's collection appears or changes, make it show its own level.
-
-    Only in Blender's interface. A handler may not change the scene that Blender evaluates, but a timer may.
-    """
-    if bpy.app.background or not preference("place_instances") or bpy.app.timers.is_registered(_place_all):
-        return
-    changed = (update.id for update in graph.updates)
-    if any(isinstance(each, bpy.types.Object) and _instanced(each.original) is not None for each in changed):
-        bpy.app.timers.register(_place_all, first_interval=0.1)
-
-
-def _place_all() -> float | None:
-    """Timer: replace all instances of baked trees in the scene, as one step for undo. Wait while Blender is busy."""
-    context = bpy.context
-    if mode_problem(context) or any(window.modal_operators for window in context.window_manager.windows):
-        return 0.5
-    instances = [obj for obj in context.scene.objects if _instanced(obj) is not None and obj.library is None]
-    for instance in instances:
-        show_own_level(instance)
-    if instances:
-        bpy.ops.ed.undo_push(message=LEAFCLOUD_OT_place_instances.bl_label)
-    return None
+    obj.select_set(selected)
+    obj.hide_set(hidden)
+    for layer in layers:
+        layer.objects.active = obj
 
 
 class LEAFCLOUD_PT_place(bpy.types.Panel):
@@ -152,7 +172,7 @@ class LEAFCLOUD_PT_place(bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         obj = context.active_object
-        return obj is not None and obj.select_get() and (is_placed_tree(obj) or _instanced(obj) is not None)
+        return obj is not None and obj.select_get() and (is_placed_tree(obj) or instanced_tree(obj) is not None)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.active_object
@@ -167,9 +187,3 @@ class LEAFCLOUD_PT_place(bpy.types.Panel):
         modifier = next(each for each in obj.modifiers if each.type == "NODES")
         draw_modifier_input(layout, modifier, LOD_DISTANCE)
         draw_modifier_input(layout, modifier, "Level", text="Level (−1: Auto)")
-
-
-def _instanced(obj: bpy.types.Object) -> bpy.types.Collection | None:
-    """Return the collection of the baked tree that an object is an instance of; None for any other object."""
-    collection = obj.instance_collection if obj.instance_type == "COLLECTION" else None
-    return collection if collection is not None and record(collection) is not None else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty
@@ -20,7 +20,8 @@ from .properties import with_labels
 NAME = "Leafcloud Scene"
 
 _REPLACED = "leafcloud_replaced"
-"""Custom property of the objects that a scene hides. A later scene draws them again."""
+"""Custom property of the objects that a scene hides: the name of the scene's object. A later scene of the same trees
+replaces it."""
 
 _DEFAULTS = SceneSettings()
 
@@ -87,7 +88,6 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        before = [obj for obj in context.scene.objects if NAME in obj.modifiers]
         try:
             with removed_on_failure():
                 shared = shared_trees(_trees(context), NAME)
@@ -98,11 +98,10 @@ class LEAFCLOUD_OT_scene(bpy.types.Operator):
         except ValueError as error:
             self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
-        for scene_object in before:
-            _remove(scene_object)
+        _remove_scenes(context, {source[_REPLACED] for source in shared.sources if _REPLACED in source})
         obj.name = NAME
         for source in shared.sources:
-            source[_REPLACED] = True
+            source[_REPLACED] = obj.name
             source.hide_render = True
             if source.visible_get():
                 source.hide_set(True)
@@ -158,11 +157,16 @@ def _trees(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
     """Yield the objects that may be trees of the scene: visible ones, and those that an earlier scene hides."""
     trees = context.scene.leafcloud_scene.trees
     objects = context.view_layer.objects if trees is None else trees.all_objects
-    return (obj for obj in objects if obj.visible_get() or _REPLACED in obj)
+    return (obj for obj in objects if obj.visible_get() or (_REPLACED in obj and obj.hide_get()))
 
 
-def _remove(scene_object: bpy.types.Object) -> None:
-    """Remove the object of an earlier scene, with its copies of the trees."""
-    drawn = get_modifier_input(scene_object.modifiers[NAME], "Trees")
-    copies = list(drawn.objects) if drawn is not None and drawn.users <= 1 else []
-    bpy.data.batch_remove([scene_object, scene_object.data, *copies, *([drawn] if copies else [])])
+def _remove_scenes(context: bpy.types.Context, names: Collection[str]) -> None:
+    """Remove the objects of earlier scenes, with their copies of the trees, and show the trees that they hid."""
+    for source in [obj for obj in context.view_layer.objects if obj.get(_REPLACED) in names]:
+        del source[_REPLACED]
+        source.hide_render = False
+        source.hide_set(False)
+    for obj in [obj for obj in context.scene.objects if obj.name in names and NAME in obj.modifiers]:
+        drawn = get_modifier_input(obj.modifiers[NAME], "Trees")
+        copies = list(drawn.objects) if drawn is not None and drawn.users <= 1 else []
+        bpy.data.batch_remove([obj, obj.data, *copies, *([drawn] if copies else [])])

@@ -9,7 +9,7 @@ import bpy
 
 from ..errors import SceneError
 from ..levels.earlier import levels_of
-from ..mesh.baked_levels import is_source, record_of
+from ..mesh.baked_levels import is_placed_tree, is_source, record_of
 from ..mesh.extract import Tree, extract
 from ..mesh.trees import extract_trees, grouped
 from .properties import leaf_names
@@ -41,7 +41,11 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     """
     here = {obj.name_full: obj for obj in context.view_layer.objects}
     sources: dict[bpy.types.Object, None] = {}
-    for obj in with_children(context):
+    objects = with_children(context)
+    trees = [obj for obj in objects if not is_placed_tree(obj)]
+    if objects and not trees:
+        raise SceneError(f"object {objects[0].name!r} is a placed tree: select the baked tree, or the tree's sources")
+    for obj in trees:
         made = record_of(obj)
         names = (obj.name_full,) if made is None else made.sources
         lost = [name for name in names if name not in here]

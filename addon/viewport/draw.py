@@ -59,7 +59,8 @@ class Preview:
             gpu.state.depth_test_set("NONE")
 
     def _draw(self, drawn: Drawn, eye: Vector, to_clip: Matrix) -> None:
-        uniforms = uniforms_in_view(drawn.obj.matrix_world, drawn.inputs, drawn.centre, eye, to_clip)
+        factor = distance_factor(drawn.obj)
+        uniforms = uniforms_in_view(drawn.obj.matrix_world, drawn.inputs, drawn.centre, eye, to_clip, factor)
         if uniforms is None:
             return
         self.shader.bind()
@@ -88,14 +89,15 @@ class Preview:
 
 
 def uniforms_in_view(
-    matrix: Matrix, inputs: LevelInputs, centre: Vector, eye: Vector, to_clip: Matrix
+    matrix: Matrix, inputs: LevelInputs, centre: Vector, eye: Vector, to_clip: Matrix, factor: float = 1.0
 ) -> Uniforms | None:
     """Return the uniforms of a level at `matrix` seen from `eye` in the world; None if the level is not drawn.
 
     `centre`: the point to measure distances from, in the level's coordinates. `to_clip`: from world to clip space.
+    `factor`: the level's LOD Distance.
     """
     place = matrix.inverted_safe() @ eye
-    look = look_at(inputs, (place - centre).length)
+    look = look_at(inputs, (place - centre).length / factor)
     if look is None:
         return None
     handed = -1.0 if matrix.is_negative else 1.0
@@ -107,6 +109,11 @@ def centre_of(obj: bpy.types.Object) -> Vector:
     return Vector(get_modifier_input(obj.modifiers[GROUP_NAME], "Centre"))
 
 
+def distance_factor(obj: bpy.types.Object) -> float:
+    """Return a level's LOD Distance. An artist may change it during the preview."""
+    return lod_distance(obj.modifiers[GROUP_NAME])
+
+
 def levels_in(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Return the objects that follow a camera: levels and their trunks."""
     return [obj for obj in scene.objects if obj.type == "MESH" and GROUP_NAME in obj.modifiers]
@@ -116,25 +123,20 @@ def inputs_of(obj: bpy.types.Object) -> LevelInputs:
     """Return the current inputs of a level's node groups, and the tables in its extras."""
     modifier = obj.modifiers[GROUP_NAME]
 
-    factor = lod_distance(modifier)
-
     def number(name: str) -> float:
         return float(get_modifier_input(modifier, name))
-
-    def length(name: str) -> float:
-        return factor * number(name)
 
     extras = obj.get(EXTRAS)
     table = obj.data.get(EXTRAS)
     return LevelInputs(
-        start=length("Start"),
-        end=length("End"),
-        prune_start=length("Prune Start"),
+        start=number("Start"),
+        end=number("End"),
+        prune_start=number("Prune Start"),
         prune_half=number("Prune Half"),
-        appear=length("Appear"),
-        vanish=length("Vanish"),
-        fade_in_end=length("Fade In End"),
-        fade_out_start=length("Fade Out Start"),
+        appear=number("Appear"),
+        vanish=number("Vanish"),
+        fade_in_end=number("Fade In End"),
+        fade_out_start=number("Fade Out Start"),
         growth=(number("Growth"), number("Growth Quadratic")),
         contrast=(number("Contrast"), number("Contrast Quadratic")),
         mean_color=tuple(extras["mean_color"]) if extras is not None and "mean_color" in extras else (0.0, 0.0, 0.0),

@@ -12,7 +12,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
 from ..mesh.baked_levels import EXTRAS, level_number
-from .draw import centre_of, inputs_of
+from .draw import centre_of, distance_factor, inputs_of
 from .look import LevelInputs, look_at
 
 MOST = 30
@@ -89,11 +89,19 @@ def _read(obj: bpy.types.Object, number: int) -> _Level:
 def _label(level: _Level, eye: Vector) -> Label | None:
     """Return the label of a level; None if it is not drawn, or fades out: the next level has the label."""
     matrix = level.obj.matrix_world
-    look = look_at(level.inputs, (matrix.inverted_safe() @ eye - level.centre).length)
+    look = look_at(level.inputs, (matrix.inverted_safe() @ eye - level.centre).length / distance_factor(level.obj))
     if look is None or (not look.coming and look.next_share > 0.5) or (look.coming and look.next_share <= 0.5):
         return None
     middle = matrix @ level.centre
-    top = middle + Vector((0.0, 0.0, level.radius * max(matrix.to_scale())))
+    top = middle + Vector((0.0, 0.0, level.radius * max(map(abs, matrix.to_scale()))))
     distance = (middle - eye).length
     name = "leaves" if level.number == 0 else f"level {level.number}"
-    return Label(f"{name}   {distance:,.3g} m   {level.triangles:,} triangles", top, distance)
+    return Label(f"{name}   {length_words(distance)}   {level.triangles:,} triangles", top, distance)
+
+
+def length_words(length: float) -> str:
+    """Return a length in the units of the scene."""
+    units = bpy.context.scene.unit_settings
+    if units.system == "NONE":
+        return f"{length:,.1f}"
+    return str(bpy.utils.units.to_string(units.system, "LENGTH", length * units.scale_length, precision=3))

@@ -77,9 +77,9 @@ def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.ty
     """The function that draws does nothing: drawing needs a window."""
     drawn: list[list[bpy.types.Object]] = []
 
-    def drawer(levels: list[bpy.types.Object]) -> Callable[[], None]:
+    def drawer(levels: list[bpy.types.Object]) -> dict[str, Callable[[], None]]:
         drawn.append(levels)
-        return lambda: None
+        return {"POST_VIEW": lambda: None}
 
     bpy.ops.leafcloud.bake()
     start_preview(bpy.context.view_layer, drawer)

@@ -52,6 +52,24 @@ def test_no_selection_is_told(leaves: bpy.types.Object) -> None:
     assert bpy.ops.leafcloud.select_billboard() == {"CANCELLED"}
 
 
+def test_only_the_level_is_edited(leaves: bpy.types.Object) -> None:
+    """After a bake all levels are selected. Edit Mode would open all of them."""
+    bpy.context.view_layer.objects.active = leaves.parent
+    bpy.ops.leafcloud.select_billboard()
+    assert bpy.context.objects_in_mode == [leaves]
+
+
+def test_a_hidden_level_is_refused(leaves: bpy.types.Object) -> None:
+    bpy.ops.leafcloud.show_level(level=1)
+    assert not bpy.ops.leafcloud.select_billboard.poll()
+
+
+def test_a_trunk_has_no_billboards(leaves: bpy.types.Object) -> None:
+    bpy.context.view_layer.objects.active = leaves.children[0]
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not bpy.ops.leafcloud.select_billboard.poll()
+
+
 def test_the_groups_are_locked(leaves: bpy.types.Object) -> None:
     assert len(leaves.vertex_groups) == billboards(leaves).max() + 1
     assert all(group.lock_weight for group in leaves.vertex_groups)

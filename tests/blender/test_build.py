@@ -81,13 +81,13 @@ def tree(*, with_trunk: bool = True) -> Tree:
 FOLIAGE = SimpleNamespace(
     leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([0.5, 0.0, 0.5]), radius=1.0, mirrored=False
 )
-RANKS = np.array([0.5, 0.25, 0.0], np.float32)
 HAND_OVERS = (
     HandOverKind.FADE,
     HandOverKind.MORPH_AND_FADE,
     HandOverKind.MORPH_AND_FADE,
     HandOverKind.FADE,
 )
+RANKS = np.array([0.5, 0.25, 0.0], np.float32)
 """Of the three leaves."""
 
 

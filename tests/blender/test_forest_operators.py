@@ -106,6 +106,19 @@ def test_a_changed_budget_builds_the_scene_again() -> None:
     assert triangles(evaluate(bpy.data.objects["Leafcloud Scene"])) <= whole - 10
 
 
+def test_scenes_of_other_trees_stay() -> None:
+    first, second = baked_crown("one"), baked_crown("two")
+    settings = bpy.context.scene.leafcloud_scene
+    for baked in (first, second):
+        settings.trees = baked.collection
+        bpy.ops.leafcloud.scene()
+    visible = [obj.name for obj in bpy.context.view_layer.objects if obj.visible_get()]
+    assert sorted(visible) == ["Leafcloud Scene", "Leafcloud Scene.001"]
+    settings.trees = None
+    bpy.ops.leafcloud.scene()
+    assert [obj.name for obj in bpy.context.view_layer.objects if obj.visible_get()] == ["Leafcloud Scene"]
+
+
 def test_the_settings_of_a_scene_start_as_those_of_the_node_group() -> None:
     wanted, usual = bpy.context.scene.leafcloud_scene, SceneSettings()
     assert (wanted.full_models, wanted.far, wanted.strength) == (usual.full_models, usual.far, usual.strength)

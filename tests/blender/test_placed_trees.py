@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from addon.levels.placed_tree import placed_tree
+from addon.levels.placed_tree import placed_tree as object_of
+from addon.levels.placed_tree import tree_group
 from addon.levels.root import root_of
 from addon.mesh.baked_levels import level_number
 from addon.nodes.laws import LOD_DISTANCE
-from addon.versions import get_modifier_input, set_modifier_input
+from addon.versions import get_modifier_input, set_modifier_input, source_of_input
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -39,6 +40,10 @@ def bake(shrub: Path) -> bpy.types.Collection:
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
     return bpy.data.collections["leaves"]
+
+
+def placed_tree(collection: bpy.types.Collection) -> bpy.types.Object:
+    return object_of(collection.name, tree_group(collection))
 
 
 def link(obj: bpy.types.Object) -> bpy.types.Object:
@@ -284,3 +289,109 @@ def test_a_placed_tree_is_not_baked_again(baked: bpy.types.Collection) -> None:
     bpy.ops.leafcloud.place()
     with pytest.raises(RuntimeError, match="baked"):
         bpy.ops.leafcloud.bake()
+
+
+def test_a_deleted_root_leaves_the_levels_as_they_are(baked: bpy.types.Collection) -> None:
+    """The drivers of LOD Distance lose their source, and give 0."""
+    look_from(baked, 1.0)
+    shown = levels(baked)
+    before = drawn_points(*shown)
+    bpy.data.objects.remove(root(baked))
+    np.testing.assert_allclose(drawn_points(*shown), before)
+    assert len(drawn_points(link(placed_tree(baked)))) == len(before)
+
+
+def test_instances_of_several_trees_stay_as_they_are(baked: bpy.types.Collection) -> None:
+    """A placed tree shows one tree."""
+    above = bpy.data.collections.new("set")
+    above.children.link(baked)
+    above["leafcloud_bake"] = baked["leafcloud_bake"]
+    empty = link(bpy.data.objects.new("set", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", above
+    bpy.ops.object.select_all(action="DESELECT")
+    empty.select_set(True)
+    assert not bpy.ops.leafcloud.place_instances.poll()
+
+
+def test_instances_with_data_of_their_own_keep_it(baked: bpy.types.Collection) -> None:
+    empty = link(bpy.data.objects.new("kept", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", baked
+    empty.constraints.new("COPY_LOCATION")
+    empty["mine"], empty.hide_render = 3, True
+    bpy.ops.object.select_all(action="DESELECT")
+    empty.select_set(True)
+    assert bpy.ops.leafcloud.place_instances() == {"FINISHED"}
+    [shown] = empty.children
+    assert (shown.hide_render, empty["mine"], len(empty.constraints)) == (True, 3, 1)
+
+
+def test_new_bakes_of_a_placed_tree_leave_nothing_behind(baked: bpy.types.Collection) -> None:
+    kinds = ("objects", "meshes", "materials", "images", "collections", "node_groups")
+
+    def names() -> dict[str, set[str]]:
+        return {kind: {block.name for block in getattr(bpy.data, kind)} for kind in kinds}
+
+    bpy.ops.leafcloud.place()
+    bpy.context.view_layer.objects.active.select_set(False)
+    root(baked).select_set(True)
+    bpy.context.view_layer.objects.active = root(baked)
+    before = names()
+    for _ in range(2):
+        assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+        assert names() == before
+
+
+def test_other_modifiers_on_a_level_or_below_the_root_do_no_harm(baked: bpy.types.Collection) -> None:
+    child = link(bpy.data.objects.new("nest", bpy.data.meshes.new("nest")))
+    child.parent = root(baked)
+    child.modifiers.new("empty", "NODES").node_group = None
+    levels(baked)[0].modifiers.new("empty", "NODES").node_group = None
+    assert len(drawn_points(link(placed_tree(baked)))) > 0
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    assert child.parent == root(bpy.data.collections["leaves"])
+
+
+def test_a_placed_tree_below_the_root_does_not_stop_a_new_bake(baked: bpy.types.Collection) -> None:
+    placed = link(placed_tree(baked))
+    placed.parent = root(baked)
+    bpy.context.view_layer.objects.active = root(baked)
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    assert placed.parent == root(bpy.data.collections["leaves"])
+    assert source_of_input(placed.modifiers[0], LOD_DISTANCE) is None
+
+
+def test_a_level_beyond_the_last_is_the_last(baked: bpy.types.Collection) -> None:
+    placed = link(placed_tree(baked))
+    set_modifier_input(placed.modifiers[0], "Level", 3)
+    last = drawn_points(placed)
+    set_modifier_input(placed.modifiers[0], "Level", 9)
+    np.testing.assert_array_equal(drawn_points(placed), last)
+    assert len(last)
+
+
+def test_a_copy_of_the_collection_has_placed_trees_of_its_own(baked: bpy.types.Collection) -> None:
+    placed = link(placed_tree(baked))
+    look_from(baked, 1.0)
+    before = len(drawn_points(placed))
+    copy = baked.copy()
+    bpy.context.scene.collection.children.link(copy)
+    assert tree_group(copy) != placed.modifiers[0].node_group
+    assert len(drawn_points(placed)) == before
+
+
+def test_a_second_mark_is_the_same_asset(baked: bpy.types.Collection) -> None:
+    for _ in range(2):
+        assert bpy.ops.leafcloud.asset() == {"FINISHED"}
+    assert len([obj for obj in bpy.data.objects if obj.asset_data is not None]) == 1
+
+
+def test_a_scene_of_many_trees_draws_placed_trees_too(baked: bpy.types.Collection) -> None:
+    for x in (10.0, 20.0):
+        link(placed_tree(baked)).location.x = x
+    bpy.context.view_layer.update()
+    bpy.context.scene.leafcloud_scene.budget = 0
+    assert bpy.ops.leafcloud.scene() == {"FINISHED"}
+    leaves = next(obj for obj in baked.objects if level_number(obj) == 0)
+    xs = drawn_points(bpy.data.objects["Leafcloud Scene"])[:, 0]
+    assert len([obj for obj in bpy.context.scene.objects if obj.visible_get() and obj.type == "MESH"]) == 1
+    assert ((xs > 5.0) & (xs < 15.0)).sum() == (xs > 15.0).sum() == (xs < 5.0).sum() >= len(leaves.data.loops)

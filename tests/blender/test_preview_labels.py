@@ -10,7 +10,7 @@ from mathutils import Vector
 
 from addon.mesh.baked_levels import level_number
 from addon.viewport.draw import centre_of
-from addon.viewport.labels import MOST, Labels
+from addon.viewport.labels import MOST, Labels, length_words
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -42,8 +42,32 @@ def test_each_tree_has_the_label_of_its_level(levels: list[bpy.types.Object], ra
     triangles = sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in parts)
     distance = (centre_of(level) - eye).length
     name = "leaves" if number == 0 else f"level {number}"
-    assert label.text == f"{name}   {distance:,.3g} m   {triangles:,} triangles"
+    assert label.text == f"{name}   {length_words(distance)}   {triangles:,} triangles"
     assert label.place.z == pytest.approx(centre_of(level).z + levels[0]["leafcloud"]["radius"])
+
+
+def test_lengths_are_in_the_units_of_the_scene() -> None:
+    assert [length_words(length) for length in (0.5, 12.34, 2345.6)] == ["0.5 m", "12.3 m", "2.35 km"]
+    bpy.context.scene.unit_settings.system = "IMPERIAL"
+    assert length_words(3.048) == "10'"
+    bpy.context.scene.unit_settings.system = "NONE"
+    assert length_words(2345.6) == "2,345.6"
+
+
+def test_a_mirrored_tree_has_its_label_above_it(levels: list[bpy.types.Object]) -> None:
+    levels[0].parent.scale = (-1.0, -1.0, -1.0)
+    bpy.context.view_layer.update()
+    [label] = Labels(levels).seen_from(eye_at(levels, 1.0))
+    assert label.place.z > (levels[0].matrix_world @ centre_of(levels[0])).z
+
+
+def test_the_label_follows_the_lod_distance(levels: list[bpy.types.Object]) -> None:
+    labels = Labels(levels)
+    levels[0].parent["LOD Distance"] = 10.0
+    levels[0].parent.update_tag()
+    bpy.context.view_layer.update()
+    [label] = labels.seen_from(eye_at(levels, 300.0))
+    assert label.text.startswith("leaves")
 
 
 def test_a_fade_has_one_label(levels: list[bpy.types.Object]) -> None:

@@ -23,7 +23,7 @@ def count():
 before = count()
 for _ in range(3):
     addon.register()
-    assert count() == before + 9, count()
+    assert count() == before + 12, count()
     addon.unregister()
     assert count() == before
 """
