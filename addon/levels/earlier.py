@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 
 from ..mesh.baked_levels import belongs_to_bake, full_names, record
-from .placed_tree import hand_down
+from .placed_tree import blocks_of_placed, hand_down
 from .root import is_root, keep_root, root_of
 
 
@@ -68,9 +68,10 @@ def replaced(collections: Sequence[bpy.types.Collection]) -> Iterator[None]:
             heir = bpy.data.objects.get(new.name + names[obj].removeprefix(before.name))
             if heir is not None:
                 obj.user_remap(heir)
-    shared = _data_of(own)
+    for block in _still_used(own):  # By placed trees, if there is no new bake of their tree.
+        own.remove(block)
+        block.name = names[block]
     bpy.data.batch_remove(own)
-    _remove_unused(shared)
 
 
 def remove_levels(collection: bpy.types.Collection) -> None:
@@ -112,32 +113,35 @@ def _put_in_place(old: bpy.types.Collection, new: bpy.types.Collection, own: Col
 def _own_blocks(collections: Iterable[bpy.types.Collection], *, copies: bool = False) -> list[bpy.types.ID]:
     """Return the collections, their members that the bake made, and meshes, materials and images used only there.
 
-    copies: also copies of the tree.
+    copies: also copies of the tree. Without them, data that only the placed trees of a collection use counts, too: a
+    new bake gives them new data.
     """
     own: dict[bpy.types.ID, None] = {}
+    placed: set[bpy.types.ID] = set()
     for collection in collections:
         made = record(collection)
         assert made is not None
         members = [*collection.children_recursive, *collection.all_objects]
         own |= dict.fromkeys([collection, *(each for each in members if each.name_full in made.made)])
         own |= dict.fromkeys(each for each in members if copies and belongs_to_bake(each))
+        placed |= set() if copies else blocks_of_placed(collection)
     users = bpy.data.user_map()
     for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.images):
-        mine = [block for block in kind if users.get(block) and users[block] <= own.keys() and not block.use_fake_user]
+        mine = [
+            block
+            for block in kind
+            if users.get(block) and users[block] <= own.keys() | placed and not block.use_fake_user
+        ]
         own |= dict.fromkeys(mine)
     return list(own)
 
 
-def _data_of(own: Collection[bpy.types.ID]) -> list[bpy.types.ID]:
-    """Return the meshes, materials and images that these blocks use, and that others use, too."""
-    users, found = bpy.data.user_map(), dict.fromkeys(own)
-    for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.images):
-        found |= dict.fromkeys(block for block in kind if users.get(block, set()) & found.keys())
-    return [block for block in found if block not in own]
-
-
-def _remove_unused(blocks: Sequence[bpy.types.ID]) -> None:
-    """Remove the blocks that nothing uses any more, in their order: materials before their images."""
-    for block in blocks:
-        if block.users == 0:
-            bpy.data.batch_remove([block])
+def _still_used(own: Sequence[bpy.types.ID]) -> list[bpy.types.ID]:
+    """Return the meshes, materials and images among these blocks that others use, or that the returned ones use."""
+    users, mine = bpy.data.user_map(), set(own)
+    found: dict[bpy.types.ID, None] = {}
+    for kind in (bpy.types.Mesh, bpy.types.Material, bpy.types.Image):
+        for block in (block for block in own if isinstance(block, kind)):
+            if users.get(block, set()) - mine or users.get(block, set()) & found.keys():
+                found[block] = None
+    return list(found)

@@ -64,6 +64,12 @@ def tree_of(obj: bpy.types.Object) -> bpy.types.Collection | None:
     return next((each for each in bpy.data.collections if each.get(TREE_GROUP) in identifiers), None)
 
 
+def blocks_of_placed(collection: bpy.types.Collection) -> set[bpy.types.ID]:
+    """Return the node group of a tree's placed trees, and the objects that it reads."""
+    group = _found(collection)
+    return set() if group is None else {group, *_sources(group)}
+
+
 def hand_down(before: bpy.types.Collection, after: bpy.types.Collection) -> None:
     """Make the placed trees of `before` show the tree in `after`, a new bake of the same tree."""
     group = _found(before)
@@ -88,11 +94,15 @@ _Parts = list[tuple[int, bpy.types.Object]]
 
 
 def _fill(group: bpy.types.NodeTree, parts: _Parts) -> None:
-    nodes = [node for node in group.nodes if node.bl_idname == "GeometryNodeObjectInfo"]
-    before = {node.inputs["Object"].default_value for node in nodes} - {None}
+    before = _sources(group)
     group.nodes.clear()
     bpy.data.batch_remove(before)
     fill_tree_group(group, [_part(number, obj) for number, obj in parts])
+
+
+def _sources(group: bpy.types.NodeTree) -> set[bpy.types.Object]:
+    nodes = [node for node in group.nodes if node.bl_idname == "GeometryNodeObjectInfo"]
+    return {node.inputs["Object"].default_value for node in nodes} - {None}
 
 
 def _parts_of(collection: bpy.types.Collection) -> _Parts:

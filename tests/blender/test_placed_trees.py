@@ -386,6 +386,9 @@ def test_a_second_mark_is_the_same_asset(baked: bpy.types.Collection) -> None:
 
 
 def test_a_scene_of_many_trees_draws_placed_trees_too(baked: bpy.types.Collection) -> None:
+    bpy.context.scene.leafcloud.chain = "both"
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    baked = bpy.data.collections["leaves"]
     for x in (10.0, 20.0):
         link(placed_tree(baked)).location.x = x
     bpy.context.view_layer.update()
@@ -394,4 +397,5 @@ def test_a_scene_of_many_trees_draws_placed_trees_too(baked: bpy.types.Collectio
     leaves = next(obj for obj in baked.objects if level_number(obj) == 0)
     xs = drawn_points(bpy.data.objects["Leafcloud Scene"])[:, 0]
     assert len([obj for obj in bpy.context.scene.objects if obj.visible_get() and obj.type == "MESH"]) == 1
-    assert ((xs > 5.0) & (xs < 15.0)).sum() == (xs > 15.0).sum() == (xs < 5.0).sum() >= len(leaves.data.loops)
+    trees = [((xs > x - 5.0) & (xs < x + 5.0)).sum() for x in (0.0, 10.0, 20.0)]
+    assert min(trees) > 0.9 * len(leaves.data.loops)

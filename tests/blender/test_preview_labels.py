@@ -47,7 +47,7 @@ def test_each_tree_has_the_label_of_its_level(levels: list[bpy.types.Object], ra
 
 
 def test_lengths_are_in_the_units_of_the_scene() -> None:
-    assert [length_words(length) for length in (0.5, 12.34, 2345.6)] == ["0.5 m", "12.3 m", "2.35 km"]
+    assert [length_words(length) for length in (0.5, 12.34, 2345.6)] == ["50 cm", "12.3 m", "2.35 km"]
     bpy.context.scene.unit_settings.system = "IMPERIAL"
     assert length_words(3.048) == "10'"
     bpy.context.scene.unit_settings.system = "NONE"
