@@ -52,6 +52,7 @@ test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## ru
 	tools/run_tests.sh .venv
 	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)
 	tools/run_tests.sh .venv-5.0 $(OTHER_BLENDERS)
+	$(if $(BLENDER),$(MAKE) test-interface)
 
 .PHONY: environments
 environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download the other environments and packages of the tests
