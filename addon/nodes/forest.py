@@ -11,7 +11,7 @@ So a tree switches between D and (1 + width)·D, never nearer than D, and neighb
 the points' attribute `id`, which scattering nodes store, else on their index. It does not change when the camera moves.
 Points may have the attributes `rotation` (rotation or Euler angles) and `scale` (number or vector).
 
-With a Kind of at least 0 the trees stand on the points of point clouds whose attribute `leafcloud_kind` is the Kind
+With a Kind of at least 0 the trees stand on the points of point clouds with this Kind as attribute `leafcloud_kind`
 (`nodes.points`). All other geometry stays, so several forests on one object mix several kinds of trees.
 
 All instances share one mesh per variant, so 100,000 trees take little memory. They have no transition and no continuous

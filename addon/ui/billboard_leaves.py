@@ -58,7 +58,7 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
         if not count:
             self.report({"WARNING"}, "No selected leaf lies on a billboard: select one first")
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Billboards whose leaves are selected: {count}")
+        self.report({"INFO"}, f"Selected the leaves of {count} billboard{'s' if count > 1 else ''}")
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -2,7 +2,7 @@
 adds soon shows the level for its own place.
 
 An instance is offered once: one that is still or again an instance later, as after an undo, stays. So do those that a
-file already has, and those of linked collections, whose file should decide.
+file already has, and instances of linked collections: their own file should decide.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def opened(work: Path, pictures: Path, *, display: int = 77) -> Iterator[Window]
 
 
 def environment_of(work: Path) -> dict[str, str]:
-    """Return the environment of a Blender whose configuration is below `work`."""
+    """Return the environment of a Blender with its configuration below `work`."""
     resources = work / "resources"
     resources.mkdir(exist_ok=True)
     return {**os.environ, "BLENDER_USER_RESOURCES": str(resources), "HOME": str(work), "LIBGL_ALWAYS_SOFTWARE": "1"}
