@@ -2,8 +2,8 @@
 
 Blender evaluates the modifiers of an object once. So all instances of a collection show the level for the place of the
 original. Copies of an object are evaluated one by one: each shows the level for its own place, without the add-on and
-without Python. A placed tree is therefore one object. Its modifier applies to every level the same node groups as the level's own
-modifiers:
+without Python. A placed tree is therefore one object. Its modifier applies to every level the same node groups as the
+level's own modifiers:
 
     level n:  mesh → materials that fade → Leafcloud LOD → Leafcloud Wind …  → drawn if Level is −1 or n
     tree:     all levels joined
