@@ -33,8 +33,7 @@ def _on_change(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
 
 def _on_another_state(*_: object) -> None:
     """Know all instances of the file, as after loading, undo and redo: none of them is new."""
-    if bpy.app.timers.is_registered(_offer):
-        bpy.app.timers.unregister(_offer)
+    stop_offers()
     _know()
 
 
@@ -61,7 +60,7 @@ def _offer() -> float | None:
     context = bpy.context
     if mode_problem(context) or any(window.modal_operators for window in context.window_manager.windows):
         return _BUSY
-    new = [obj for obj in context.scene.objects if obj.session_uid not in _known and _is_ours(obj)]
+    new = [obj for obj in context.view_layer.objects if obj.session_uid not in _known and _is_ours(obj)]
     _know()
     if new and preference("place_instances"):
         show_own_levels(new)
