@@ -33,6 +33,7 @@ from addon.bake.values import Baked  # noqa: E402
 from addon.mesh.extract import extract  # noqa: E402
 from addon.scene.load import load  # noqa: E402
 from addon.settings.bake import BakeSettings  # noqa: E402
+from addon.steps import all_steps  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEWS = [(math.cos(a), math.sin(a), 0.2) for a in np.arange(8) * math.pi / 4.0]
@@ -55,7 +56,7 @@ def main() -> None:
         if tree.trunk is None:
             continue
         prepared = prepare(tree, BakeSettings())
-        baked = finish(prepared, start(prepared).result(), "tree", view_of(bpy.context.scene))
+        baked = all_steps(finish(prepared, start(prepared).result(), "tree", view_of(bpy.context.scene)))
         table += ["| " + " | ".join([path.stem, *row]) + " |" for row in rows(baked)]
     print("\n".join(table))
     if not trees:

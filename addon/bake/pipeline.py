@@ -45,6 +45,7 @@ from ..scene.wind import wind_on
 from ..settings.bake import BakeSettings
 from ..settings.choices import DRAW_OCTAHEDRAL, Form, Last
 from ..settings.fit_options import fit_options
+from ..steps import Steps
 from .lighting import light_of
 from .part import described_part
 from .values import Baked, Planned, Prepared
@@ -222,8 +223,8 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decisi
     return options
 
 
-def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Baked:
-    """Build the levels in Blender under `name`. `view` sets their switch distances."""
+def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) -> Steps[Baked]:
+    """Build the levels in Blender under `name`, in steps. `view` sets their switch distances."""
     light, decisions = prepared.light, prepared.effects
     effects = {decision.name: effect_named(decision.name) for decision in decisions}
     costs = Costs({each: effect.core_seconds(chain, decisions) for each, effect in effects.items()})
@@ -244,7 +245,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         wind=wind_settings(prepared),
         owners=prepared.owners,
     )
-    collection, built = build_levels(build)
+    yield
+    collection, built = yield from build_levels(build)
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
     missed = quality_warnings(build.schedule.switch_sizes, chain.levels)
     prepared = replace(prepared, warnings=(*prepared.warnings, *missed))

@@ -23,6 +23,7 @@ from ..plan.effects import CameraNote, camera_note
 from ..plan.quality import measure
 from ..plan.registry import all_effects
 from ..settings.bake import BakeSettings
+from ..steps import Steps, all_steps
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
 from .values import Baked, Planned, Prepared, TreeSet
@@ -81,13 +82,14 @@ def start_tree_set(prepared: Mapping[str, Prepared]) -> ChainsJob:
 
 def finish_tree_set(
     prepared: Mapping[str, Prepared], chains: Collection[leafcloud.Chain], name: str, scene: bpy.types.Scene
-) -> TreeSet:
-    """Build the levels in the scene, one collection per tree. The collections of several trees get a parent `name`."""
+) -> Steps[TreeSet]:
+    """Build the levels in the scene, in steps, one collection per tree. The collections of several trees get a parent
+    `name`."""
     view = view_of(scene)
     with removed_on_failure():
         if len(prepared) == 1:
             [each], [chain] = prepared.values(), chains
-            tree = finish(each, chain, name, view)
+            tree = yield from finish(each, chain, name, view)
             scene.collection.children.link(tree.collection)
             return TreeSet.of(tree)
         collection = bpy.data.collections.new(name)
@@ -96,7 +98,7 @@ def finish_tree_set(
         known = set(bpy.data.images)
         made: dict[bpy.types.Image, str] = {}
         for (own, each), chain in zip(prepared.items(), chains, strict=True):
-            tree = finish(each, chain, free_name(file_name(own)), view)
+            tree = yield from finish(each, chain, free_name(file_name(own)), view)
             collection.children.link(tree.collection)
             trees.append(tree)
             own_images = sorted(set(bpy.data.images) - known - made.keys(), key=lambda image: image.name)
@@ -109,7 +111,7 @@ def bake_tree_set(prepared: Mapping[str, Prepared], scene: bpy.types.Scene, name
     """Run the bake after `prepare_tree_set`. From the trees' own scene it needs only the camera."""
     chains = wait(start_tree_set(prepared), progress)
     progress("build", 0.0)
-    return finish_tree_set(prepared, chains, name, scene)
+    return all_steps(finish_tree_set(prepared, chains, name, scene))
 
 
 def free_name(wanted: str) -> str:

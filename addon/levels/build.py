@@ -14,6 +14,7 @@ from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
 from ..plan.lod_range import LodRange, shows_trunk, trunk_range
 from ..plan.trunk_limits import trunk_limits
+from ..steps import Steps
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import leaf_object, simplified_object
@@ -27,8 +28,10 @@ NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 """Levels without billboards."""
 
 
-def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
+def build_levels(build: Build) -> Steps[tuple[bpy.types.Collection, list[BuiltLevel]]]:
     """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
+
+    In steps: one for the mesh of each level, one for its modifiers.
 
     Meshes are in the tree's coordinates, the root above all objects has the tree's matrix. If the camera sees a single
     level and there are neither transitions nor pruning, only that level is shown. On failure everything created is
@@ -39,15 +42,21 @@ def build_levels(build: Build) -> tuple[bpy.types.Collection, list[BuiltLevel]]:
         root = add_root(collection, build)
         behind = build.chain.levels
         following = [*behind[1:], None]
-        objects = [_object(level, following[n], n + 1, build) for n, level in enumerate(behind)]
+        objects = []
+        for number, level in enumerate(behind, start=1):
+            objects.append(_object(level, following[number - 1], number, build))
+            yield
         trunks = _trunks(build, [_triangles(obj) for obj in objects])
+        yield
         levels = [_add_level(root, leaf_object(build), 0, trunks[0], build)]
+        yield
         for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
             built = _add_level(root, obj, number, trunks[number], build)
             if not isinstance(level, NO_CLOUDS):
                 for effect in build.charged():
                     built = effect.add_to_cloud(built, level, build)
             levels.append(built)
+            yield
         for effect in build.charged():
             effect.add_to_tree(collection, build)
     return collection, levels

@@ -12,6 +12,7 @@ import leafcloud
 from ..bake.pipeline import layer_of, prepare, start_curve
 from ..errors import SceneError
 from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings, SettingsError
+from ..steps import Steps
 from . import measured
 from .job_operator import JobOperator
 from .properties import bake_settings, with_labels
@@ -45,7 +46,8 @@ class LEAFCLOUD_OT_curve(JobOperator, bpy.types.Operator):
             self._prepared = prepare(tree, settings, layer_of(context.scene))
         return start_curve(self._prepared, quick=True)
 
-    def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> set[str]:
+    def end(self, context: bpy.types.Context, curve: leafcloud.Curve) -> Steps[set[str]]:
+        yield
         measured.keep(curve, self._name, self._prepared)
         self.report({"INFO"}, f"Measured {len(curve.rows)} settings on {self._name}")
         return {"FINISHED"}

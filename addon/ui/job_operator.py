@@ -12,6 +12,7 @@ import leafcloud
 from ..bake.job import POLL_SECONDS, Job, wait
 from ..errors import SceneError
 from ..settings.bake import SettingsError
+from ..steps import Steps, all_steps
 from .progress import show
 from .properties import with_labels
 from .viewport import is_previewed
@@ -26,6 +27,9 @@ TAB = "Leafcloud"
 """The tab of the sidebar with all panels."""
 
 running: list[Job[Any]] = []
+
+STEP_SECONDS = 0.01
+"""Pause between two steps after a job, in which the interface draws."""
 
 BUSY = "A bake or a measurement is running"
 """Why an operator cannot start."""
@@ -97,14 +101,17 @@ def is_over_tab(screen: bpy.types.Screen, event: bpy.types.Event) -> bool:
 class JobOperator:
     """Mixin for operators that run a job of the core. Put it before `bpy.types.Operator` in the list of bases.
 
-    The subclass defines `begin`, which reads the scene and starts a job, and `end`, which uses the result. Either may
-    raise one of `REFUSALS`, and must then leave the scene unchanged.
+    The subclass defines `begin`, which reads the scene and starts a job, and `end`, which uses the result in steps.
+    Either may raise one of `REFUSALS`, and must then leave the scene unchanged; `end` also if it is closed between two
+    steps.
     """
 
     if TYPE_CHECKING:
         begin: Callable[[bpy.types.Context], Job[Any]]
-        end: Callable[[bpy.types.Context, Any], set[str]]
+        end: Callable[[bpy.types.Context, Any], Steps[set[str]]]
         report: Callable[[set[str], str], None]
+        _steps: Steps[set[str]] | None
+        _timer: bpy.types.Timer | None
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -114,7 +121,7 @@ class JobOperator:
         """Run the job to its end, blocking the interface."""
         try:
             self._start(context)
-            return self.end(context, wait(self._job, lambda stage, fraction: None))
+            return all_steps(self.end(context, wait(self._job, lambda stage, fraction: None)))
         except REFUSALS as error:
             return refuse(self, error)
         finally:
@@ -128,44 +135,75 @@ class JobOperator:
             self._start(context)
         except REFUSALS as error:
             return refuse(self, error)
-        manager = context.window_manager
         self._show(context)
-        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
+        self._add_timer(context, POLL_SECONDS)
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self._job.cancel()
-            return {"RUNNING_MODAL"}
+            if self._steps is None:
+                return {"RUNNING_MODAL"}
+            self.cancel(context)
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
         if event.type != "TIMER":
             passes = event.type in _NAVIGATION or (event.type == "LEFTMOUSE" and is_over_tab(context.screen, event))
             return {"PASS_THROUGH"} if passes else {"RUNNING_MODAL"}
         self._show(context)
         if not self._job.done:
             return {"RUNNING_MODAL"}
+        done = self._step(context)
+        if done is not None:
+            self._stop(context)
+        return done or {"RUNNING_MODAL"}
+
+    def _step(self, context: bpy.types.Context) -> set[str] | None:
+        """Do the next step after the job. Return the operator's result after the last one, or after an error."""
         try:
-            return self.end(context, self._job.result())
+            if self._steps is None:
+                self._steps = self.end(context, self._job.result())
+                self._add_timer(context, STEP_SECONDS)
+            next(self._steps)
+        except StopIteration as end:
+            return set(end.value)
         except leafcloud.CancelledError:
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
         except REFUSALS as error:
             return refuse(self, error)
-        finally:
-            context.window_manager.event_timer_remove(self._timer)
-            running.clear()
-            show(context, "", 0.0)
+        except BaseException:
+            self._stop(context)
+            raise
+        return None
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Cancel the job. Blender calls this when the window closes or another file is loaded."""
         self._job.cancel()
+        if self._steps is not None:
+            self._steps.close()
+        self._stop(context)
+
+    def _stop(self, context: bpy.types.Context) -> None:
         context.window_manager.event_timer_remove(self._timer)
         running.clear()
         show(context, "", 0.0)
 
     def _show(self, context: bpy.types.Context) -> None:
-        show(context, self._job.stage or "start", self._job.fraction)
+        if self._steps is not None:
+            show(context, "build", 1.0)
+        else:
+            show(context, self._job.stage or "start", self._job.fraction)
+
+    def _add_timer(self, context: bpy.types.Context, seconds: float) -> None:
+        """Wait for events of a timer, in place of the timer before."""
+        manager = context.window_manager
+        if self._timer is not None:
+            manager.event_timer_remove(self._timer)
+        self._timer = manager.event_timer_add(seconds, window=context.window)
 
     def _start(self, context: bpy.types.Context) -> None:
+        self._steps = self._timer = None
         self._job = self.begin(context)
         running.append(self._job)

@@ -31,6 +31,7 @@ from ..levels.rollback import removed_on_failure
 from ..levels.root import root_of
 from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
+from ..steps import Steps
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse
 from .measured import predicted, tell
 from .preferences import preference
@@ -86,7 +87,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
         return start_tree_set(self._prepared)
 
-    def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> set[str]:
+    def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> Steps[set[str]]:
         """Replace the sources in the scene by the levels, and write files if a folder is given.
 
         The new levels replace those of an earlier bake of the same sources.
@@ -96,7 +97,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         before = name_before(earlier, sources)
         with replaced(earlier), removed_on_failure():
             name = before or free_name(file_name(_tree_set_name(list(self._prepared))))
-            tree_set = finish_tree_set(self._prepared, chains, name, scene)
+            tree_set = yield from finish_tree_set(self._prepared, chains, name, scene)
             if self._directory is not None:
                 write(tree_set, self._directory, lambda stage, fraction: show(context, stage, fraction), blend=False)
             remember(tree_set.collection, sources)
@@ -105,10 +106,12 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
                 if not preference("vertex_groups"):
                     for level in tree.levels:
                         level.object.vertex_groups.clear()
+            yield
         effects = joint_effects([tree.effects for tree in tree_set.trees])
         show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
         for tree in tree_set.trees:
             tell(tree)
+        yield
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True

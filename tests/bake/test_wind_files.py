@@ -253,7 +253,9 @@ def test_a_bake_without_wind_calls_no_code_of_the_wind(
     assert [group.name for group in bpy.data.node_groups] == ["Leafcloud LOD"]
     for obj in bpy.data.objects:
         assert all(modifier.name == "Leafcloud LOD" for modifier in obj.modifiers)
-        assert obj.animation_data is None
+        drivers = obj.animation_data.drivers if obj.animation_data else []
+        paths = {driver.driver.variables[0].targets[0].data_path for driver in drivers}
+        assert paths <= {'["LOD Distance"]'}
         assert "wind" not in obj.get("leafcloud", {})
     attributes = {attribute.name for mesh in bpy.data.meshes for attribute in mesh.attributes}
     assert not attributes & {"leaf_phase", "leaf_flutter", "leaf_billboard_pivot"}

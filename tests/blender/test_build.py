@@ -22,6 +22,7 @@ from addon.levels.prune_tables import area_shares, prefix_table
 from addon.plan.lod_range import HandOverKind, lod_ranges
 from addon.plan.registry import effect_named
 from addon.plan.schedule import Schedule
+from addon.steps import all_steps
 from addon.versions import get_modifier_input
 
 MIRROR = np.diag([-2.0, 2.0, 2.0, 1.0])
@@ -137,7 +138,7 @@ def context(source: Tree, made: SimpleNamespace, *, transitions: bool = True, pr
 
 
 def build(source: Tree, **effects: bool) -> list[BuiltLevel]:
-    return build_levels(context(source, chain(), **effects))[1]
+    return all_steps(build_levels(context(source, chain(), **effects)))[1]
 
 
 def values(mesh: bpy.types.Mesh, name: str) -> NDArray[Any]:
@@ -355,7 +356,7 @@ def test_the_last_cloud_and_the_cross_have_nothing_to_morph_to() -> None:
 def test_billboards_face_the_same_way_in_a_mirrored_tree() -> None:
     mirrored = Tree("tree", MIRROR, leaves(), None, "", [], [])
     made = replace(context(mirrored, chain()), foliage=SimpleNamespace(**{**vars(FOLIAGE), "mirrored": True}))
-    mesh = build_levels(made)[1][2].object.data
+    mesh = all_steps(build_levels(made))[1][2].object.data
     normal = np.array(mesh.polygons[0].normal)
     world = np.linalg.inv(MIRROR)[:3, :3].T @ normal  # The normal of a front in the world.
     corners = chain().levels[1].corners @ MIRROR[:3, :3].T
@@ -431,7 +432,7 @@ def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
 def test_a_build_counts_the_cost_of_each_effect() -> None:
     made = chain()
     asked = context(tree(), made)
-    build_levels(asked)
+    all_steps(build_levels(asked))
     costs = asked.costs
     vertices = 12 + 10
     assert costs.bytes == {
@@ -459,7 +460,7 @@ def test_a_failed_build_leaves_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(clouds, "atlas_material", fail)
     with pytest.raises(MemoryError):
-        build_levels(context(source, chain()))
+        all_steps(build_levels(context(source, chain())))
     assert count_data() == before
 
 

@@ -88,9 +88,9 @@ def test_the_artists_materials_stay_as_they_are() -> None:
     before = [sorted(node.name for node in each.node_tree.nodes) for each in own]
     tree = baked(obj)
     assert [sorted(node.name for node in each.node_tree.nodes) for each in own] == before
-    shown = [[slot.material for slot in level.object.material_slots] for level in tree.levels[:2]]
-    # Both levels fade, with copies for their objects.
-    assert not {each for row in shown for each in row} & set(own)
+    leaves, simplified = ({slot.material for slot in level.object.material_slots} for level in tree.levels[:2])
+    assert leaves == set(own), "the leaves do not fade into simplified leaves"
+    assert not simplified & set(own), "simplified leaves fade into a cloud, with copies for their objects"
 
 
 def test_the_leaves_morph_onto_the_simplified_leaves() -> None:
