@@ -1,4 +1,4 @@
-"""Builds the Blender extension with Blender's own tool: the add-on's folder, wheel, leafcloud.glsl and sample tree in a zip.
+"""Builds the Blender extension with Blender's own tool: add-on, wheel, leafcloud.glsl and sample tree in one zip.
 
     python tools/build_extension.py --wheel target/wheels/leafcloud-….whl --out dist
 
