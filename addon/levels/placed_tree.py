@@ -14,7 +14,7 @@ from mathutils import Matrix
 
 from ..mesh.baked_levels import TREE_GROUP, level_number, levels_and_trunks, record
 from ..nodes.laws import LOD_DISTANCE, is_own_group
-from ..nodes.placed_tree import Part, Step, fill_tree_group
+from ..nodes.placed_tree import LevelModifier, Part, fill_tree_group
 from ..versions import modifier_inputs, source_of_input
 from .root import root_of
 
@@ -127,11 +127,11 @@ def _part(number: int, obj: bpy.types.Object) -> Part:
     ]
     own = [each for each in obj.modifiers if each.type == "NODES" and is_own_group(each.node_group)]
     source = bpy.data.objects.new(f"{obj.name} placed", obj.data)
-    return Part(number, source, tuple(fading), tuple(map(_step, own)))
+    return Part(number, source, tuple(fading), tuple(map(_read, own)))
 
 
-def _step(modifier: bpy.types.NodesModifier) -> Step:
+def _read(modifier: bpy.types.NodesModifier) -> LevelModifier:
     values = {name: value for name, value in modifier_inputs(modifier).items() if name not in _OWN_INPUTS}
     sources = {name: source_of_input(modifier, name) for name in values}
     driven = {name: source for name, source in sources.items() if source is not None}
-    return Step(modifier.node_group, values, driven)
+    return LevelModifier(modifier.node_group, values, driven)

@@ -30,7 +30,7 @@ _ROW = -900.0
 
 
 @dataclass(frozen=True)
-class Step:
+class LevelModifier:
     """A modifier of a level: its node group, the values of its inputs by name, and the sources of driven inputs."""
 
     group: bpy.types.NodeTree
@@ -43,13 +43,13 @@ class Part:
     """A level or its trunk.
 
     source: an object with the mesh and no modifiers. fading: pairs of a material of the mesh and the one that replaces
-    it. steps: the level's modifiers, the first one first.
+    it. modifiers: the level's own, the first one first.
     """
 
     level: int
     source: bpy.types.Object
     fading: tuple[tuple[bpy.types.Material, bpy.types.Material], ...]
-    steps: tuple[Step, ...]
+    modifiers: tuple[LevelModifier, ...]
 
 
 def fill_tree_group(tree: bpy.types.NodeTree, parts: Sequence[Part]) -> None:
@@ -82,18 +82,18 @@ def _geometry(section: Section, part: Part) -> bpy.types.NodeSocket:
     geometry = info.outputs["Geometry"]
     for old, new in part.fading:
         geometry = section.result("GeometryNodeReplaceMaterial", geometry, old, new, label="Material that fades")
-    for step in part.steps:
-        geometry = _applied(section, step, geometry)
+    for modifier in part.modifiers:
+        geometry = _applied(section, modifier, geometry)
     return geometry
 
 
-def _applied(section: Section, step: Step, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _applied(section: Section, modifier: LevelModifier, geometry: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Return the geometry after one modifier."""
-    node = section.node("GeometryNodeGroup", label=step.group.name, node_tree=step.group)
+    node = section.node("GeometryNodeGroup", label=modifier.group.name, node_tree=modifier.group)
     tree = node.id_data
-    for name, value in step.values.items():
+    for name, value in modifier.values.items():
         node.inputs[name].default_value = value
-    for name, (source, path) in step.driven.items():
+    for name, (source, path) in modifier.driven.items():
         place = list(node.inputs).index(node.inputs[name])
         driven = tree.driver_add(f'nodes["{node.name}"].inputs[{place}].default_value')
         set_source(driven.driver, source, path)

@@ -6,7 +6,6 @@ import bpy
 from mathutils import Matrix
 
 from ..levels.placed_tree import place_of, placed_tree, tree_group
-from ..levels.rollback import removed_on_failure
 from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, record
 from ..nodes.laws import LOD_DISTANCE
@@ -16,13 +15,6 @@ from .on_tree import OnTree, active_tree, mode_problem
 
 _ASSET = "Leafcloud"
 """Tag of the assets, by which the asset browser finds them."""
-
-
-def _placed(tree: bpy.types.Collection) -> bpy.types.Object:
-    with removed_on_failure():
-        obj = placed_tree(tree.name, tree_group(tree))
-    obj.matrix_world = place_of(tree)
-    return obj
 
 
 class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
@@ -36,9 +28,11 @@ class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
         tree = active_tree(context)
         assert tree is not None, "poll refuses without a tree"
         try:
-            obj = _placed(tree)
+            group = tree_group(tree)
         except ValueError as error:
             return refuse(self, error)
+        obj = placed_tree(tree.name, group)
+        obj.matrix_world = place_of(tree)
         obj.location = context.scene.cursor.location
         context.collection.objects.link(obj)
         for other in context.selected_objects:
