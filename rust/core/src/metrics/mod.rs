@@ -150,31 +150,29 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
-        let Some(Sunlit { frame, sun, pictures }) = &self.sunlit else {
-            return Ok(self.beside(self.pictures_of(level)?));
+        let Some(Sunlit { frame, sun, .. }) = &self.sunlit else {
+            return Ok(self.beside(self.pictures_of(level)?, None));
         };
         let (flat, lit) = flat_and_lit(&[level], &self.views, &Light::on(&[level], frame, *sun))?;
-        let lit = Pictures::new(Arc::clone(pictures), lit);
-        Ok(Comparison { lit: Some(lit), ..self.beside(flat) })
+        Ok(self.beside(flat, Some(lit)))
     }
 
-    /// Compares the base with pictures that `draw` makes of each view, for levels that are no triangles. `draw` also gets the direction to
-    /// the sun, of length 1, for lit pictures.
-    ///
-    /// # Errors
-    /// Those of `draw`.
-    pub fn compare_drawn(&self, draw: impl Fn(&View, Option<DVec3>) -> Result<Image>) -> Result<Comparison> {
-        let drawn = |sun| self.views.iter().map(|view| draw(view, sun)).collect::<Result<Vec<_>>>();
-        let flat = self.beside(drawn(None)?);
-        let Some(Sunlit { sun, pictures, .. }) = &self.sunlit else { return Ok(flat) };
-        let lit = Pictures::new(Arc::clone(pictures), drawn(Some(*sun))?);
-        Ok(Comparison { lit: Some(lit), ..flat })
+    /// Returns the views.
+    pub(crate) fn views(&self) -> &[View] {
+        &self.views
     }
 
-    /// Returns flat-lit pictures of a level beside those of the base.
-    fn beside(&self, level: Vec<Image>) -> Comparison {
-        let flat = Pictures::new(Arc::clone(&self.pictures), level);
-        Comparison { flat, lit: None }
+    /// Returns the direction to the sun of lit pictures, of length 1; `None` without them.
+    pub(crate) fn sun(&self) -> Option<DVec3> {
+        self.sunlit.as_ref().map(|sunlit| sunlit.sun)
+    }
+
+    /// Returns pictures of a level beside those of the base, for levels that are no triangles; one picture for each view. `lit`: under the sun
+    /// of the base's lit pictures, if it has them.
+    pub(crate) fn beside(&self, flat: Vec<Image>, lit: Option<Vec<Image>>) -> Comparison {
+        let base = self.sunlit.as_ref().map(|sunlit| Arc::clone(&sunlit.pictures));
+        let lit = base.zip(lit).map(|(base, lit)| Pictures::new(base, lit));
+        Comparison { flat: Pictures::new(Arc::clone(&self.pictures), flat), lit }
     }
 
     fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {

@@ -61,13 +61,133 @@ pub fn projected(eye: DVec3, layout: &Layout) -> [Projected; 3] {
 /// leaves.
 const OPEN: f32 = 1.5;
 
-/// Where a view shows a ray.
-struct Place {
-    /// Column and row of the view on the grid.
-    tile: (usize, usize),
-    weight: f32,
-    /// Place in the view's picture, in half sides from the middle.
-    within: DVec2,
+/// Where a view shows a ray: between four texels of its picture.
+#[derive(Clone, Copy)]
+struct Tap {
+    /// The texel above on the left, as an index into the page.
+    first: u32,
+    /// Shares of the right column and of the lower row.
+    shares: [f32; 2],
+}
+
+/// The rays through all samples of a picture, and the places where the three nearest views show them. They follow from the stored depth
+/// alone, so rays that are traced once serve every color, alpha and light.
+pub(super) struct Rays<'a> {
+    layout: &'a Layout,
+    /// Pixels along each side, and samples along each side of a pixel.
+    size: usize,
+    side: usize,
+    views: [Projected; 3],
+    /// Taps in each view, samples of a pixel together.
+    taps: Vec<[Tap; 3]>,
+}
+
+impl<'a> Rays<'a> {
+    /// Traces the rays of `view`. `depth`: the stored depth of each texel.
+    pub fn traced(layout: &'a Layout, depth: &[f32], view: &View) -> Self {
+        let inverse: DMat3 = layout.axes.transpose();
+        let eye = inverse * view.direction.normalize();
+        let views = projected(eye, layout);
+        let [right, up] = axes(eye);
+        let [across, upward] = view.axes(view.direction.normalize()).map(|axis| inverse * axis * view.radius);
+        let middle = inverse * (view.centre - layout.centre);
+        let (size, side) = (view.size, view.samples.side());
+        let step = |i: usize| 2.0 * (i as f64 + 0.5) / (size * side) as f64 - 1.0;
+        let taps = |index: usize| {
+            let (pixel, sample) = (index / (side * side), index % (side * side));
+            let (column, row) = (pixel % size * side + sample % side, pixel / size * side + sample / side);
+            let place = middle + across * step(column) - upward * step(row);
+            views.map(|view| tap(layout, depth, &view, right.dot(place), up.dot(place)))
+        };
+        let taps = (0..size * size * side * side).into_par_iter().map(taps).collect();
+        Self { layout, size, side, views, taps }
+    }
+
+    /// Returns the alpha of each sample, from that of each texel.
+    pub fn alphas(&self, alpha: &[f32]) -> Vec<f32> {
+        let of = |taps: &[Tap; 3]| {
+            let pairs = self.views.iter().zip(taps);
+            pairs.map(|(view, tap)| view.weight as f32 * tap.between(self.layout, |i| alpha[i])).sum()
+        };
+        self.taps.par_iter().map(of).collect()
+    }
+
+    /// Returns a picture of no color with the mean alpha of each pixel's samples.
+    ///
+    /// # Errors
+    /// A view of no pixels.
+    pub fn silhouette(&self, alphas: impl Iterator<Item = f32>) -> Result<Image> {
+        let mut alphas = alphas;
+        let count = self.side * self.side;
+        let pixel = |_| [0, 0, 0, quantise(alphas.by_ref().take(count).sum::<f32>() / count as f32)];
+        Image::new(self.size, self.size, (0..self.size * self.size).map(pixel).collect::<Vec<_>>())
+    }
+
+    /// Returns a picture in N lights. `shade` returns linear color and alpha of a sample in each of them.
+    fn pictures<const N: usize>(&self, shade: impl Fn(&[Tap; 3]) -> [Vec4; N] + Sync) -> Result<[Image; N]> {
+        let count = self.side * self.side;
+        let pixel = |samples: &[[Tap; 3]]| {
+            let mut sums = [Vec4::ZERO; N];
+            for taps in samples {
+                for (sum, color) in sums.iter_mut().zip(shade(taps)) {
+                    *sum += (color.truncate() * color.w).extend(color.w);
+                }
+            }
+            sums.map(|sum| {
+                let straight = if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO };
+                [encode(straight.x), encode(straight.y), encode(straight.z), quantise(sum.w / count as f32)]
+            })
+        };
+        let pixels: Vec<[[u8; 4]; N]> = self.taps.par_chunks(count).map(pixel).collect();
+        let picture = |i: usize| {
+            let pixels = pixels.iter().map(|pixel| pixel[i]).collect::<Vec<_>>();
+            Image::new(self.size, self.size, pixels)
+        };
+        let pictures: Vec<Image> = (0..N).map(picture).collect::<Result<_>>()?;
+        Ok(pictures.try_into().expect("N pictures"))
+    }
+}
+
+/// Returns the place in a view where it shows the ray at `right` and `up` from the center.
+fn tap(layout: &Layout, depth: &[f32], view: &Projected, right: f64, up: f64) -> Tap {
+    let flat = view.right * right + view.up * up;
+    let at = |height: f32| Tap::at(layout, view.tile, flat + view.shift * f64::from(height));
+    let mut height = 0.0;
+    for _ in 0..STEPS {
+        height = at(height).between(layout, |i| depth[i]);
+    }
+    at(height)
+}
+
+impl Tap {
+    /// Returns the tap at a place in a view's picture, in half sides from the middle. Outside is as the border.
+    fn at(layout: &Layout, (column, row): (usize, usize), place: DVec2) -> Self {
+        let Size { grid, texels } = layout.size;
+        let last = (texels - 1) as f64;
+        let at = DVec2::new(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y) * texels as f64 - 0.5;
+        let at = at.clamp(DVec2::ZERO, DVec2::splat(last));
+        // The numbers are not negative, so a cast rounds down.
+        let [x, y] = [at.x, at.y].map(|x| (x as usize).min(texels - 2));
+        let first = (row * texels + y) * grid * texels + column * texels + x;
+        Self { first: first as u32, shares: [(at.x - x as f64) as f32, (at.y - y as f64) as f32] }
+    }
+
+    /// Returns the bilinear mean of the four texels.
+    fn between<T>(&self, layout: &Layout, texel: impl Fn(usize) -> T) -> T
+    where
+        T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+    {
+        let [fx, fy] = self.shares;
+        let first = self.first as usize;
+        let below = first + layout.size.grid * layout.size.texels;
+        (texel(first) * (1.0 - fx) + texel(first + 1) * fx) * (1.0 - fy)
+            + (texel(below) * (1.0 - fx) + texel(below + 1) * fx) * fy
+    }
+}
+
+/// Returns the stored depth of each texel.
+pub(super) fn depths(normal_depth: &Image) -> Vec<f32> {
+    normal_depth.pixels().par_iter().map(|pixel| f32::from(pixel[3]) / 127.5 - 1.0).collect()
 }
 
 /// The pages of an impostor in linear light, for drawing.
@@ -75,7 +195,6 @@ pub(super) struct Pages<'a> {
     layout: &'a Layout,
     /// Linear colors with straight alpha.
     color: Vec<Vec4>,
-    depth: Vec<f32>,
     /// Normals in the axes of the view, and in w the openness.
     shading: Vec<Vec4>,
 }
@@ -86,7 +205,6 @@ impl<'a> Pages<'a> {
         let linear = |&[r, g, b, a]: &[u8; 4]| {
             Vec3::from_array([r, g, b].map(|code| table[code as usize])).extend(f32::from(a) / 255.0)
         };
-        let depth = |pixel: &[u8; 4]| f32::from(pixel[3]) / 127.5 - 1.0;
         let shading = |pixel: &[u8; 4]| {
             let [x, y] = [pixel[0], pixel[1]].map(|code| f32::from(code) / 127.5 - 1.0);
             Vec4::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt(), f32::from(pixel[2]) / 255.0)
@@ -94,107 +212,71 @@ impl<'a> Pages<'a> {
         Self {
             layout,
             color: color.pixels().par_iter().map(linear).collect(),
-            depth: normal_depth.pixels().par_iter().map(depth).collect(),
             shading: normal_depth.pixels().par_iter().map(shading).collect(),
         }
     }
 
-    /// Draws the impostor as seen in `view`, flat-lit or under a sun in this direction. With a cutoff above 0, samples of a smaller alpha show
-    /// nothing and the others are opaque.
+    /// Draws the impostor flat-lit. With a cutoff above 0, samples of a smaller alpha show nothing and the others are opaque.
     ///
     /// # Errors
     /// A view of no pixels.
-    pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
-        match sun {
-            None => self.drawn(view, cutoff, |places| self.colors(places)),
-            Some(sun) => {
-                let sun = (self.layout.axes.transpose() * sun).as_vec3();
-                self.drawn(view, cutoff, |places| self.colors(places) * self.brightness(places, sun))
-            }
-        }
+    pub fn flat(&self, rays: &Rays, cutoff: f32) -> Result<Image> {
+        let [flat] = rays.pictures(|taps| [cut_out(self.color(&rays.views, taps), cutoff)])?;
+        Ok(flat)
     }
 
-    fn drawn(&self, view: &View, cutoff: f32, shade: impl Fn(&[Place; 3]) -> Vec4 + Sync) -> Result<Image> {
-        let inverse: DMat3 = self.layout.axes.transpose();
-        let eye = inverse * view.direction.normalize();
-        let views = projected(eye, self.layout);
-        let [right, up] = axes(eye);
-        let [across, upward] = view.axes(view.direction.normalize()).map(|axis| inverse * axis * view.radius);
-        let middle = inverse * (view.centre - self.layout.centre);
-        let (size, side) = (view.size, view.samples.side());
-        let step = |i: usize| 2.0 * (i as f64 + 0.5) / (size * side) as f64 - 1.0;
-        let pixel = |index: usize| {
-            let (column, row) = (index % size * side, index / size * side);
-            let mut sum = Vec4::ZERO;
-            for i in 0..side * side {
-                let place = middle + across * step(column + i % side) - upward * step(row + i / side);
-                let color = shade(&self.places(&views, right.dot(place), up.dot(place)));
-                let alpha = if cutoff > 0.0 { f32::from(u8::from(color.w >= cutoff)) } else { color.w };
-                sum += (color.truncate() * alpha).extend(alpha);
-            }
-            let straight = if sum.w > 0.0 { sum.truncate() / sum.w } else { Vec3::ZERO };
-            [encode(straight.x), encode(straight.y), encode(straight.z), quantise(sum.w / (side * side) as f32)]
-        };
-        let pixels: Vec<[u8; 4]> = (0..size * size).into_par_iter().map(pixel).collect();
-        Image::new(size, size, pixels)
-    }
-
-    /// Returns the place in each view where it shows the ray at `right` and `up` from the center.
-    fn places(&self, views: &[Projected; 3], right: f64, up: f64) -> [Place; 3] {
-        views.map(|view| {
-            let flat = view.right * right + view.up * up;
-            let mut height = 0.0;
-            for _ in 0..STEPS {
-                height = self.within(view.tile, flat + view.shift * f64::from(height), |i| self.depth[i]);
-            }
-            Place { tile: view.tile, weight: view.weight as f32, within: flat + view.shift * f64::from(height) }
+    /// Draws the impostor flat-lit and under a sun in this direction, with a cutoff as in [`Self::flat`].
+    ///
+    /// # Errors
+    /// A view of no pixels.
+    pub fn flat_and_lit(&self, rays: &Rays, cutoff: f32, sun: DVec3) -> Result<[Image; 2]> {
+        let sun = (self.layout.axes.transpose() * sun).as_vec3();
+        let axes = rays.views.map(|view| {
+            let toward = from_grid(DVec2::new(view.tile.0 as f64, view.tile.1 as f64), self.layout.size.grid);
+            let [x, y] = axes(toward);
+            [x, y, toward].map(DVec3::as_vec3)
+        });
+        rays.pictures(|taps| {
+            let color = cut_out(self.color(&rays.views, taps), cutoff);
+            // Nobody sees the light of transparent samples.
+            let light = if color.w > 0.0 { self.brightness(&rays.views, &axes, taps, sun) } else { 1.0 };
+            [color, (color.truncate() * light).extend(color.w)]
         })
     }
 
     /// Returns linear color and alpha, blended from three places.
-    fn colors(&self, places: &[Place; 3]) -> Vec4 {
+    fn color(&self, views: &[Projected; 3], taps: &[Tap; 3]) -> Vec4 {
         let (mut sum, mut alpha) = (Vec3::ZERO, 0.0);
-        for place in places {
-            let color = self.within(place.tile, place.within, |i| self.color[i]);
-            let share = place.weight * color.w;
+        for (view, tap) in views.iter().zip(taps) {
+            let color = tap.between(self.layout, |i| self.color[i]);
+            let share = view.weight as f32 * color.w;
             sum += color.truncate() * share;
             alpha += share;
         }
         if alpha > 0.0 { (sum / alpha).extend(alpha) } else { Vec4::ZERO }
     }
 
-    /// Returns the brightness under a sun, as a factor on color and 1 for alpha. `sun` is in the layout's axes.
-    fn brightness(&self, places: &[Place; 3], sun: Vec3) -> Vec4 {
+    /// Returns the brightness under a sun. `sun` is in the layout's axes; `axes`: right, up and toward the eye of each view.
+    fn brightness(&self, views: &[Projected; 3], axes: &[[Vec3; 3]; 3], taps: &[Tap; 3], sun: Vec3) -> f32 {
         let (mut normal, mut open, mut alpha) = (Vec3::ZERO, 0.0, 0.0);
-        for place in places {
-            let shading = self.within(place.tile, place.within, |i| self.shading[i]);
-            let share = place.weight * self.within(place.tile, place.within, |i| self.color[i]).w;
-            let (column, row) = place.tile;
-            let toward = from_grid(DVec2::new(column as f64, row as f64), self.layout.size.grid);
-            let [x, y] = axes(toward).map(DVec3::as_vec3);
-            normal += (x * shading.x + y * shading.y + toward.as_vec3() * shading.z) * share;
+        for ((view, [x, y, toward]), tap) in views.iter().zip(axes).zip(taps) {
+            let shading = tap.between(self.layout, |i| self.shading[i]);
+            let share = view.weight as f32 * tap.between(self.layout, |i| self.color[i].w);
+            normal += (*x * shading.x + *y * shading.y + *toward * shading.z) * share;
             open += shading.w * share;
             alpha += share;
         }
         let light = if alpha > 0.0 { (OPEN * open / alpha).min(1.0) } else { 1.0 };
-        Vec3::splat(brightness(normal.normalize_or_zero().dot(sun), light)).extend(1.0)
+        brightness(normal.normalize_or_zero().dot(sun), light)
     }
+}
 
-    /// Returns the value at a place in a view's picture, bilinear between texels; `place` is in half sides from the middle, and outside is as
-    /// the border.
-    fn within<T>(&self, (column, row): (usize, usize), place: DVec2, texel: impl Fn(usize) -> T) -> T
-    where
-        T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
-    {
-        let Size { grid, texels } = self.layout.size;
-        let last = (texels - 1) as f64;
-        let at = DVec2::new(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y) * texels as f64 - 0.5;
-        let at = at.clamp(DVec2::ZERO, DVec2::splat(last));
-        let low = at.floor().min(DVec2::splat(last - 1.0));
-        let [fx, fy] = (at - low).as_vec2().to_array();
-        let first = (row * texels + low.y as usize) * grid * texels + column * texels + low.x as usize;
-        let below = first + grid * texels;
-        (texel(first) * (1.0 - fx) + texel(first + 1) * fx) * (1.0 - fy)
-            + (texel(below) * (1.0 - fx) + texel(below + 1) * fx) * fy
-    }
+/// Returns a sample cut out at `cutoff`; as it is if that is 0.
+fn cut_out(color: Vec4, cutoff: f32) -> Vec4 {
+    if cutoff > 0.0 { color.truncate().extend(opaque_from(color.w, cutoff)) } else { color }
+}
+
+/// Returns 1 for an alpha of at least `cutoff`, else 0.
+pub(super) fn opaque_from(alpha: f32, cutoff: f32) -> f32 {
+    f32::from(u8::from(alpha >= cutoff))
 }

@@ -18,6 +18,7 @@ use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
+use self::draw::Rays;
 use super::references::References;
 use super::settings::ChainSettings;
 use super::tune;
@@ -160,12 +161,11 @@ impl Octahedral {
         let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
         progress.tell("tune", 0.8)?;
         let references = References::new(parts, parts, parts[0].frame(), settings)?;
-        let color = tuned(&layout, color, &normal_depth, &references.tuning)?;
-        let pages = draw::Pages::new(&layout, &color, &normal_depth);
-        let excess = |cutoff: f64| covered(&references.tuning, |view| pages.draw(view, cutoff as f32, None));
-        let alpha_cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, excess)? as f32;
+        let depth = draw::depths(&normal_depth);
+        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning)?;
         progress.tell("tune", 0.95)?;
-        let pictures = references.report.compare_drawn(|view, sun| pages.draw(view, 0.0, sun))?;
+        let pages = draw::Pages::new(&layout, &color, &normal_depth);
+        let pictures = compared(&references.report, |view| Rays::traced(&layout, &depth, view), &pages)?;
         let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
         Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
     }
@@ -175,27 +175,65 @@ impl Octahedral {
     /// # Errors
     /// A view of no pixels.
     pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
-        draw::Pages::new(&self.layout, &self.color, &self.normal_depth).draw(view, cutoff, sun)
+        let rays = Rays::traced(&self.layout, &draw::depths(&self.normal_depth), view);
+        let pages = draw::Pages::new(&self.layout, &self.color, &self.normal_depth);
+        match sun {
+            None => pages.flat(&rays, cutoff),
+            Some(sun) => pages.flat_and_lit(&rays, cutoff, sun).map(|[_, lit]| lit),
+        }
     }
 }
 
-/// Returns the color page with coverage and mean color of the leaves.
-fn tuned(layout: &Layout, color: Image, normal_depth: &Image, leaves: &Reference) -> Result<Image> {
-    let page = Page::of_color(color);
-    let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
-    let drawn = |page: &Page| {
-        let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
-        leaves.compare_drawn(|view, _| pages.draw(view, 0.0, None))
+/// Returns the color page with coverage and mean color of the leaves, and the cutoff with which it covers as much when it is cut out.
+fn tuned(
+    layout: &Layout,
+    color: Image,
+    normal_depth: &Image,
+    depth: &[f32],
+    leaves: &Reference,
+) -> Result<(Image, f32)> {
+    let rays: Vec<Rays> = leaves.views().iter().map(|view| Rays::traced(layout, depth, view)).collect();
+    let excess = |silhouette: &dyn Fn(&Rays, usize) -> Result<Image>| {
+        let pictures = rays.iter().enumerate().map(|(i, rays)| silhouette(rays, i)).collect::<Result<_>>()?;
+        Ok(libm::log(leaves.beside(pictures, None).coverage().max(1e-9)))
     };
-    let excess = |clearness: f64| Ok(libm::log(drawn(&of(clearness))?.coverage().max(1e-9)));
-    let page = of(tune::least_excess(1.0, tune::CLEARNESS_RANGE, excess)?);
-    let tone = drawn(&page)?.tone();
-    Ok(page.toned(tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1))).base_color)
+    let page = Page::of_color(color);
+    let thicker = |clearness: f64| page.clone().thickened(1.0 / clearness);
+    let blended = |clearness: f64| {
+        let alpha = alphas(&thicker(clearness).base_color);
+        excess(&|rays, _| rays.silhouette(rays.alphas(&alpha).into_iter()))
+    };
+    let page = thicker(tune::least_excess(1.0, tune::CLEARNESS_RANGE, blended)?);
+    let alpha = alphas(&page.base_color);
+    let samples: Vec<Vec<f32>> = rays.iter().map(|rays| rays.alphas(&alpha)).collect();
+    let cut = |cutoff: f64| {
+        let opaque = |alpha: &f32| draw::opaque_from(*alpha, cutoff as f32);
+        excess(&|rays, view| rays.silhouette(samples[view].iter().map(opaque)))
+    };
+    let cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, cut)? as f32;
+    let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
+    let drawn = rays.iter().map(|rays| pages.flat(rays, 0.0)).collect::<Result<_>>()?;
+    let tone = leaves.beside(drawn, None).tone();
+    let toned = page.toned(tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1)));
+    Ok((toned.base_color, cutoff))
 }
 
-/// Returns ln of the drawn coverage over the base's.
-fn covered(base: &Reference, draw: impl Fn(&View) -> Result<Image>) -> Result<f64> {
-    Ok(libm::log(base.compare_drawn(|view, _| draw(view))?.coverage().max(1e-9)))
+/// Returns the alpha of each texel.
+fn alphas(color: &Image) -> Vec<f32> {
+    color.pixels().iter().map(|pixel| f32::from(pixel[3]) / 255.0).collect()
+}
+
+/// Draws the impostor beside the base, flat-lit, and lit if the base is.
+fn compared<'a>(base: &Reference, traced: impl Fn(&View) -> Rays<'a>, pages: &draw::Pages) -> Result<Comparison> {
+    let rays = base.views().iter().map(traced);
+    match base.sun() {
+        None => Ok(base.beside(rays.map(|rays| pages.flat(&rays, 0.0)).collect::<Result<_>>()?, None)),
+        Some(sun) => {
+            let pairs = rays.map(|rays| pages.flat_and_lit(&rays, 0.0, sun)).collect::<Result<Vec<_>>>()?;
+            let (flat, lit) = pairs.into_iter().map(|[flat, lit]| (flat, lit)).unzip();
+            Ok(base.beside(flat, Some(lit)))
+        }
+    }
 }
 
 #[cfg(test)]
