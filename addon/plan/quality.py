@@ -81,7 +81,8 @@ def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.AnyLevel]) -
         return ()
     found = []
     for number, level in enumerate(levels, start=1):
-        errors, target = level.image_errors(), target_error(settings.quality, number)
+        target = target_error(settings.quality, number)
+        errors = level.image_errors(target)
         size = errors.largest_size(target)
         largest = errors.sizes[0] if size is None else min(size, LARGEST_CROWN)
         found.append(SwitchSize(largest, target, errors))

@@ -40,7 +40,7 @@ class Level:
     def method(self) -> str:
         return "cross" if self.cloud is None else "stochastic"
 
-    def image_errors(self) -> Errors:
+    def image_errors(self, target: float) -> Errors:
         return self.measured
 
 

@@ -65,7 +65,11 @@ pub fn octahedral(
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
-    let build = || Octahedral::build(place.parts, place.simpler(settings.up), Size::default(), settings, progress);
+    let build = || {
+        let simpler = place.simpler(settings.up);
+        let references = place.chain.whole.as_deref().expect("a cross impostor has them");
+        Octahedral::build(place.parts, simpler, Size::default(), references, settings, progress)
+    };
     match (last, cross, target) {
         (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
             "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
@@ -91,7 +95,7 @@ pub fn octahedral(
 
 /// Returns the diameter of the crown in pixels up to which a level is within the target.
 fn crown(pictures: &Comparison, target: f64) -> f64 {
-    crown_pixels(ImageErrors::of(pictures).largest_size(target).unwrap_or(SMALLEST as f64))
+    crown_pixels(ImageErrors::up_to(pictures, target).largest_size(target).unwrap_or(SMALLEST as f64))
 }
 
 /// The sizes of the crown at which the octahedral impostor replaces the level before.

@@ -9,10 +9,10 @@ use leafcloud::error::Result;
 use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_pictures};
 use leafcloud::metrics::Comparison;
 use leafcloud::{Error, Foliage, Progress};
-use leafcloud_flip::{ImageErrors, crown_pixels};
+use leafcloud_flip::crown_pixels;
 use leafcloud_simplify::{SimplifiedLeaves, simplified_leaves};
 
-use crate::quality::{cost, costs, octave_of, pictures};
+use crate::quality::{Scale, cost, costs, octave_of};
 
 /// Bounds that are tried, in R, by about √2.
 const BOUNDS: [f64; 6] = [0.004, 0.0056, 0.008, 0.011, 0.016, 0.022];
@@ -37,6 +37,8 @@ pub enum Form {
 pub struct LeafLevel {
     /// The leaves.
     pub leaves: SimplifiedLeaves,
+    /// The cost of drawing them in the middle of each octave of sizes.
+    pub(crate) costs: Vec<f64>,
     /// Pictures of the tree's own leaves and of these in the report's views.
     pub pictures: Comparison,
     /// Seconds for finding them.
@@ -58,36 +60,35 @@ impl LeafLevel {
 /// No simpler leaves for [`Form::Leaves`]; a setting outside its range; [`Error::Cancelled`](leafcloud::Error::Cancelled).
 pub fn leaf_level(
     target: f64,
-    foliage: &Foliage,
+    scale: &Scale,
     settings: &ChainSettings,
     form: Form,
     progress: Progress,
 ) -> Result<Option<LeafLevel>> {
+    let Scale { leaves: foliage, costs: whole, .. } = scale;
     let are_cards = (foliage.triangle_count() as f64) < WORTH_A_TRY * foliage.leaf_count() as f64;
     if form == Form::Billboards || form == Form::Auto && are_cards {
         return Ok(None);
     }
     let started = Instant::now();
-    let (pictures, whole) = (pictures(foliage, settings)?, costs(foliage, settings)?);
     let most = settings.triangles.unwrap_or(usize::MAX);
     let saving = if form == Form::Auto { LEAST_SAVING } else { 0.0 };
     let mut least = whole.iter().sum::<f64>() * (1.0 - saving);
     let mut best = None;
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
-        let errors = ImageErrors::of(&pictures.compare(&leaves.foliage)?);
-        let Some(size) = errors.largest_size(target) else { break };
+        let Some(size) = scale.largest_size(&leaves.foliage, target)? else { break };
         let own = costs(&leaves.foliage, settings)?;
-        let found = cost(crown_pixels(size), &whole, &own);
+        let found = cost(crown_pixels(size), whole, &own);
         let there = octave_of(crown_pixels(size));
         let is_worth_making = own[there] < (1.0 - saving) * whole[there];
         if is_worth_making && found < least && leaves.foliage.triangle_count() <= most {
-            (least, best) = (found, Some(leaves));
+            (least, best) = (found, Some((leaves, own)));
         } else if best.is_some() {
             break; // The cost has one minimum: coarser leaves take over later.
         }
     }
-    let Some(leaves) = best else {
+    let Some((leaves, costs)) = best else {
         return match form {
             Form::Leaves => Err(Error::invalid(format!(
                 "form is \"leaves\", but no leaves with fewer triangles have an image error of {target:.3} or less; use \"auto\""
@@ -96,5 +97,5 @@ pub fn leaf_level(
         };
     };
     let pictures = report_pictures(foliage, &leaves.foliage, settings)?;
-    Ok(Some(LeafLevel { leaves, pictures, seconds: started.elapsed().as_secs_f64() }))
+    Ok(Some(LeafLevel { leaves, costs, pictures, seconds: started.elapsed().as_secs_f64() }))
 }

@@ -11,11 +11,13 @@
 use leafcloud::error::Result;
 use leafcloud::fit::{FitSettings, Method};
 use leafcloud::limits::Limits;
-use leafcloud::lod::{ChainSettings, Draft, Drafts, Origin, is_published};
+use leafcloud::lod::{ChainSettings, Draft, Drafts, is_published};
 use leafcloud::metrics::{Reference, Views, drawing_cost};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress};
 use leafcloud_flip::{ImageErrors, SMALLEST, crown_pixels};
+
+use crate::leaves::LeafLevel;
 
 /// Range of the target.
 pub const TARGET: Limits = Limits { above: true, below: true, ..Limits::SHARE };
@@ -44,15 +46,44 @@ const LEAST_PIXELS: f64 = 0.5;
 /// Factor on the target of levels after level 1: the tree is smaller where they take over.
 pub const LATER: f64 = 4.0 / 3.0;
 
+/// The leaves, as choices compare levels with them.
+pub struct Scale<'a> {
+    /// The tree's own leaves.
+    pub leaves: &'a Foliage,
+    /// Their pictures, also lit if levels have the normals of their leaves.
+    pub(crate) pictures: Reference,
+    /// The cost of drawing them in the middle of each octave.
+    pub(crate) costs: Vec<f64>,
+}
+
+impl<'a> Scale<'a> {
+    /// Renders the leaves, and measures the cost of drawing them.
+    ///
+    /// # Errors
+    /// An `up` without a finite length above 0.
+    pub fn of(leaves: &'a Foliage, settings: &ChainSettings) -> Result<Self> {
+        let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
+        let render = if settings.is_lit() { Reference::lit } else { Reference::new };
+        let pictures = render(&[leaves], leaves.frame(), views)?;
+        Ok(Self { leaves, pictures, costs: costs(leaves, settings)? })
+    }
+
+    /// Returns the side of the largest picture in which `level` is within the target; `None` if it is within it in none.
+    pub(crate) fn largest_size(&self, level: &Foliage, target: f64) -> Result<Option<f64>> {
+        Ok(ImageErrors::up_to(&self.pictures.compare(level)?, target).largest_size(target))
+    }
+}
+
 /// Returns `settings` with the ε that makes the tree cheapest to draw if the first cloud may differ from the leaves by the image error
 /// `target` where it takes over, and with the deviation in pixels that is predicted there, at most that of `settings`. `free`: whether ε
-/// may change. If the cloud is made from simplified leaves, these are drawn before it.
+/// may change. `simplified`: the leaves that are drawn before the cloud and that it is made from, if they are not the tree's own.
 ///
 /// # Errors
 /// A target outside [`TARGET`]; the errors of a fit; [`Error::Cancelled`](leafcloud::Error::Cancelled).
 pub fn settings_for(
     target: f64,
-    origin: Origin,
+    scale: &Scale,
+    simplified: Option<&LeafLevel>,
     trunk: Option<&Foliage>,
     settings: &ChainSettings,
     free: bool,
@@ -62,12 +93,13 @@ pub fn settings_for(
     settings.check()?;
     let free = free && leaves_a_choice(&settings.fit);
     // Billboards show the normals that leaves had before they collapsed.
-    let finest = origin.finest.with_normals();
+    let (finest, costs) =
+        simplified.map_or((scale.leaves, &scale.costs), |level| (&level.leaves.foliage, &level.costs));
+    let finest = finest.with_normals();
     let drafts = drafts(&finest, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
-    let pictures = pictures(origin.leaves, settings)?;
-    let first = Tried::of(&drafts.first, drafts.epsilon(), target, &pictures)?;
+    let first = Tried::of(&drafts.first, drafts.epsilon(), target, scale)?;
     let best = if free {
-        let search = Search { target, drafts: &drafts, pictures: &pictures, costs: costs(origin.finest, settings)? };
+        let search = Search { target, drafts: &drafts, scale, costs };
         search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?
     } else {
         first
@@ -94,13 +126,6 @@ fn drafts<'a>(
     let fit = FitSettings { epsilon, ..settings.fit.clone() };
     let settings = ChainSettings { fit, pixels: TYPICAL_PIXELS.min(settings.pixels), ..settings.clone() };
     Drafts::new(&settings, foliage, trunk, progress)
-}
-
-/// Renders the leaves, also lit if levels have the normals of their leaves.
-pub(crate) fn pictures(foliage: &Foliage, settings: &ChainSettings) -> Result<Reference> {
-    let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
-    let make = if settings.is_lit() { Reference::lit } else { Reference::new };
-    make(&[foliage], foliage.frame(), views)
 }
 
 /// Returns the cost of drawing the leaves in the middle of each octave.
@@ -144,9 +169,8 @@ const GROWTH: f64 = 1.5;
 const TOO_MANY: f64 = 1.2;
 
 impl Tried {
-    fn of(draft: &Draft, epsilon: f64, target: f64, pictures: &Reference) -> Result<Self> {
-        let errors = ImageErrors::of(&pictures.compare(&draft.collapsed)?);
-        let size = errors.largest_size(target).unwrap_or(SMALLEST as f64);
+    fn of(draft: &Draft, epsilon: f64, target: f64, scale: &Scale) -> Result<Self> {
+        let size = scale.largest_size(&draft.collapsed, target)?.unwrap_or(SMALLEST as f64);
         Ok(Self { epsilon, size, billboards: draft.billboards() })
     }
 
@@ -159,20 +183,23 @@ impl Tried {
 struct Search<'a> {
     target: f64,
     drafts: &'a Drafts<'a>,
-    pictures: &'a Reference,
-    /// Cost of drawing the leaves in the middle of each octave.
-    costs: Vec<f64>,
+    scale: &'a Scale<'a>,
+    /// Cost of drawing the leaves before the level in the middle of each octave.
+    costs: &'a [f64],
 }
 
 impl Search<'_> {
     /// Returns the best ε, at most `max_size`.
     ///
     /// The cost has one minimum: with a larger ε the leaves are drawn over more distances, with a smaller one the level has more
-    /// triangles. No ε is finer than the first unless the level keeps its budget of triangles.
+    /// triangles. The side that looks cheaper from the first draft is searched first. No ε is finer than the first unless the level keeps its
+    /// budget of triangles.
     fn best(&self, first: Tried, max_size: Option<f64>, progress: Progress) -> Result<Tried> {
         let largest = max_size.unwrap_or(f64::INFINITY);
         let (mut best, mut least, mut done) = (first, self.cost(&first, &self.drafts.first), 0.0);
-        for side in [&COARSER[..], &FINER[..]] {
+        let [coarser, finer] = [COARSER, FINER].map(|side| self.predicted(&first, side[0]));
+        let sides = if finer < coarser { [FINER, COARSER] } else { [COARSER, FINER] };
+        for side in sides {
             for &epsilon in side.iter().filter(|epsilon| **epsilon <= largest) {
                 let is_finer = epsilon < first.epsilon;
                 if is_finer && best.billboards_with(epsilon) > TOO_MANY * self.drafts.most as f64 {
@@ -180,7 +207,7 @@ impl Search<'_> {
                 }
                 let draft = self.drafts.with(epsilon, progress.part(done, 0.5 * (1.0 + done)))?;
                 done = 0.5 * (1.0 + done);
-                let next = Tried::of(&draft, epsilon, self.target, self.pictures)?;
+                let next = Tried::of(&draft, epsilon, self.target, self.scale)?;
                 let cost = self.cost(&next, &draft);
                 if cost >= least || (is_finer && next.billboards > self.drafts.most) {
                     break;
@@ -194,8 +221,17 @@ impl Search<'_> {
         Ok(best)
     }
 
+    /// Returns the cost that another ε is expected to have, from that of the first draft: deviations are as many pixels where the level takes
+    /// over, and billboards are drawn as often as there are.
+    fn predicted(&self, first: &Tried, epsilon: f64) -> f64 {
+        let size = first.size * first.epsilon / epsilon;
+        let more = first.billboards_with(epsilon) / first.billboards as f64;
+        let level: Vec<f64> = middles().map(|middle| more * self.drafts.first.cost(middle)).collect();
+        cost(crown_pixels(size), self.costs, &level)
+    }
+
     fn cost(&self, tried: &Tried, draft: &Draft) -> f64 {
-        cost(crown_pixels(tried.size), &self.costs, &middles().map(|middle| draft.cost(middle)).collect::<Vec<_>>())
+        cost(crown_pixels(tried.size), self.costs, &middles().map(|middle| draft.cost(middle)).collect::<Vec<_>>())
     }
 }
 

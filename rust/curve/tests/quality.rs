@@ -4,13 +4,18 @@ mod common;
 
 use common::crown;
 use leafcloud::fit::FitSettings;
-use leafcloud::lod::{ChainSettings, Origin, build_chain};
-use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::settings_for;
+use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::{Foliage, Progress, Result};
+use leafcloud_curve::quality::{Scale, settings_for};
 use leafcloud_flip::{ImageErrors, crown_pixels};
 
+fn tried(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> Result<ChainSettings> {
+    let scale = Scale::of(foliage, settings)?;
+    settings_for(target, &scale, None, None, settings, free, Progress::silent())
+}
+
 fn chosen(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> ChainSettings {
-    settings_for(target, Origin::of(foliage), None, settings, free, Progress::silent()).unwrap()
+    tried(target, foliage, settings, free).unwrap()
 }
 
 /// Diameter of the crown in pixels where level 1 takes over by these settings.
@@ -63,8 +68,7 @@ fn the_number_of_threads_changes_nothing() {
 fn a_target_outside_its_range_is_refused() {
     let foliage = crown(20);
     for target in [0.0, 1.0, -0.1, f64::NAN] {
-        let found =
-            settings_for(target, Origin::of(&foliage), None, &ChainSettings::default(), true, Progress::silent());
+        let found = tried(target, &foliage, &ChainSettings::default(), true);
         let message = found.err().map(|error| error.to_string()).unwrap_or_default();
         assert!(message.starts_with("`target_error` is"), "{target}: {message}");
     }

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use leafcloud::lod::octahedral::{Octahedral, Size};
-use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::lod::{ChainSettings, References, build_chain};
 use leafcloud::metrics::{Comparison, drawing_cost};
 use leafcloud::{Foliage, Progress, gltf};
 use leafcloud_flip::ImageErrors;
@@ -26,8 +26,10 @@ fn main() {
             println!("| {name} | {planes} + 1 planes | {}", cross(&foliage, &settings));
         }
         let settings = ChainSettings::default();
-        let found =
-            Octahedral::build(&[&foliage], None, Size::default(), &settings, Progress::silent()).expect("an impostor");
+        let parts = [&foliage];
+        let references = References::new(&parts, &parts, foliage.frame(), &settings).expect("pictures");
+        let found = Octahedral::build(&parts, None, Size::default(), &references, &settings, Progress::silent())
+            .expect("an impostor");
         let bytes = found.color.pixels().len() * 8;
         let scale = 0.5 * CROWN / found.frame.radius;
         let cost = found.layout.cost(&found.frame, scale, settings.up).total();

@@ -3,6 +3,9 @@
 //! A leaf that moves by a hundredth of the crown moves by two pixels in a large picture, and by nothing that one sees in a small one. So the
 //! error falls with the size, and each level has a largest size at which nobody notices that it replaces the leaves.
 
+use std::cell::LazyCell;
+use std::sync::PoisonError;
+
 use leafcloud::Image;
 use leafcloud::metrics::{Comparison, PICTURE_RADIUS, Pictures};
 use leafcloud::textures::mips;
@@ -32,46 +35,28 @@ impl ImageErrors {
     /// sun, whichever are larger.
     #[must_use]
     pub fn of(pictures: &Comparison) -> Self {
-        let flat = Self::down_from_largest(&pictures.flat);
-        let Some(lit) = pictures.lit.as_ref().map(Self::down_from_largest) else { return flat };
-        let larger = |(&(size, flat), &(_, lit)): (&(usize, f64), &(usize, f64))| (size, flat.max(lit));
-        Self(flat.0.iter().zip(&lit.0).map(larger).collect())
+        Self::up_to(pictures, f64::INFINITY)
     }
 
-    /// Returns the errors at the size of the pictures and at halves of it. The pictures keep them.
-    fn down_from_largest(pictures: &Pictures) -> Self {
-        Self(pictures.errors.get_or_init(|| Self::measured(pictures).0).clone())
-    }
-
-    fn measured(pictures: &Pictures) -> Self {
-        let largest = pictures.base.first().map_or(0, Image::width);
-        let mut sizes: Vec<usize> =
-            std::iter::successors(Some(largest), |size| Some(size / 2)).take_while(|size| *size >= SMALLEST).collect();
-        sizes.reverse();
-        Self::at_sizes(pictures, &sizes)
+    /// Returns the errors of [`Self::of`] up to the first one above `target`. They have the same [`Self::largest_size`] for this target as all
+    /// errors. Large pictures take most of the time, and few levels are within a target in them.
+    #[must_use]
+    pub fn up_to(pictures: &Comparison, target: f64) -> Self {
+        let all: Vec<Judged> = std::iter::once(&pictures.flat).chain(&pictures.lit).map(Judged::new).collect();
+        let mut errors = Vec::new();
+        for size in all[0].sizes() {
+            let error = all.iter().map(|judged| judged.error(size)).fold(0.0, f64::max);
+            errors.push((size, error));
+            if error > target {
+                break;
+            }
+        }
+        Self(errors)
     }
 
     /// Returns the error of flat-lit pictures at [`REPORTED_SIZE`].
     pub(crate) fn reported(pictures: &Comparison) -> f64 {
-        let kept = Self::down_from_largest(&pictures.flat);
-        let found = kept.0.iter().find(|(size, _)| *size == REPORTED_SIZE);
-        found.map_or_else(|| Self::at_sizes(&pictures.flat, &[REPORTED_SIZE]).0[0].1, |(_, error)| *error)
-    }
-
-    /// Returns the errors at `sizes`: halves of the size of the pictures.
-    fn at_sizes(pictures: &Pictures, sizes: &[usize]) -> Self {
-        let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
-        let errors_of = |(base, level): (&Image, &Image)| -> Vec<f64> {
-            let [base, level] = [base, level].map(mips::means);
-            let at = |size: usize| {
-                let mut pairs = base.iter().zip(&level);
-                pairs.find(|(base, _)| base.width() <= size).map_or(0.0, |(base, level)| flip(base, level))
-            };
-            sizes.iter().map(|&size| at(size)).collect()
-        };
-        let views: Vec<Vec<f64>> = pairs.map(errors_of).collect();
-        let mean = |i: usize| views.iter().map(|errors| errors[i]).sum::<f64>() / views.len() as f64;
-        Self(sizes.iter().enumerate().map(|(i, &size)| (size, (mean(i) * 1000.0).round() / 1000.0)).collect())
+        Judged::new(&pictures.flat).error(REPORTED_SIZE)
     }
 
     /// Returns the largest size in pixels up to which the error is at most `target`, or `None` if the smallest picture has a larger error.
@@ -95,6 +80,46 @@ impl ImageErrors {
             (below, before) = (size as f64, error);
         }
         Some(if growth > 0.0 { below * libm::exp2((target - before) / growth) } else { f64::INFINITY })
+    }
+}
+
+/// Pictures whose errors are measured one size after the other. The pictures keep them.
+struct Judged<'a> {
+    pictures: &'a Pictures,
+    /// Pictures of the base and of the level in each view, with their halves.
+    halves: LazyCell<Vec<[mips::Levels; 2]>, Box<dyn FnOnce() -> Vec<[mips::Levels; 2]> + 'a>>,
+}
+
+impl<'a> Judged<'a> {
+    fn new(pictures: &'a Pictures) -> Self {
+        let halved = || {
+            let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
+            pairs.map(|(base, level)| [base, level].map(mips::means)).collect()
+        };
+        Self { pictures, halves: LazyCell::new(Box::new(halved)) }
+    }
+
+    /// Returns the side of the pictures and halves of it, ascending from [`SMALLEST`].
+    fn sizes(&self) -> impl Iterator<Item = usize> + use<> {
+        let largest = self.pictures.base.first().map_or(0, Image::width);
+        let sizes = std::iter::successors(Some(largest), |size| Some(size / 2)).take_while(|size| *size >= SMALLEST);
+        sizes.collect::<Vec<_>>().into_iter().rev()
+    }
+
+    /// Returns the mean error over all views in pictures of at most this size, rounded to three digits.
+    fn error(&self, size: usize) -> f64 {
+        let kept = || self.pictures.errors.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(error) = kept().get(&size) {
+            return *error;
+        }
+        let of_view = |[base, level]: &[mips::Levels; 2]| {
+            let mut pairs = base.iter().zip(level);
+            pairs.find(|(base, _)| base.width() <= size).map_or(0.0, |(base, level)| flip(base, level))
+        };
+        let errors: Vec<f64> = self.halves.par_iter().map(of_view).collect();
+        let error = (errors.iter().sum::<f64>() / errors.len() as f64 * 1000.0).round() / 1000.0;
+        kept().insert(size, error);
+        error
     }
 }
 
@@ -143,5 +168,27 @@ mod tests {
         assert_eq!(found.iter().map(|(size, _)| *size).collect::<Vec<_>>(), [8, 16, 32, 64]);
         assert!(found[3].1 > 0.05, "{found:?}");
         assert!(found[..3].iter().all(|(_, error)| *error == 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn errors_up_to_a_target_end_above_it() {
+        // Half of the pixels of a block of 8 × 8 are lost: an error at every size.
+        let block = |kept: usize| {
+            let pixel = |i: usize| if i % 64 < 32 && i / 64 < kept { [20, 200, 40, 255] } else { [0; 4] };
+            Image::new(64, 64, (0..64 * 64).map(pixel).collect::<Vec<_>>()).unwrap()
+        };
+        let pictures = |lit: bool| Comparison {
+            flat: Pictures::new(Arc::from([comb(0)]), vec![comb(1)]),
+            lit: lit.then(|| Pictures::new(Arc::from([block(64)]), vec![block(32)])),
+        };
+        for lit in [false, true] {
+            let all = ImageErrors::of(&pictures(lit));
+            for target in [0.0, 0.02, 0.1, 0.2, 0.9] {
+                let some = ImageErrors::up_to(&pictures(lit), target);
+                assert!(all.0.starts_with(&some.0), "{all:?} {some:?}");
+                assert_eq!(some.largest_size(target), all.largest_size(target), "{all:?} {some:?}");
+            }
+        }
+        assert_eq!(ImageErrors::up_to(&pictures(true), 0.0).0.len(), 1, "the smallest picture is above it");
     }
 }

@@ -226,7 +226,7 @@ class ImageErrors:
 
     @property
     def sizes(self) -> list[float]:
-        """Sizes, ascending by factors of two, from 7.8 to 250 pixels."""
+        """Sizes, ascending by factors of two, from 7.8 to 250 pixels at most."""
     @property
     def errors(self) -> list[float]:
         """The image error at each of ``sizes``, rounded to three digits."""
@@ -368,9 +368,10 @@ class Level:
     @property
     def image_error(self) -> float:
         """Image error of the metrics, compared with the leaves, in pictures of 128 × 128 pixels."""
-    def image_errors(self) -> ImageErrors:
+    def image_errors(self, target: float | None = None) -> ImageErrors:
         """Measure the image error, without light and under a sun, compared with the leaves, in pictures of different
-        sizes. Takes some tenths of a second; keep the result."""
+        sizes. With ``target`` it ends at the first size with a larger error, which ``largest_size(target)`` needs.
+        Takes some tenths of a second for all sizes; the level keeps what it measured."""
     @property
     def seconds(self) -> BakeSeconds: ...
     @property
@@ -424,7 +425,7 @@ class LeafLevel:
     @property
     def image_error(self) -> float:
         """As :attr:`Level.image_error`."""
-    def image_errors(self) -> ImageErrors:
+    def image_errors(self, target: float | None = None) -> ImageErrors:
         """As :meth:`Level.image_errors`."""
     @property
     def seconds(self) -> BakeSeconds:
@@ -497,7 +498,7 @@ class OctahedralLevel:
     @property
     def image_error(self) -> float:
         """As :attr:`Level.image_error`, drawn with blending."""
-    def image_errors(self) -> ImageErrors:
+    def image_errors(self, target: float | None = None) -> ImageErrors:
         """As :meth:`Level.image_errors`."""
     @property
     def seconds(self) -> BakeSeconds:

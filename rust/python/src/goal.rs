@@ -6,7 +6,7 @@ use leafcloud::geometry::Frame;
 use leafcloud::lod::{self, Chain, ChainSettings, Octahedral, Origin};
 use leafcloud::metrics::Comparison;
 use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::{LATER, settings_for};
+use leafcloud_curve::quality::{LATER, Scale, settings_for};
 use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, leaf_level, octahedral};
 
 use crate::leaf_level::PyLeafLevel;
@@ -69,11 +69,13 @@ impl Goal {
             Self::Given => Ok(built(lod::build_chain(foliage, trunk, settings, progress)?, None, None)),
             Self::Quality(Quality { target, free, form }) => {
                 let simplifying = progress.part(0.0, SHARE_OF_LEAVES);
-                let leaf_level = leaf_level(target, foliage, settings, form, simplifying)?;
+                let scale = Scale::of(foliage, settings)?;
+                let leaf_level = leaf_level(target, &scale, settings, form, simplifying)?;
                 let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
                 let target = if leaf_level.is_some() { LATER * target } else { target };
                 let choosing = progress.part(SHARE_OF_LEAVES, SHARE_OF_CHOICE);
-                let settings = settings_for(target.min(MOST_TARGET), origin, trunk, settings, free, choosing)?;
+                let (target, simplified) = (target.min(MOST_TARGET), leaf_level.as_ref());
+                let settings = settings_for(target, &scale, simplified, trunk, settings, free, choosing)?;
                 let building = progress.part(SHARE_OF_CHOICE, 1.0);
                 let chain = lod::build_chain_of(origin, trunk, &settings, building)?;
                 Ok(built(chain, None, leaf_level.map(Arc::new)))

@@ -87,9 +87,12 @@ impl PyLeafLevel {
         interruptible(py, move |_| Ok(image_error(&level.pictures)))
     }
 
-    fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
+    #[pyo3(signature = (target = None))]
+    fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
         let level = Arc::clone(&self.level);
-        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&level.pictures))))
+        interruptible(py, move |_| {
+            Ok(PyImageErrors(ImageErrors::up_to(&level.pictures, target.unwrap_or(f64::INFINITY))))
+        })
     }
 
     #[classattr]

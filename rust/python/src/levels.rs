@@ -197,8 +197,9 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
-        let Chain { left_out, ranks, pivots, growth, contrast, kept, measuring_seconds, prepare_seconds, .. } =
-            chain.as_ref();
+        let Chain {
+            left_out, ranks, pivots, growth, contrast, kept, whole, measuring_seconds, prepare_seconds, ..
+        } = chain.as_ref();
         Chain {
             levels: Vec::new(),
             left_out: left_out.clone(),
@@ -207,6 +208,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             growth: *growth,
             contrast: *contrast,
             kept: kept.clone(),
+            whole: whole.clone(),
             measuring_seconds: *measuring_seconds,
             prepare_seconds: *prepare_seconds,
         }
@@ -456,9 +458,10 @@ impl PyLevel {
         interruptible(py, move |_| Ok(image_error(&pictures)))
     }
 
-    fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
+    #[pyo3(signature = (target = None))]
+    fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
         let pictures = self.level().pictures.clone();
-        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&pictures))))
+        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::up_to(&pictures, target.unwrap_or(f64::INFINITY)))))
     }
 
     #[getter]

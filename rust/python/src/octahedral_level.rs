@@ -129,9 +129,12 @@ impl PyOctahedralLevel {
         interruptible(py, move |_| Ok(image_error(&impostor.pictures)))
     }
 
-    fn image_errors(&self, py: Python<'_>) -> PyResult<PyImageErrors> {
+    #[pyo3(signature = (target = None))]
+    fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
         let impostor = Arc::clone(&self.impostor);
-        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::of(&impostor.pictures))))
+        interruptible(py, move |_| {
+            Ok(PyImageErrors(ImageErrors::up_to(&impostor.pictures, target.unwrap_or(f64::INFINITY))))
+        })
     }
 
     #[getter]

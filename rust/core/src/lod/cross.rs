@@ -20,14 +20,14 @@ use crate::outlines::in_plane;
 use crate::progress::Progress;
 use crate::textures::{Channels, Drawn, Samples, Sky, bake_timed};
 
-/// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`.
+/// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`. Also returns the renderings of all parts.
 pub(super) fn build(
     parts: &[&Foliage],
     most: PageSize,
     channels: (&Channels, Option<&Sky>),
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<Level> {
+) -> Result<(Level, References)> {
     let started = Instant::now();
     progress.tell("pack", 0.0)?;
     let leaves = parts[0];
@@ -80,7 +80,7 @@ pub(super) fn build(
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
-    Ok(Level {
+    let level = Level {
         method: "cross",
         epsilon: None,
         cloud: None,
@@ -105,7 +105,8 @@ pub(super) fn build(
         },
         channel_seconds,
         engine: OnceLock::from(engine),
-    })
+    };
+    Ok((level, references))
 }
 
 /// Least number of texels along a pixel where the cross impostor takes over.

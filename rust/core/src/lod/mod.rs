@@ -22,17 +22,17 @@ pub use billboards::billboards;
 pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;
-pub use references::report_pictures;
+pub use references::{References, report_pictures};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;
 pub use worth::{LEAST_SAVING, LeftOut};
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
 
-use self::references::References;
 use self::worth::{Before, Made};
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
@@ -84,6 +84,8 @@ pub struct Chain {
     pub contrast: Trend,
     /// The triangles of [`Origin::finest`] that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
+    /// The renderings of leaves and trunk that the cross impostor is compared with; `None` without one.
+    pub whole: Option<Arc<References>>,
     /// Seconds of the measurements for optional effects.
     pub measuring_seconds: MeasuringSeconds,
     /// Seconds before the first level: pruning order, reference renderings of the leaves, sky visibility.
@@ -222,17 +224,30 @@ pub fn build_chain_of(
         let before = Before { leaves: finer, trunk: trunk.as_ref() };
         epsilon = made.add(candidates, &before, index + 1 == count, settings, share(index).part(1.0, 1.0))?;
     }
+    let mut whole_tree = None;
     if settings.cross {
         let page = settings.page(settings.levels);
         let rest = share(settings.levels);
-        let cross = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
+        let (cross, references) = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
+        whole_tree = Some(Arc::new(references));
         let finer = made.levels.last().map(Level::foliage).transpose()?;
         let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: trunk.as_ref() };
         made.add(std::iter::once(Ok(cross)), &before, true, settings, rest.part(1.0, 1.0))?;
     }
     let Made { levels, left_out } = made;
     progress.tell("bake", 1.0)?;
-    Ok(Chain { levels, left_out, ranks, pivots, growth, contrast, kept, measuring_seconds: seconds, prepare_seconds })
+    Ok(Chain {
+        levels,
+        left_out,
+        ranks,
+        pivots,
+        growth,
+        contrast,
+        kept,
+        whole: whole_tree,
+        measuring_seconds: seconds,
+        prepare_seconds,
+    })
 }
 
 /// Returns the progress of one of `count` levels. The first processes all leaves and takes most of the time.

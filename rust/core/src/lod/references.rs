@@ -11,6 +11,7 @@ use crate::metrics::{Comparison, Reference, Views};
 use crate::textures::Samples;
 
 /// The two references of a chain, with different views.
+#[derive(Debug)]
 pub struct References {
     /// For choosing settings.
     pub tuning: Reference,

@@ -15,7 +15,8 @@ use render::silhouette;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
 pub use visibility::{LeafSamples, visibility};
 
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 
 use glam::{DQuat, DVec3, Vec3};
 
@@ -83,6 +84,7 @@ const SUN_HEIGHT: f64 = 45.0;
 const SUN_TURN: f64 = 60.0;
 
 /// Rendered views of a base, for comparison with levels.
+#[derive(Debug)]
 pub struct Reference {
     views: Vec<View>,
     pictures: Arc<[Image]>,
@@ -90,6 +92,7 @@ pub struct Reference {
 }
 
 /// Lit pictures of a base.
+#[derive(Debug)]
 struct Sunlit {
     frame: Frame,
     /// Direction to the sun, of length 1.
@@ -211,8 +214,8 @@ pub struct Pictures {
     pub base: Arc<[Image]>,
     /// Pictures of the level.
     pub level: Arc<[Image]>,
-    /// The side of the pictures in pixels and the error at that size, once they have been judged. Judging takes as long as drawing.
-    pub errors: Arc<OnceLock<Vec<(usize, f64)>>>,
+    /// The errors that have been measured, by the side of the pictures in pixels. Judging takes as long as drawing.
+    pub errors: Arc<Mutex<BTreeMap<usize, f64>>>,
 }
 
 impl PartialEq for Pictures {

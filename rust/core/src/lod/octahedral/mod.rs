@@ -140,7 +140,7 @@ pub struct Octahedral {
 
 impl Octahedral {
     /// Bakes the impostor of all parts; `parts[0]` is the leaves. Alpha then covers as much as the tree and colors have its mean, as for all
-    /// levels. `simpler`: leaves to render in place of `parts[0]`, which deviate by less than a texel.
+    /// levels. `simpler`: leaves to render in place of `parts[0]`, which deviate by less than a texel. `references`: the renderings of all parts.
     ///
     /// # Errors
     /// A size or setting outside its range; [`Error::Cancelled`].
@@ -148,6 +148,7 @@ impl Octahedral {
         parts: &[&Foliage],
         simpler: Option<&Foliage>,
         size: Size,
+        references: &References,
         settings: &ChainSettings,
         progress: Progress,
     ) -> Result<Self> {
@@ -160,7 +161,6 @@ impl Octahedral {
         let openness = pages::Openness::of(&rendered, parts[0].frame());
         let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
         progress.tell("tune", 0.8)?;
-        let references = References::new(parts, parts, parts[0].frame(), settings)?;
         let depth = draw::depths(&normal_depth);
         let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning)?;
         progress.tell("tune", 0.95)?;

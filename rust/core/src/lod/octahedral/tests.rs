@@ -21,8 +21,13 @@ fn settings() -> ChainSettings {
     ChainSettings { samples: Samples::new(4).unwrap(), ..ChainSettings::default() }
 }
 
+fn tried(foliage: &Foliage, simpler: Option<&Foliage>, size: Size, settings: &ChainSettings) -> Result<Octahedral> {
+    let references = References::new(&[foliage], &[foliage], foliage.frame(), settings).unwrap();
+    Octahedral::build(&[foliage], simpler, size, &references, settings, Progress::silent())
+}
+
 fn built(foliage: &Foliage, size: Size, settings: &ChainSettings) -> Octahedral {
-    Octahedral::build(&[foliage], None, size, settings, Progress::silent()).unwrap()
+    tried(foliage, None, size, settings).unwrap()
 }
 
 /// A view that shows ±`radius` around the origin.
@@ -155,8 +160,7 @@ fn normals_are_in_the_axes_of_each_view() {
 fn wrong_sizes_are_refused() {
     let leaf = squares(&[(DVec3::ZERO, DVec3::Y, DVec3::Z)]);
     for (grid, texels) in [(1, 64), (33, 64), (16, 8), (16, 1024)] {
-        let error =
-            Octahedral::build(&[&leaf], None, Size { grid, texels }, &settings(), Progress::silent()).unwrap_err();
+        let error = tried(&leaf, None, Size { grid, texels }, &settings()).unwrap_err();
         assert!(error.to_string().contains(&grid.to_string()), "{error}");
     }
 }
@@ -208,7 +212,7 @@ fn simpler_leaves_are_rendered_in_place_of_the_tree_s_and_judged_by_these() {
         [(DVec3::Y * 0.25, DVec3::Y * 0.25, DVec3::Z * 0.5), (DVec3::Y * -0.25, DVec3::Y * 0.25, DVec3::Z * 0.5)];
     let tree = squares(&halves);
     let size = Size { grid: 9, texels: 32 };
-    let build = |simpler| Octahedral::build(&[&tree], simpler, size, &settings(), Progress::silent()).unwrap();
+    let build = |simpler| tried(&tree, simpler, size, &settings()).unwrap();
     let (own, other) = (build(None), build(Some(&leaf)));
     assert_eq!(own.color, other.color, "two halves are the whole leaf");
     assert_eq!(own.pictures.flat.base, other.pictures.flat.base);
