@@ -11,7 +11,7 @@
 use leafcloud::error::Result;
 use leafcloud::fit::{FitSettings, Method};
 use leafcloud::limits::Limits;
-use leafcloud::lod::{ChainSettings, Draft, Drafts, is_published};
+use leafcloud::lod::{ChainSettings, Draft, Drafts, ViewCounts, is_published};
 use leafcloud::metrics::{Reference, Views, drawing_cost};
 use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress};
@@ -42,6 +42,29 @@ const TYPICAL_PIXELS: f64 = 2.0;
 
 /// Least number of pixels that a deviation is allowed: less would ask for texels that no picture shows.
 const LEAST_PIXELS: f64 = 0.5;
+
+/// Target from which levels are measured in fewer views, and ε follows from one draft. An error that large is told apart in half of the views.
+const QUICK: f64 = 0.12;
+
+/// Fewer views for quick bakes.
+const FEWER: ViewCounts = ViewCounts { order: 8, places: 3, amounts: 8, report: 4 };
+
+/// Returns `settings` with the views for this target.
+#[must_use]
+pub fn with_views(settings: &ChainSettings, target: f64) -> ChainSettings {
+    let ViewCounts { order, places, amounts, report } = settings.views;
+    let views = if target < QUICK {
+        settings.views
+    } else {
+        ViewCounts {
+            order: order.min(FEWER.order),
+            places: places.min(FEWER.places),
+            amounts: amounts.min(FEWER.amounts),
+            report: report.min(FEWER.report),
+        }
+    };
+    ChainSettings { views, ..settings.clone() }
+}
 
 /// Factor on the target of levels after level 1: the tree is smaller where they take over.
 pub const LATER: f64 = 4.0 / 3.0;
@@ -98,11 +121,11 @@ pub fn settings_for(
     let finest = finest.with_normals();
     let drafts = drafts(&finest, trunk, settings, free, progress.part(0.0, FIRST_SHARE))?;
     let first = Tried::of(&drafts.first, drafts.epsilon(), target, scale)?;
-    let best = if free {
-        let search = Search { target, drafts: &drafts, scale, costs };
-        search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?
-    } else {
-        first
+    let search = Search { target, drafts: &drafts, scale, costs };
+    let best = match free {
+        false => first,
+        true if target < QUICK => search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?,
+        true => search.guessed(first, settings.fit.max_size),
     };
     let deviation = 0.5 * best.epsilon * crown_pixels(best.size);
     let pixels = deviation.clamp(LEAST_PIXELS.min(settings.pixels), settings.pixels);
@@ -219,6 +242,25 @@ impl Search<'_> {
             }
         }
         Ok(best)
+    }
+
+    /// Returns the ε that looks best from the first draft alone, at most `max_size`.
+    fn guessed(&self, first: Tried, max_size: Option<f64>) -> Tried {
+        let largest = max_size.unwrap_or(f64::INFINITY);
+        let allowed = |epsilon: &f64| {
+            *epsilon <= largest
+                && (*epsilon >= first.epsilon || first.billboards_with(*epsilon) <= self.drafts.most as f64)
+        };
+        let all = COARSER.into_iter().chain(FINER).filter(allowed);
+        let better = |best: f64, next: f64| {
+            if self.predicted(&first, next) < self.predicted(&first, best) { next } else { best }
+        };
+        let epsilon = all.fold(first.epsilon, better);
+        Tried {
+            epsilon,
+            size: first.size * first.epsilon / epsilon,
+            billboards: first.billboards_with(epsilon) as usize,
+        }
     }
 
     /// Returns the cost that another ε is expected to have, from that of the first draft: deviations are as many pixels where the level takes

@@ -8,7 +8,7 @@
 //! within the bound of it, so that notches are not filled. A face never turns over. O(t log t) for leaves of even triangles.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BinaryHeap;
 
 use glam::DVec3;
 use leafcloud::Foliage;
@@ -34,8 +34,8 @@ pub struct Collapse<'a> {
     triangles: &'a [u32],
     /// Corners of each face, as places in the leaf; `None` once it is gone.
     faces: Vec<Option<[u32; 3]>>,
-    /// Faces at each vertex.
-    fans: Vec<BTreeSet<u32>>,
+    /// Faces at each vertex, ascending. They are few, so lists are faster than sets.
+    fans: Vec<Vec<u32>>,
     /// Vertices of the source that are nearest to each face.
     nearby: Vec<Vec<u32>>,
     /// Number of changes around each vertex.
@@ -60,12 +60,15 @@ impl<'a> Collapse<'a> {
         let (vertex_of, count) =
             number_by_appearance(corners.iter().map(|p| p.to_array().map(|x| (x + 0.0).to_bits())));
         let mut places = vec![DVec3::ZERO; count];
-        let mut fans = vec![BTreeSet::new(); count];
+        let mut fans: Vec<Vec<u32>> = vec![Vec::new(); count];
         let mut nearby = vec![Vec::new(); triangles.len()];
         let mut is_new = vec![true; count];
         for (corner, (&vertex, &place)) in (0u32..).zip(vertex_of.iter().zip(&corners)) {
             places[vertex as usize] = place;
-            fans[vertex as usize].insert(corner / 3);
+            let fan = &mut fans[vertex as usize];
+            if fan.last() != Some(&(corner / 3)) {
+                fan.push(corner / 3);
+            }
             if std::mem::take(&mut is_new[vertex as usize]) {
                 nearby[corner as usize / 3].push(vertex);
             }
@@ -98,8 +101,7 @@ impl<'a> Collapse<'a> {
                 continue;
             }
             // Also a vertex that loses its only face at the edge changes, and is in no ring afterward.
-            let changed: BTreeSet<u32> =
-                [next.from, next.to].into_iter().flat_map(|vertex| self.ring(vertex)).collect();
+            let changed = ascending([next.from, next.to].into_iter().flat_map(|vertex| self.ring(vertex)));
             self.apply(next.from, next.to);
             for &vertex in &changed {
                 self.versions[vertex as usize] += 1;
@@ -129,7 +131,7 @@ impl<'a> Collapse<'a> {
     /// Returns the vertices that share a face with this one, ascending.
     fn ring(&self, vertex: u32) -> Vec<u32> {
         let around = self.fans[vertex as usize].iter().flat_map(|&face| self.vertices(face));
-        around.filter(|other| *other != vertex).collect::<BTreeSet<_>>().into_iter().collect()
+        ascending(around.filter(|other| *other != vertex))
     }
 
     fn vertices(&self, face: u32) -> [u32; 3] {
@@ -139,13 +141,19 @@ impl<'a> Collapse<'a> {
 
     /// Returns the faces with both vertices.
     fn shared(&self, from: u32, to: u32) -> Vec<u32> {
-        self.fans[from as usize].intersection(&self.fans[to as usize]).copied().collect()
+        let (fan, other) = (&self.fans[from as usize], &self.fans[to as usize]);
+        fan.iter().filter(|face| other.contains(face)).copied().collect()
+    }
+
+    /// Returns the faces of `vertex` that are none of `other`, ascending.
+    fn beside(&self, vertex: u32, other: u32) -> impl Iterator<Item = u32> + '_ {
+        let beyond = &self.fans[other as usize];
+        self.fans[vertex as usize].iter().copied().filter(move |face| !beyond.contains(face))
     }
 
     /// Returns the faces of `from` that stay, with `to` in its place.
     fn replaced(&self, from: u32, to: u32) -> impl Iterator<Item = (u32, [DVec3; 3])> + '_ {
-        let kept = self.fans[from as usize].difference(&self.fans[to as usize]);
-        kept.map(move |&face| {
+        self.beside(from, to).map(move |face| {
             let place = |vertex: u32| self.places[if vertex == from { to } else { vertex } as usize];
             (face, self.vertices(face).map(place))
         })
@@ -161,9 +169,8 @@ impl<'a> Collapse<'a> {
             }
         }
         // The faces at `to` take the points of the faces that go.
-        let around = self.fans[to as usize].difference(&self.fans[from as usize]);
         let beside: Vec<[DVec3; 3]> =
-            around.map(|&face| self.vertices(face).map(|vertex| self.places[vertex as usize])).collect();
+            self.beside(to, from).map(|face| self.vertices(face).map(|vertex| self.places[vertex as usize])).collect();
         let new = || replaced.iter().map(|(_, corners)| corners).chain(&beside);
         new().next()?;
         let points = self.fans[from as usize].iter().flat_map(|&face| &self.nearby[face as usize]);
@@ -183,7 +190,7 @@ impl<'a> Collapse<'a> {
 
     fn apply(&mut self, from: u32, to: u32) {
         let gone = self.shared(from, to);
-        let stays: Vec<u32> = self.fans[from as usize].difference(&self.fans[to as usize]).copied().collect();
+        let stays: Vec<u32> = self.beside(from, to).collect();
         let corner_of = |faces: &[Option<[u32; 3]>], face: u32, vertex: u32| {
             let corners = faces[face as usize].expect("a face of a fan");
             corners.into_iter().find(|&corner| self.vertex_of[corner as usize] == vertex)
@@ -204,11 +211,11 @@ impl<'a> Collapse<'a> {
             let new = alike.expect("an edge has a face").1;
             let corners = self.faces[face as usize].as_mut().expect("a face of a fan");
             *corners = corners.map(|corner| if corner == own { new } else { corner });
-            self.fans[to as usize].insert(face);
         }
+        self.fans[to as usize] = ascending(self.fans[to as usize].iter().chain(&stays).copied());
         for &face in &gone {
             for vertex in self.vertices(face) {
-                self.fans[vertex as usize].remove(&face);
+                self.fans[vertex as usize].retain(|other| *other != face);
             }
             self.faces[face as usize] = None;
         }
@@ -231,6 +238,14 @@ impl<'a> Collapse<'a> {
         let triangle = self.triangles[place as usize / 3] as usize;
         self.foliage.attributes().uvs.get(triangle).map(|uvs| uvs[place as usize % 3].to_array().map(f32::to_bits))
     }
+}
+
+/// Returns the numbers in ascending order, each once.
+fn ascending(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut numbers: Vec<u32> = numbers.collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
 }
 
 fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
