@@ -65,6 +65,7 @@ pub(super) fn build(
     let baked = Instant::now();
     progress.tell("tune", 0.8)?;
     let references = References::new(parts, parts, &frame, settings)?;
+    progress.tell("tune", 0.85)?;
     let leaves = &references.tuning;
     let (page, alpha_cutoff) = if settings.blended {
         (tune::blended(&atlas, &page, &frame, !two_sided, leaves)?, 0.0)

@@ -160,12 +160,13 @@ impl Octahedral {
         let bend = settings.channels.normal.unwrap_or(0.0);
         let openness = pages::Openness::of(&rendered, parts[0].frame());
         let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
-        progress.tell("tune", 0.8)?;
+        let tuning = || progress.tell("tune", 0.8);
+        tuning()?;
         let depth = draw::depths(&normal_depth);
-        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning)?;
-        progress.tell("tune", 0.95)?;
+        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning, tuning)?;
         let pages = draw::Pages::new(&layout, &color, &normal_depth);
-        let pictures = compared(&references.report, |view| Rays::traced(&layout, &depth, view), &pages)?;
+        let traced = |view: &View| progress.tell("tune", 0.95).map(|()| Rays::traced(&layout, &depth, view));
+        let pictures = compared(&references.report, traced, &pages)?;
         let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
         Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
     }
@@ -184,16 +185,20 @@ impl Octahedral {
     }
 }
 
-/// Returns the color page with coverage and mean color of the leaves, and the cutoff with which it covers as much when it is cut out.
+/// Returns the color page with coverage and mean color of the leaves, and the cutoff with which it covers as much when it is cut out. Calls `tell`
+/// often, and ends with its error.
 fn tuned(
     layout: &Layout,
     color: Image,
     normal_depth: &Image,
     depth: &[f32],
     leaves: &Reference,
+    tell: impl Fn() -> Result<()>,
 ) -> Result<(Image, f32)> {
-    let rays: Vec<Rays> = leaves.views().iter().map(|view| Rays::traced(layout, depth, view)).collect();
+    let traced = |view: &View| tell().map(|()| Rays::traced(layout, depth, view));
+    let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
     let excess = |silhouette: &dyn Fn(&Rays, usize) -> Result<Image>| {
+        tell()?;
         let pictures = rays.iter().enumerate().map(|(i, rays)| silhouette(rays, i)).collect::<Result<_>>()?;
         Ok(libm::log(leaves.beside(pictures, None).coverage().max(1e-9)))
     };
@@ -224,12 +229,16 @@ fn alphas(color: &Image) -> Vec<f32> {
 }
 
 /// Draws the impostor beside the base, flat-lit, and lit if the base is.
-fn compared<'a>(base: &Reference, traced: impl Fn(&View) -> Rays<'a>, pages: &draw::Pages) -> Result<Comparison> {
+fn compared<'a>(
+    base: &Reference,
+    traced: impl Fn(&View) -> Result<Rays<'a>>,
+    pages: &draw::Pages,
+) -> Result<Comparison> {
     let rays = base.views().iter().map(traced);
     match base.sun() {
-        None => Ok(base.beside(rays.map(|rays| pages.flat(&rays, 0.0)).collect::<Result<_>>()?, None)),
+        None => Ok(base.beside(rays.map(|rays| pages.flat(&rays?, 0.0)).collect::<Result<_>>()?, None)),
         Some(sun) => {
-            let pairs = rays.map(|rays| pages.flat_and_lit(&rays, 0.0, sun)).collect::<Result<Vec<_>>>()?;
+            let pairs = rays.map(|rays| pages.flat_and_lit(&rays?, 0.0, sun)).collect::<Result<Vec<_>>>()?;
             let (flat, lit) = pairs.into_iter().map(|[flat, lit]| (flat, lit)).unzip();
             Ok(base.beside(flat, Some(lit)))
         }
