@@ -39,7 +39,7 @@ def begin(blender: Window) -> None:
 
 def test_escape_ends_a_bake_at_once(tree: Window) -> None:
     before = names(tree)
-    for seconds in (0.5, 3.0, 6.0):
+    for seconds in (0.5, 2.0, 4.0):
         begin(tree)
         time.sleep(seconds)
         pressed = time.monotonic()
