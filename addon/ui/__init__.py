@@ -6,6 +6,7 @@ import bpy
 
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
+from .export import LEAFCLOUD_OT_export
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .handlers import add_handlers, remove_handlers
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
@@ -34,6 +35,7 @@ from .sample import LEAFCLOUD_OT_sample
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .selected_tree import forget_selection
 from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
+from .trees_panel import LEAFCLOUD_OT_select_tree, LEAFCLOUD_PT_trees
 from .viewport import HANDLERS as PREVIEW_HANDLERS
 from .viewport import LEAFCLOUD_OT_preview, stop_preview
 
@@ -47,11 +49,19 @@ _CLASSES = (
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
+    *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_select_tree),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
     *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
-    *(LEAFCLOUD_PT_tree, LEAFCLOUD_PT_place, LEAFCLOUD_PT_curve, LEAFCLOUD_PT_scene, LEAFCLOUD_PT_forest),
+    *(
+        LEAFCLOUD_PT_tree,
+        LEAFCLOUD_PT_trees,
+        LEAFCLOUD_PT_place,
+        LEAFCLOUD_PT_curve,
+        LEAFCLOUD_PT_scene,
+        LEAFCLOUD_PT_forest,
+    ),
 )
 
 

@@ -14,6 +14,7 @@ from ..bake.drawing import drawing_costs, level_results
 from ..bake.pipeline import chain_options
 from ..bake.values import Baked, Prepared
 from ..levels.results import keep_results
+from ..levels.thumbnails import keep_thumbnails
 from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
@@ -141,6 +142,7 @@ def tell(tree: Baked) -> None:
     _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]
     costs = drawing_costs(tree)
     keep_results(tree.collection, level_results(tree, costs))
+    keep_thumbnails([level.object for level in tree.levels], chain.levels)
     for number, cost in enumerate(costs[1:], start=1):
         times = f"{cost.cheaper:.1f} × cheaper" if cost.cheaper >= 1.0 else f"{1.0 / cost.cheaper:.1f} × dearer"
         _told.append(f"Level {number}: {times} to draw than the leaves at {cost.crown_pixels:.0f} px")

@@ -19,7 +19,7 @@ class LEAFCLOUD_MT_object(bpy.types.Menu):
 
 
 _GROUPS = (
-    ("sample", "bake", "preview", "remove"),
+    ("sample", "bake", "preview", "export", "remove"),
     ("place", "asset", "place_instances", "select_billboard"),
     ("curve", "forest", "scene"),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -76,12 +77,21 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
+    directory: StringProperty(
+        name="Folder", description="Output folder of this bake. Empty: the setting", options={"HIDDEN", "SKIP_SAVE"}
+    )
+    engine: StringProperty(
+        name="For", description="Engine of this bake's files. Empty: the setting", options={"HIDDEN", "SKIP_SAVE"}
+    )
+
     def begin(self, context: bpy.types.Context) -> ChainsJob:
         settings = context.scene.leafcloud
         if self.viewer:
             settings.viewer = self.viewer
-        self._directory = output_folder(settings.directory)
+        self._directory = output_folder(self.directory or settings.directory)
         wanted = bake_settings(settings)
+        if self.engine:
+            wanted = replace(wanted, engine=self.engine)
         with selected_trees(context) as trees:
             prepared = prepare_tree_set(trees, wanted, layer_of(context.scene), with_labels)
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
@@ -126,7 +136,8 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         levels = ", ".join(
             f"{len(tree.levels)} levels into collection {tree.collection.name}" for tree in tree_set.trees
         )
-        self.report({"INFO"}, f"Baked {levels}, and hid their sources")
+        files = "" if self._directory is None else f", wrote files into {self._directory}"
+        self.report({"INFO"}, f"Baked {levels}{files}, and hid their sources")
         return {"FINISHED"}
 
 

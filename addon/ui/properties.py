@@ -56,8 +56,8 @@ class _Shown:
         return {**_SWITCH, **self.choices}.get(value, value.title())
 
 
-_ENGINES = {"generic": "Blender, glTF", "three": "three.js", "babylon": "Babylon.js"}
-"""Labels of engines."""
+ENGINE_LABELS = {"generic": "Blender, glTF", "three": "three.js", "babylon": "Babylon.js"}
+"""Labels of engines whose names are no titles."""
 
 _SHOWN = {
     "quality": _Shown("Quality"),
@@ -86,7 +86,7 @@ _SHOWN = {
     "bend_normals": _Shown("Bend Normals"),
     "seed": _Shown("Seed"),
     "trees": _Shown("Trees"),
-    "engine": _Shown("For", choices=_ENGINES),
+    "engine": _Shown("For", choices=ENGINE_LABELS),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }

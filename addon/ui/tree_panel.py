@@ -11,7 +11,8 @@ from ..errors import SceneError
 from ..levels.earlier import remove_levels
 from ..levels.results import LevelResult, results_of, warnings_of
 from ..levels.root import root_of
-from ..levels.shown import show_level, shown_level
+from ..levels.shown import SOURCES, show_level, shown_level, sources_of
+from ..levels.thumbnails import thumbnail_of
 from ..mesh.baked_levels import level_number, record
 from ..nodes.laws import LOD_DISTANCE
 from .job_operator import refuse
@@ -19,30 +20,40 @@ from .on_tree import OnTree, active_tree
 from .viewport import draw_new_levels, stop_preview
 from .wrapped import add_text
 
+_PICTURE, _SCALE = 0.32, 4.0
+"""Width of a level's picture as a share of the sidebar's, and its height in lines."""
+
 AUTO = -1
 """Number in place of a level's: the distance decides."""
 
 
 class LEAFCLOUD_OT_show_level(OnTree, bpy.types.Operator):
-    """Show this level at all distances. Auto shows the level for each distance"""
+    """Show this level at all distances. Auto shows the level for each distance, Sources the objects before the bake"""
 
     bl_idname = "leafcloud.show_level"
     bl_label = "Show Level"
     bl_options = {"REGISTER", "UNDO"}
 
     level: IntProperty(
-        name="Level", description="Number of the level. −1: the distance decides", default=AUTO, min=AUTO
+        name="Level",
+        description="Number of the level. −1: the distance decides. −2: the objects that the tree was baked from",
+        default=AUTO,
+        min=SOURCES,
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         tree = active_tree(context)
         assert tree is not None, "poll refuses without a tree"
         numbers = _numbers(tree)
-        if self.level != AUTO and self.level not in numbers:
+        if self.level >= 0 and self.level not in numbers:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level}; it has the levels 0 to {max(numbers)}")
             return {"CANCELLED"}
         stop_preview()  # It draws levels by distance.
-        show_level(tree, None if self.level == AUTO else self.level)
+        try:
+            show_level(tree, None if self.level == AUTO else self.level, context.view_layer)
+        except SceneError as error:
+            return refuse(self, error)
+        _keep_active(context, tree)
         return {"FINISHED"}
 
 
@@ -58,18 +69,11 @@ class LEAFCLOUD_OT_remove(OnTree, bpy.types.Operator):
         assert tree is not None, "poll refuses without a tree"
         made, name = record(tree), tree.name
         assert made is not None, "an active tree has a record"
-        here = {obj.name_full: obj for obj in context.view_layer.objects}
-        lost = [source for source in made.sources if source not in here]
-        if len(lost) == len(made.sources):
-            return refuse(
-                self,
-                SceneError(
-                    f"the view layer lacks the objects that {name!r} was made from, {', '.join(map(repr, lost[:8]))}: "
-                    "restore them, or delete the levels by hand"
-                ),
-            )
+        try:
+            sources = sources_of(tree, context.view_layer)
+        except SceneError as error:
+            return refuse(self, error)
         remove_levels(tree)
-        sources = [here[source] for source in made.sources if source in here]
         for obj in sources:
             obj.hide_set(False)
             obj.hide_render = False
@@ -78,6 +82,14 @@ class LEAFCLOUD_OT_remove(OnTree, bpy.types.Operator):
         context.view_layer.objects.active = next((obj for obj in sources if obj.name == made.name), sources[0])
         self.report({"INFO"}, f"Removed the levels of {name}, and showed its sources")
         return {"FINISHED"}
+
+
+def _keep_active(context: bpy.types.Context, tree: bpy.types.Collection) -> None:
+    """Select the root if the active object is hidden now, so that the panel stays."""
+    root, active = root_of(tree), context.view_layer.objects.active
+    if root is not None and root.visible_get() and (active is None or not active.visible_get()):
+        root.select_set(True)
+        context.view_layer.objects.active = root
 
 
 class LEAFCLOUD_PT_tree(bpy.types.Panel):
@@ -101,6 +113,9 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
             text = "Auto" if number == AUTO else str(number)
             is_shown = number == (AUTO if shown is None else shown)
             row.operator("leafcloud.show_level", text=text, depress=is_shown).level = number
+        row = layout.row(align=True)
+        row.operator("leafcloud.show_level", text="Sources", depress=shown == SOURCES).level = SOURCES
+        row.operator("leafcloud.export")
         root = root_of(tree)
         if root is not None and LOD_DISTANCE in root:
             layout.prop(root, f'["{LOD_DISTANCE}"]', text=LOD_DISTANCE)
@@ -114,11 +129,15 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         column.operator("leafcloud.select_billboard")
         for warning in warnings_of(tree):
             add_text(layout, context, warning, "ERROR")
-        for result in results_of(tree):
-            column = layout.column(align=True)
+        objects = {level_number(obj): obj for obj in tree.all_objects}
+        for number, result in enumerate(results_of(tree)):
+            row = layout.split(factor=_PICTURE)
+            picture = thumbnail_of(objects[number]) if number in objects else 0
+            row.template_icon(icon_value=picture, scale=_SCALE)
+            column = row.column(align=True)
             column.label(text=result.name)
             for text in figures_of(result):
-                column.label(text=text, icon="BLANK1")
+                column.label(text=text)
 
 
 def figures_of(result: LevelResult) -> tuple[str, ...]:
@@ -130,8 +149,8 @@ def figures_of(result: LevelResult) -> tuple[str, ...]:
     texture = (f"texture {width} × {height}",) if width else ()
     times = f"{result.cheaper:.1f} × cheaper" if result.cheaper >= 1.0 else f"{1.0 / result.cheaper:.1f} × dearer"
     return (
-        f"{triangles}, {times}",
-        f"from {result.distance:,.{_digits(result.distance)}f} on",
+        triangles,
+        f"{times}, from {result.distance:,.{_digits(result.distance)}f} on",
         f"error {result.image_error:.3f} at 128 px",
         *texture,
     )

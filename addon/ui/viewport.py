@@ -137,7 +137,7 @@ class LEAFCLOUD_OT_preview(bpy.types.Operator):
             stop_preview()
         else:
             for tree in context.scene.collection.children_recursive:
-                show_level(tree, None)  # The preview draws levels by distance.
+                show_level(tree, None, context.view_layer)  # The preview draws levels by distance.
             start_preview(context.view_layer, _drawn_by_shader)
             if not is_previewed():
                 self.report({"WARNING"}, "All levels are hidden in this view layer: show some in the Outliner")

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import bpy
+import numpy as np
 import pytest
 
 import addon.ui as interface
@@ -82,6 +83,101 @@ def test_a_level_that_does_not_exist_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("before")
+def test_the_sources_are_shown_in_place_of_all_levels_and_hidden_again() -> None:
+    by_distance, own = drawn(), tree()
+    leaves = bpy.data.objects["leaves"]
+    assert not leaves.visible_get()
+    assert bpy.ops.leafcloud.show_level(level=-2) == {"FINISHED"}
+    assert (shown_level(own), drawn()) == (-2, set())
+    assert leaves.visible_get()
+    assert not leaves.hide_render
+    assert bpy.ops.leafcloud.show_level(level=-1) == {"FINISHED"}
+    assert (leaves.visible_get(), leaves.hide_render, drawn()) == (False, True, by_distance)
+
+
+@pytest.mark.usefixtures("before")
+def test_sources_that_are_gone_are_refused_and_do_not_block_the_way_back() -> None:
+    bpy.ops.leafcloud.show_level(level=-2)
+    for name in ("leaves", "branches"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    assert bpy.ops.leafcloud.show_level(level=-1) == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="lacks the objects that 'leaves' was made from, 'branches', 'leaves'"):
+        bpy.ops.leafcloud.show_level(level=-2)
+
+
+@pytest.mark.usefixtures("before")
+def test_the_panel_stays_when_the_active_level_is_hidden() -> None:
+    [level] = [obj for obj in tree().objects if level_number(obj) == 0]
+    bpy.ops.object.select_all(action="DESELECT")
+    level.select_set(True)
+    bpy.context.view_layer.objects.active = level
+    bpy.ops.leafcloud.show_level(level=1)
+    assert active_tree(bpy.context) is not None
+
+
+@pytest.mark.usefixtures("before")
+def test_each_level_has_a_picture_that_is_saved_with_the_file(tmp_path: Path) -> None:
+    def alphas() -> dict[int, np.ndarray]:
+        levels = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
+        found = {}
+        for obj in levels:
+            assert tuple(obj.preview.image_size) == (128, 128)
+            found[level_number(obj)] = np.array(obj.preview.image_pixels_float[:]).reshape(128, 128, 4)[..., 3]
+        return found
+
+    pictures = alphas()
+    assert sorted(pictures) == [0, 1, 2]
+    for alpha in pictures.values():
+        assert 0.02 < alpha.mean() < 0.9
+    rows = np.flatnonzero(pictures[0].sum(axis=1) > 0.5)
+    center = np.average(np.arange(128), weights=pictures[0].sum(axis=1))
+    assert center > 0.5 * (rows[0] + rows[-1]), "the leaves are above the trunk: Blender's rows go from bottom to top"
+    assert np.abs(pictures[2] - pictures[0]).mean() < 0.1, "the impostor beside the tree with its trunk"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "tree.blend"))
+    assert all(np.abs(alpha - pictures[number]).max() < 0.01 for number, alpha in alphas().items())
+
+
+@pytest.mark.usefixtures("before")
+def test_a_tree_is_exported_for_an_engine_after_its_bake(tmp_path: Path) -> None:
+    settings = bpy.context.scene.leafcloud
+    assert bpy.ops.leafcloud.export(engine="three", directory=str(tmp_path)) == {"FINISHED"}
+    assert b"KHR_texture_basisu" in (tmp_path / "leaves_LOD1.glb").read_bytes(), "three.js reads KTX2"
+    assert {"leaves.glb", "leaves_LOD0.glb", "leaves_LOD2.glb"} <= {path.name for path in tmp_path.iterdir()}
+    assert (settings.engine, settings.directory) == ("generic", ""), "the settings of later bakes stay"
+    assert tree().name == "leaves"
+
+
+@pytest.mark.usefixtures("before")
+def test_an_export_without_a_folder_is_refused() -> None:
+    with pytest.raises(RuntimeError, match="no folder is chosen"):
+        bpy.ops.leafcloud.export(engine="three", directory="")
+
+
+@pytest.mark.usefixtures("before")
+def test_a_table_has_all_baked_trees() -> None:
+    assert not interface.LEAFCLOUD_PT_trees.poll(bpy.context), "one tree has its own panel"
+    bpy.ops.leafcloud.show_level(level=-2)
+    copies = [bpy.data.objects[name].copy() for name in ("leaves", "branches")]
+    bpy.ops.object.select_all(action="DESELECT")
+    for obj in copies:
+        bpy.context.scene.collection.objects.link(obj)
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = copies[0]
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    assert interface.LEAFCLOUD_PT_trees.poll(bpy.context)
+    layout = MagicMock()
+    layout.grid_flow.return_value = layout
+    interface.LEAFCLOUD_PT_trees.draw(SimpleNamespace(layout=layout), bpy.context)
+    assert [call.kwargs["text"] for call in layout.operator.call_args_list] == ["leaves", "leaves.001"]
+    cells = [call.kwargs["text"] for call in layout.label.call_args_list]
+    results = results_of(bpy.data.collections["leaves"])
+    assert cells[4:6] == [f"{results[0].triangles:,}", f"{results[-1].triangles:,}"]
+    assert bpy.ops.leafcloud.select_tree(tree="leaves") == {"FINISHED"}
+    assert tree().name == "leaves"
+
+
+@pytest.mark.usefixtures("before")
 def test_the_figures_of_each_level_are_saved_with_the_file(tmp_path: Path) -> None:
     results = results_of(tree())
     assert [each.name for each in results] == ["Leaves", "Level 1", "Cross impostor"]
@@ -99,7 +195,7 @@ def test_the_figures_of_each_level_are_saved_with_the_file(tmp_path: Path) -> No
 def test_warnings_of_the_bake_stay_in_the_panel() -> None:
     keep_warnings(tree(), ["the leaves have no texture coordinates, so all of them show one texel of the image"])
     layout = MagicMock()
-    layout.row.return_value = layout.column.return_value = layout
+    layout.row.return_value = layout.column.return_value = layout.split.return_value = layout
     context = SimpleNamespace(
         view_layer=bpy.context.view_layer,
         region=SimpleNamespace(width=300.0),
@@ -113,11 +209,11 @@ def test_warnings_of_the_bake_stay_in_the_panel() -> None:
 @pytest.mark.usefixtures("before")
 def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
     layout = MagicMock()
-    for part in ("row", "column"):
+    for part in ("row", "column", "split"):
         getattr(layout, part).return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", None, None, "Bake Again", None, None]
+    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None]
     labels = [call.kwargs["text"] for call in layout.label.call_args_list]
     results = results_of(tree())
     assert labels == ["leaves", *(line for each in results for line in (each.name, *figures_of(each)))]
@@ -125,9 +221,9 @@ def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
 
 def test_distances_have_three_digits() -> None:
     def told(distance: float) -> str:
-        return figures_of(LevelResult("Level 1", 5, 2.0, (64, 32), 0.05, distance))[1].split(" on")[0]
+        return figures_of(LevelResult("Level 1", 5, 2.0, (64, 32), 0.05, distance))[1].split(", ")[1]
 
-    assert [told(each) for each in (2794.4, 63.21, 0.01234)] == ["from 2,794", "from 63.2", "from 0.0123"]
+    assert [told(each) for each in (2794.4, 63.21, 0.01234)] == ["from 2,794 on", "from 63.2 on", "from 0.0123 on"]
 
 
 def test_the_panel_is_hidden_without_a_baked_tree() -> None:
@@ -177,10 +273,10 @@ def test_children_of_an_artist_keep_their_place_after_the_removal() -> None:
 def test_removal_takes_copies_of_the_tree_with_it(before: dict[str, set[str]]) -> None:
     bpy.ops.object.duplicate(linked=True)
     layout = MagicMock()
-    layout.row.return_value = layout.column.return_value = layout
+    layout.row.return_value = layout.column.return_value = layout.split.return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", None, None, "Bake Again", None, None]
+    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None]
     assert bpy.ops.leafcloud.remove() == {"FINISHED"}
     assert names() == before
 

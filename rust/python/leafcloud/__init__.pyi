@@ -368,6 +368,9 @@ class Level:
     @property
     def image_error(self) -> float:
         """Image error of the metrics, compared with the leaves, in pictures of 128 × 128 pixels."""
+    def pictures(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Return pictures (256, 256, 4) of the leaves and of the level from the side: sRGB with straight alpha, under a
+        sun if the level has ``normals``. The picture of an impostor and the one beside it show the trunk, too."""
     def image_errors(self, target: float | None = None) -> ImageErrors:
         """Measure the image error, without light and under a sun, compared with the leaves, in pictures of different
         sizes. With ``target`` it ends at the first size with a larger error, which ``largest_size(target)`` needs.
@@ -425,6 +428,8 @@ class LeafLevel:
     @property
     def image_error(self) -> float:
         """As :attr:`Level.image_error`."""
+    def pictures(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """As :meth:`Level.pictures`."""
     def image_errors(self, target: float | None = None) -> ImageErrors:
         """As :meth:`Level.image_errors`."""
     @property
@@ -498,6 +503,8 @@ class OctahedralLevel:
     @property
     def image_error(self) -> float:
         """As :attr:`Level.image_error`, drawn with blending."""
+    def pictures(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """As :meth:`Level.pictures`."""
     def image_errors(self, target: float | None = None) -> ImageErrors:
         """As :meth:`Level.image_errors`."""
     @property

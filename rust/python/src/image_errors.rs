@@ -1,7 +1,12 @@
-//! `ImageErrors`: the image error of a level by the size of the crown.
+//! `ImageErrors`: the image error of a level by the size of the crown. The pictures that it is measured in.
 
+use leafcloud::Image;
+use leafcloud::metrics::Comparison;
 use leafcloud_flip::{ImageErrors, crown_pixels};
+use numpy::PyArray3;
 use pyo3::prelude::*;
+
+use crate::arrays::image_array;
 
 #[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
 pub struct PyImageErrors(pub ImageErrors);
@@ -21,4 +26,15 @@ impl PyImageErrors {
     fn largest_size(&self, target: f64) -> Option<f64> {
         self.0.largest_size(target).map(crown_pixels)
     }
+}
+
+/// Two images: of the leaves and of the level.
+pub type Pair<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray3<u8>>);
+
+/// Returns the pictures of the view nearest to the horizon, lit if there are lit ones.
+pub fn from_the_side<'py>(py: Python<'py>, pictures: &Comparison) -> PyResult<Pair<'py>> {
+    let pictures = pictures.lit.as_ref().unwrap_or(&pictures.flat);
+    // The directions go down from the top by equal heights, as far below the horizon as half of the way above it.
+    let middle = |images: &[Image]| images[images.len() / 2].clone();
+    Ok((image_array(py, &middle(&pictures.base))?, image_array(py, &middle(&pictures.level))?))
 }

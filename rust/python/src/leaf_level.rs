@@ -14,7 +14,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{self, point_groups};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
-use crate::image_errors::PyImageErrors;
+use crate::image_errors::{Pair, PyImageErrors, from_the_side};
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]
@@ -85,6 +85,10 @@ impl PyLeafLevel {
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
         let level = Arc::clone(&self.level);
         interruptible(py, move |_| Ok(image_error(&level.pictures)))
+    }
+
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
+        from_the_side(py, &self.level.pictures)
     }
 
     #[pyo3(signature = (target = None))]

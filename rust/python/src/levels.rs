@@ -16,7 +16,7 @@ use crate::arrays::{self, image_array, image_or_none, point_groups, vector_rows}
 use crate::curve::offer_dict;
 use crate::errors::read;
 use crate::foliage::PyFoliage;
-use crate::image_errors::PyImageErrors;
+use crate::image_errors::{Pair, PyImageErrors, from_the_side};
 use crate::ktx2;
 use crate::leaf_level::PyLeafLevel;
 use crate::octahedral_level::PyOctahedralLevel;
@@ -456,6 +456,10 @@ impl PyLevel {
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
         let pictures = self.level().pictures.clone();
         interruptible(py, move |_| Ok(image_error(&pictures)))
+    }
+
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
+        from_the_side(py, &self.level().pictures)
     }
 
     #[pyo3(signature = (target = None))]

@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::image_array;
 use crate::errors::read;
-use crate::image_errors::PyImageErrors;
+use crate::image_errors::{Pair, PyImageErrors, from_the_side};
 use crate::levels::PyLevel;
 use crate::tools::{cost_dict, sun_direction, upright, view};
 use crate::work::interruptible;
@@ -127,6 +127,10 @@ impl PyOctahedralLevel {
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
         let impostor = Arc::clone(&self.impostor);
         interruptible(py, move |_| Ok(image_error(&impostor.pictures)))
+    }
+
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
+        from_the_side(py, &self.impostor.pictures)
     }
 
     #[pyo3(signature = (target = None))]
