@@ -96,6 +96,9 @@ def _open_obj(path: Path) -> None:
 
 _IMPORTERS: Mapping[str, _Opener] = {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": _open_obj}
 
+SUFFIXES = tuple(_IMPORTERS)
+"""Ends of the names of files that `load_beside` imports."""
+
 
 def _open_blend(path: Path) -> None:
     # Never run scripts in the file, whatever the preferences allow.

@@ -9,6 +9,7 @@ from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, fo
 from .export import LEAFCLOUD_OT_export
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .handlers import add_handlers, remove_handlers
+from .import_folder import LEAFCLOUD_OT_import_folder
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
 from .menu import LEAFCLOUD_MT_object, add_menu, remove_menu
 from .new_instances import HANDLERS as INSTANCE_HANDLERS
@@ -51,7 +52,7 @@ _CLASSES = (
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_select_tree),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
-    *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample),
+    *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample, LEAFCLOUD_OT_import_folder),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),
     *(LEAFCLOUD_PT_levels, LEAFCLOUD_PT_textures, LEAFCLOUD_PT_search, LEAFCLOUD_PT_effects, LEAFCLOUD_PT_output),
     *(

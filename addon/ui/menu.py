@@ -19,7 +19,8 @@ class LEAFCLOUD_MT_object(bpy.types.Menu):
 
 
 _GROUPS = (
-    ("sample", "bake", "preview", "export", "remove"),
+    ("sample", "import_folder"),
+    ("bake", "preview", "export", "remove"),
     ("place", "asset", "place_instances", "select_billboard"),
     ("curve", "forest", "scene"),
 )

@@ -37,6 +37,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout.label(text=words or "Select leaves and trunk of a tree", icon="OUTLINER_OB_MESH" if words else "INFO")
         if not words:
             layout.operator("leafcloud.sample")
+            layout.operator("leafcloud.import_folder")
         column = layout.column(align=True)
         column.prop(settings, "engine")
         if settings.engine != BakeSettings.engine:

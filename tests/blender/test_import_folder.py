@@ -1,0 +1,71 @@
+"""A folder of trees in the interface: imported side by side, baked together, with a table of what came out."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import bpy
+import pytest
+
+import addon.ui as interface
+from addon.levels.results import results_of
+from addon.ui.trees_panel import baked_trees
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, shrub: Path) -> Path:
+    for name in ("ash.glb", "oak.GLB"):
+        shutil.copy(shrub, tmp_path / name)
+    (tmp_path / "broken.glb").write_bytes(b"glTF and no more")
+    (tmp_path / "notes.txt").write_text("no tree")
+    (tmp_path / "folder.glb").mkdir()
+    return tmp_path
+
+
+def widths(name: str) -> tuple[float, float]:
+    """Return the least and the greatest x of a collection's meshes."""
+    objects = [obj for obj in bpy.data.collections[name].objects if obj.type == "MESH"]
+    places = [(obj.matrix_world @ vertex.co).x for obj in objects for vertex in obj.data.vertices]
+    return min(places), max(places)
+
+
+def test_each_file_is_a_tree_beside_the_others(folder: Path) -> None:
+    assert bpy.ops.leafcloud.import_folder(directory=str(folder)) == {"FINISHED"}
+    scene = bpy.context.scene
+    assert [collection.name for collection in scene.collection.children] == ["ash", "oak"]
+    for collection in scene.collection.children:
+        kinds = [obj.name.split(".")[0] for obj in collection.objects]
+        assert {"leaves", "branches"} <= set(kinds)
+    bpy.context.view_layer.update()
+    assert widths("ash")[1] < widths("oak")[0]
+    assert {obj.name for obj in bpy.context.selected_objects} == {obj.name for obj in scene.objects}
+    assert not [collection for collection in bpy.data.collections if collection.name.startswith("broken")]
+
+
+def test_all_are_baked_at_once_and_the_table_has_a_row_for_each(folder: Path) -> None:
+    bpy.ops.leafcloud.import_folder(directory=str(folder))
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    trees = list(baked_trees(bpy.context.scene))
+    assert [tree.name for tree in trees] == ["ash_2", "oak_2"]
+    assert all(len(results_of(tree)) >= 2 for tree in trees)
+    assert interface.LEAFCLOUD_PT_trees.poll(bpy.context)
+
+
+def test_a_folder_without_trees_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"has no \.glb, \.gltf, \.obj file: choose a folder with trees"):
+        bpy.ops.leafcloud.import_folder(directory=str(tmp_path))
+    with pytest.raises(RuntimeError, match="cannot be read: No such file or directory; choose another folder"):
+        bpy.ops.leafcloud.import_folder(directory=str(tmp_path / "missing"))
+
+
+def test_a_folder_of_broken_files_changes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "broken.obj").write_text("v nan 0 0\n")
+    before = len(bpy.data.objects), len(bpy.data.collections)
+    with pytest.raises(RuntimeError, match="none of the 1 files in"):
+        bpy.ops.leafcloud.import_folder(directory=str(tmp_path))
+    assert (len(bpy.data.objects), len(bpy.data.collections)) == before
