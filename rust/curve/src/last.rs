@@ -5,7 +5,7 @@
 
 use leafcloud::error::Result;
 use leafcloud::lod::octahedral::{Layout, Octahedral, Size};
-use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING};
+use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
 use leafcloud::metrics::{Comparison, drawing_cost};
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_flip::{ImageErrors, SMALLEST, crown_pixels};
@@ -64,18 +64,17 @@ pub fn octahedral(
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
-    let cross = place.chain.levels.last().filter(|level| level.is_cross());
-    let build = || {
+    let cross = place.chain.levels.last().filter(|level| level.is_cross()).zip(place.chain.whole.as_deref());
+    let build = |references: &References| {
         let simpler = place.simpler(settings.up);
-        let references = place.chain.whole.as_deref().expect("a cross impostor has them");
         Octahedral::build(place.parts, simpler, Size::default(), references, settings, progress)
     };
     match (last, cross, target) {
         (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
             "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
         )),
-        (Last::Octahedral, Some(_), _) => build().map(Some),
-        (Last::Auto, Some(cross), Some(target)) => {
+        (Last::Octahedral, Some((_, whole)), _) => build(whole).map(Some),
+        (Last::Auto, Some((cross, whole)), Some(target)) => {
             let (up, size) = (settings.up, Size::default());
             let range = Range { smallest: crown(&cross.pictures, target), place, up };
             let layout = Layout::around(place.parts, up, size);
@@ -85,7 +84,7 @@ pub fn octahedral(
             if range.saving(largest, &layout)? < LEAST_SAVING {
                 return Ok(None);
             }
-            let built = build()?;
+            let built = build(whole)?;
             let is_worth_it = range.saving(crown(&built.pictures, target).min(largest), &layout)? >= LEAST_SAVING;
             Ok(is_worth_it.then_some(built))
         }

@@ -3,7 +3,7 @@
 //! A leaf that moves by a hundredth of the crown moves by two pixels in a large picture, and by nothing that one sees in a small one. So the
 //! error falls with the size, and each level has a largest size at which nobody notices that it replaces the leaves.
 
-use std::cell::LazyCell;
+use std::cell::OnceCell;
 use std::sync::PoisonError;
 
 use leafcloud::Image;
@@ -86,17 +86,20 @@ impl ImageErrors {
 /// Pictures whose errors are measured one size after the other. The pictures keep them.
 struct Judged<'a> {
     pictures: &'a Pictures,
-    /// Pictures of the base and of the level in each view, with their halves.
-    halves: LazyCell<Vec<[mips::Levels; 2]>, Box<dyn FnOnce() -> Vec<[mips::Levels; 2]> + 'a>>,
+    /// Pictures of the base and of the level in each view with their halves, made for the first size that is measured.
+    halves: OnceCell<Vec<[mips::Levels; 2]>>,
 }
 
 impl<'a> Judged<'a> {
     fn new(pictures: &'a Pictures) -> Self {
-        let halved = || {
-            let pairs = pictures.base.par_iter().zip(pictures.level.par_iter());
+        Self { pictures, halves: OnceCell::new() }
+    }
+
+    fn halves(&self) -> &[[mips::Levels; 2]] {
+        self.halves.get_or_init(|| {
+            let pairs = self.pictures.base.par_iter().zip(self.pictures.level.par_iter());
             pairs.map(|(base, level)| [base, level].map(mips::means)).collect()
-        };
-        Self { pictures, halves: LazyCell::new(Box::new(halved)) }
+        })
     }
 
     /// Returns the side of the pictures and halves of it, ascending from [`SMALLEST`].
@@ -116,7 +119,7 @@ impl<'a> Judged<'a> {
             let mut pairs = base.iter().zip(level);
             pairs.find(|(base, _)| base.width() <= size).map_or(0.0, |(base, level)| flip(base, level))
         };
-        let errors: Vec<f64> = self.halves.par_iter().map(of_view).collect();
+        let errors: Vec<f64> = self.halves().par_iter().map(of_view).collect();
         let error = (errors.iter().sum::<f64>() / errors.len() as f64 * 1000.0).round() / 1000.0;
         kept().insert(size, error);
         error

@@ -141,24 +141,10 @@ pub fn build_chain_of(
     let frame = *whole.frame();
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = MeasuringSeconds::default();
-    let mut seen = Vec::new();
     // The measurements stay at the fraction 0; they report to be cancelled.
     let measuring = progress.part(0.0, 0.0);
-    if settings.views.order > 0 {
-        let opacity = Opacity::of(foliage);
-        let measure = || visibility(foliage, &opacity, settings.up, settings.views.order, measuring);
-        seen = timed(&mut seconds.order, measure)?.iter().map(LeafSamples::share).collect();
-    }
-    let ranks = prune::order(foliage, &seen, settings.fit.seed);
+    let Order { ranks, growth, contrast } = order(foliage, settings, &mut seconds, measuring)?;
     let pivots = pivots(whole);
-    let (mut growth, mut contrast) = Default::default();
-    if let Some(pruning) = &settings.pruning {
-        growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up, measuring))?;
-        if pruning.contrast {
-            let measure = || prune_trends::contrast(foliage, &ranks, growth, pruning, settings.up, measuring);
-            contrast = timed(&mut seconds.contrast, measure)?;
-        }
-    }
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
     let pruned = match keep {
         Some(keep) => Some(prune::pruned(foliage, &ranks, keep, growth.factor(keep))?),
@@ -248,6 +234,38 @@ pub fn build_chain_of(
         measuring_seconds: seconds,
         prepare_seconds,
     })
+}
+
+/// The pruning order of the leaves, and how pruned leaves grow and change their colors.
+struct Order {
+    ranks: Vec<f32>,
+    growth: Trend,
+    contrast: Trend,
+}
+
+/// Measures the pruning order and the trends that the settings ask for.
+fn order(
+    foliage: &Foliage,
+    settings: &ChainSettings,
+    seconds: &mut MeasuringSeconds,
+    progress: Progress,
+) -> Result<Order> {
+    let mut seen = Vec::new();
+    if settings.views.order > 0 {
+        let opacity = Opacity::of(foliage);
+        let measure = || visibility(foliage, &opacity, settings.up, settings.views.order, progress);
+        seen = timed(&mut seconds.order, measure)?.iter().map(LeafSamples::share).collect();
+    }
+    let ranks = prune::order(foliage, &seen, settings.fit.seed);
+    let (mut growth, mut contrast) = Default::default();
+    if let Some(pruning) = &settings.pruning {
+        growth = timed(&mut seconds.growth, || prune_trends::growth(foliage, &ranks, settings.up, progress))?;
+        if pruning.contrast {
+            let measure = || prune_trends::contrast(foliage, &ranks, growth, pruning, settings.up, progress);
+            contrast = timed(&mut seconds.contrast, measure)?;
+        }
+    }
+    Ok(Order { ranks, growth, contrast })
 }
 
 /// Returns the progress of one of `count` levels. The first processes all leaves and takes most of the time.
