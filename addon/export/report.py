@@ -105,7 +105,7 @@ def _quality(baked: Baked) -> dict[str, Any] | None:
 
     For each level after LOD 0: `target`, the image error that it may have where it takes over; `crown_pixels`, the
     largest diameter of the crown at which its measured error is within the target, at most 400; `errors`, the image
-    error by that diameter.
+    error by that diameter, up to the first one above the target.
     """
     rows = []
     for each in baked.schedule.switch_sizes:

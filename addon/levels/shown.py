@@ -1,4 +1,4 @@
-"""The level of a baked tree that is shown: the level for each distance, or one at all distances."""
+"""The level of a baked tree that is shown: the level for each distance, one at all distances, or the sources."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from ..errors import SceneError
 from ..mesh.baked_levels import levels_and_trunks, record
 from ..nodes.lod import GROUP_NAME
 from ..versions import set_modifier_input
+from .shadow_proxy import shadow_proxy_of
 
 _KEY = "leafcloud_shown"
-"""The custom property of a collection of levels: the number of the level that is shown at all distances."""
+"""The custom property of a collection of levels: the number of the level at all distances, or `SOURCES`."""
 
 _HIDDEN = "leafcloud_hidden"
 """The custom property of a level or trunk: whether views and renders hide it where the distance decides."""
@@ -38,22 +39,30 @@ def show_level(collection: bpy.types.Collection, number: int | None, layer: bpy.
         _show(sources_of(collection, layer))
     elif before == SOURCES:
         _hide(_found(collection, layer))
+    shadow = shadow_proxy_of(collection)
+    if shadow is not None:  # It shades the sources a second time.
+        _set_hidden(shadow, None if number != SOURCES else True)
     for own, obj in levels_and_trunks(collection.all_objects):
         if (modifier := obj.modifiers.get(GROUP_NAME)) is not None:
             set_modifier_input(modifier, "Manual", number is not None)
             set_modifier_input(modifier, "Transition", 0.0)
             set_modifier_input(modifier, "Keep", 1.0)
-        hidden = obj.get(_HIDDEN, [obj.hide_viewport, obj.hide_render])
-        if number is None:
-            obj.hide_viewport, obj.hide_render = map(bool, hidden)
-            obj.pop(_HIDDEN, None)
-        else:
-            obj[_HIDDEN] = hidden
-            obj.hide_viewport = obj.hide_render = own != number
+        _set_hidden(obj, None if number is None else own != number)
     if number is None:
         collection.pop(_KEY, None)
     else:
         collection[_KEY] = number
+
+
+def _set_hidden(obj: bpy.types.Object, hidden: bool | None) -> None:
+    """Hide or show an object in views and renders; None: as before the first call."""
+    before = obj.get(_HIDDEN, [obj.hide_viewport, obj.hide_render])
+    if hidden is None:
+        obj.hide_viewport, obj.hide_render = map(bool, before)
+        obj.pop(_HIDDEN, None)
+    else:
+        obj[_HIDDEN] = before
+        obj.hide_viewport = obj.hide_render = hidden
 
 
 def sources_of(collection: bpy.types.Collection, layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:

@@ -1,4 +1,4 @@
-"""A picture of each level, kept as the preview of its object: the sidebar and the outliner show it; files keep it."""
+"""A picture of each level, kept as the preview of its object: the sidebar shows it, and files keep it."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def thumbnail_of(obj: bpy.types.Object) -> int:
 
 
 def _reduced(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return a picture as `SIZE` rows of floats in [0, 1], from bottom to top as Blender stores them."""
+    """Return a picture as `SIZE` rows of floats in [0, 1], from bottom to top, with premultiplied alpha, as Blender
+    draws previews."""
     step = picture.shape[0] // SIZE
     colors = picture.astype(np.float32) / 255.0
     colors[..., :3] *= colors[..., 3:]
     means = colors.reshape(SIZE, step, SIZE, step, 4).mean(axis=(1, 3))
-    means[..., :3] /= np.maximum(means[..., 3:], 1e-6)
     return np.ascontiguousarray(means[::-1])

@@ -82,11 +82,19 @@ def _remove_far_levels(objects: set[bpy.types.Object]) -> None:
 
     Blender before 4.5 shows them; from 4.5 on it puts them into an excluded collection.
     """
+    kept = _unused()
     baked = {obj: obj.get("leafcloud") for obj in objects}
     levels = [obj for obj, found in baked.items() if hasattr(found, "get") and found.get("level", 0) > 0]
     for obj in {member for level in levels for member in (level, *level.children_recursive)}:
         bpy.data.objects.remove(obj)
-    bpy.data.orphans_purge(do_recursive=True)  # Frees their names for another bake.
+    while left := _unused() - kept:  # Frees their names for another bake.
+        bpy.data.batch_remove(left)
+
+
+def _unused() -> set[bpy.types.ID]:
+    """Return the data of levels that nothing uses."""
+    kinds = (bpy.data.meshes, bpy.data.materials, bpy.data.images, bpy.data.shape_keys, bpy.data.collections)
+    return {block for kind in kinds for block in kind if block.users == 0}
 
 
 def _open_obj(path: Path) -> None:

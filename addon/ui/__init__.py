@@ -6,7 +6,7 @@ import bpy
 
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
-from .export import LEAFCLOUD_OT_export
+from .export import LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .handlers import add_handlers, remove_handlers
 from .import_folder import LEAFCLOUD_OT_import_folder
@@ -50,7 +50,7 @@ _CLASSES = (
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
-    *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_select_tree),
+    *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files, LEAFCLOUD_OT_select_tree),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
     *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample, LEAFCLOUD_OT_import_folder),
     *(LEAFCLOUD_PT_presets, LEAFCLOUD_PT_bake),

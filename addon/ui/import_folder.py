@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import bpy
@@ -10,19 +10,20 @@ from bpy.props import StringProperty
 from mathutils import Vector
 
 from ..errors import SceneError
+from ..levels.rollback import removed_on_failure
 from ..scene.load import SUFFIXES, load_beside
 from .job_operator import refuse
 from .on_tree import mode_problem
 
-_GAP = 1.2
-"""Distance between two trees, as a multiple of the wider one's width."""
+_GAP = 0.2
+"""Space between two trees, as a fraction of the wider one's width."""
 
 
 class LEAFCLOUD_OT_import_folder(bpy.types.Operator):
-    """Import all .glb, .gltf and .obj files of a folder side by side, and select them. Bake Levels then bakes each"""
+    """Import all .glb, .gltf and .obj files of a folder side by side, and select them. Sets Trees to Collections, so that Bake Levels bakes each"""  # noqa: E501
 
     bl_idname = "leafcloud.import_folder"
-    bl_label = "Import Trees of a Folder"
+    bl_label = "Import Trees from Folder"
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(name="Folder", description="Folder of the files", subtype="DIR_PATH")
@@ -45,25 +46,23 @@ class LEAFCLOUD_OT_import_folder(bpy.types.Operator):
             files = tree_files(folder)
         except SceneError as error:
             return refuse(self, error)
-        for obj in context.selected_objects:
-            obj.select_set(False)
         trees: list[list[bpy.types.Object]] = []
         for path in files:
             try:
-                trees.append(_imported(context, path))
+                with removed_on_failure():
+                    trees.append(_imported(context, path))
             except SceneError as error:
                 self.report({"WARNING"}, f"left out: {error}")
         if not trees:
-            return refuse(
-                self, SceneError(f"none of the {len(files)} files in {folder} can be read: export them again")
-            )
+            return refuse(self, SceneError(f"no file in {folder} can be read: export them again"))
         context.view_layer.update()
-        _in_a_row(trees)
-        for obj in (obj for tree in trees for obj in tree if obj.name in context.view_layer.objects):
-            obj.select_set(True)
+        made = {obj for tree in trees for obj in tree}
+        _in_a_row(trees, [obj for obj in context.view_layer.objects if obj not in made and obj.visible_get()])
+        for obj in context.view_layer.objects:
+            obj.select_set(obj in made)
         context.view_layer.objects.active = trees[0][0]
         context.scene.leafcloud.trees = "collections"
-        self.report({"INFO"}, f"Imported {len(trees)} trees, each into a collection of its own")
+        self.report({"INFO"}, f"Imported {len(trees)} of {len(files)} files, and set Trees to Collections")
         return {"FINISHED"}
 
 
@@ -79,34 +78,44 @@ def tree_files(folder: Path) -> list[Path]:
 
 
 def _imported(context: bpy.types.Context, path: Path) -> list[bpy.types.Object]:
-    """Import a file into a new collection with its name. Return the objects; none of them stays after a failure."""
+    """Import a file. Return its objects that are drawn, in a new collection with its name.
+
+    Importers hide helpers, such as the shapes of bones, and objects of a file's other scenes in collections of their
+    own: these stay there.
+    """
+    known = set(bpy.data.collections)
+    objects = load_beside(path)
+    context.view_layer.update()
+    drawn = [obj for obj in objects if obj.name in context.view_layer.objects and obj.visible_get()]
+    if not any(obj.type == "MESH" for obj in drawn):
+        raise SceneError(f"{path} has no mesh; choose files of trees")
     collection = bpy.data.collections.new(path.stem)
-    try:
-        objects = load_beside(path)
-        if not any(obj.type == "MESH" for obj in objects):
-            raise SceneError(f"{path} has no mesh; choose files of trees")
-    except SceneError:
-        bpy.data.collections.remove(collection)
-        raise
     context.scene.collection.children.link(collection)
-    for obj in objects:
+    for obj in drawn:
         for other in list(obj.users_collection):
             other.objects.unlink(obj)
         collection.objects.link(obj)
-    return objects
+    for left in [each for each in bpy.data.collections if each not in known and each is not collection]:
+        if not left.all_objects:
+            bpy.data.collections.remove(left)
+    return drawn
 
 
-def _in_a_row(trees: Sequence[Sequence[bpy.types.Object]]) -> None:
-    """Move the trees along x so that none stands in another."""
-    edge, before = 0.0, 0.0
+def _in_a_row(trees: Sequence[Sequence[bpy.types.Object]], beside: Iterable[bpy.types.Object]) -> None:
+    """Move the trees along x so that none stands in another, nor in the objects that are there already."""
+    edge = max((corner.x for corner in _corners(beside)), default=None)
+    before = 0.0
     for objects in trees:
-        corners = [
-            obj.matrix_world @ Vector(corner) for obj in objects if obj.type == "MESH" for corner in obj.bound_box
-        ]
-        low, high = min(corner.x for corner in corners), max(corner.x for corner in corners)
-        gap = 0.0 if objects is trees[0] else (_GAP - 1.0) * max(high - low, before)
-        move = edge + gap - low
+        own = set(objects)
+        across = [corner.x for corner in _corners(objects)]
+        low, wide = min(across), max(across) - min(across)
+        move = 0.0 if edge is None else edge + _GAP * max(wide, before) - low
         for obj in objects:
-            if obj.parent not in objects:
+            if obj.parent not in own:
                 obj.matrix_world.translation.x += move
-        edge, before = high + move, high - low
+        edge, before = low + wide + move, wide
+
+
+def _corners(objects: Iterable[bpy.types.Object]) -> list[Vector]:
+    """Return the corners of the boxes around all meshes, in world space."""
+    return [obj.matrix_world @ Vector(corner) for obj in objects if obj.type == "MESH" for corner in obj.bound_box]

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import bpy
 
+from ..levels.shown import SOURCES, shown_level
 from ..mesh.baked_levels import belongs_to_bake, record
 from .job_operator import BUSY, running
 
 
 def active_tree(context: bpy.types.Context) -> bpy.types.Collection | None:
-    """Return the collection of the baked tree to which the active, selected object belongs; None if there is none."""
+    """Return the collection of the baked tree to which the active, selected object belongs; None if there is none.
+
+    While the sources of a tree are shown, they belong to it, too.
+    """
     obj = context.view_layer.objects.active
-    collections = obj.users_collection if obj is not None and obj.select_get() and belongs_to_bake(obj) else ()
-    return next((each for each in collections if record(each) is not None), None)
+    if obj is None or not obj.select_get():
+        return None
+    collections = obj.users_collection if belongs_to_bake(obj) else _shown_as_sources(context.scene)
+    made = ((each, record(each)) for each in collections)
+    is_own = belongs_to_bake(obj)
+    return next((each for each, by in made if by is not None and (is_own or obj.name_full in by.sources)), None)
+
+
+def _shown_as_sources(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    return [each for each in scene.collection.children_recursive if shown_level(each) == SOURCES]
 
 
 def mode_problem(context: bpy.types.Context) -> str:

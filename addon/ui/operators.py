@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -77,21 +76,12 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
-    directory: StringProperty(
-        name="Folder", description="Output folder of this bake. Empty: the setting", options={"HIDDEN", "SKIP_SAVE"}
-    )
-    engine: StringProperty(
-        name="For", description="Engine of this bake's files. Empty: the setting", options={"HIDDEN", "SKIP_SAVE"}
-    )
-
     def begin(self, context: bpy.types.Context) -> ChainsJob:
         settings = context.scene.leafcloud
         if self.viewer:
             settings.viewer = self.viewer
-        self._directory = output_folder(self.directory or settings.directory)
+        self._directory = output_folder(settings.directory)
         wanted = bake_settings(settings)
-        if self.engine:
-            wanted = replace(wanted, engine=self.engine)
         with selected_trees(context) as trees:
             prepared = prepare_tree_set(trees, wanted, layer_of(context.scene), with_labels)
         self._prepared = {name: predicted(each) for name, each in prepared.items()}

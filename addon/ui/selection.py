@@ -22,16 +22,28 @@ def selected_trees(context: bpy.types.Context) -> Iterator[dict[str, Tree]]:
     During the block the scene shows the source objects in place of the levels of an earlier bake.
     Raise one of `job_operator.REFUSALS`.
     """
-    settings, sources = context.scene.leafcloud, _selected_sources(context)
+    with trees_of(context, _selected_sources(context), context.scene.leafcloud.trees) as trees:
+        yield trees
+
+
+@contextmanager
+def trees_of(
+    context: bpy.types.Context, sources: Sequence[bpy.types.Object], division: str
+) -> Iterator[dict[str, Tree]]:
+    """Yield the trees of these source objects by name, divided by a value of the setting `trees`.
+
+    During the block the scene shows the objects in place of the levels of an earlier bake. Raises as `selected_trees`.
+    """
+    settings = context.scene.leafcloud
     members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
     levels = [obj for obj in members if record_of(obj) is not None]
     with _shown_instead(context.view_layer, sources, levels):
         depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
-        if settings.trees == "one":
+        if division == "one":
             tree = extract(depsgraph, sources, leaf_names=names)
             yield {tree.name: tree}
         else:
-            yield extract_trees(depsgraph, grouped(sources, settings.trees), leaf_names=names)
+            yield extract_trees(depsgraph, grouped(sources, division), leaf_names=names)
 
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -1,8 +1,6 @@
-"""A table of all baked trees of the scene: what became of each."""
+"""A table of all baked trees of the scene, with triangles and error of each."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import bpy
 from bpy.props import StringProperty
@@ -35,8 +33,8 @@ class LEAFCLOUD_OT_select_tree(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = (tree for tree in baked_trees(context.scene) if tree.name == self.tree)
         root = next((root_of(tree) for tree in found), None)
-        if root is None or root.name not in context.view_layer.objects:
-            self.report({"ERROR"}, f"the view layer has no baked tree {self.tree!r}")
+        if root is None or root.name not in context.view_layer.objects or not root.visible_get():
+            self.report({"ERROR"}, f"the baked tree {self.tree!r} is hidden or gone: show its root in the Outliner")
             return {"CANCELLED"}
         for obj in context.selected_objects:
             obj.select_set(False)
@@ -55,13 +53,12 @@ class LEAFCLOUD_PT_trees(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        trees = baked_trees(context.scene)
-        return next(trees, None) is not None and next(trees, None) is not None
+        return len(baked_trees(context.scene)) > 1
 
     def draw(self, context: bpy.types.Context) -> None:
-        trees = list(baked_trees(context.scene))
+        trees = baked_trees(context.scene)
         grid = self.layout.grid_flow(row_major=True, columns=4, align=True)
-        for heading in ("Tree", "Triangles", "At last", "Error"):
+        for heading in ("Tree", "Triangles", "Last Level", "Largest Error"):
             grid.label(text=heading)
         for tree in trees[:MOST_ROWS]:
             icon = "ERROR" if warnings_of(tree) else "NONE"
@@ -72,11 +69,10 @@ class LEAFCLOUD_PT_trees(bpy.types.Panel):
             self.layout.label(text=f"and {len(trees) - MOST_ROWS} more")
 
 
-def baked_trees(scene: bpy.types.Scene) -> Iterator[bpy.types.Collection]:
-    """Yield the collections of the baked trees in a scene."""
-    for collection in scene.collection.children_recursive:
-        if record(collection) is not None and root_of(collection) is not None:
-            yield collection
+def baked_trees(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """Return the collections of the baked trees in a scene, each once."""
+    collections = dict.fromkeys(scene.collection.children_recursive)
+    return [each for each in collections if record(each) is not None and root_of(each) is not None]
 
 
 def row_of(results: tuple[LevelResult, ...]) -> tuple[str, str, str]:

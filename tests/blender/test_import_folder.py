@@ -1,7 +1,8 @@
-"""A folder of trees in the interface: imported side by side, baked together, with a table of what came out."""
+"""A folder of trees in the interface: imported side by side, baked together, with a table of the results."""
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from pathlib import Path
 
@@ -56,6 +57,40 @@ def test_all_are_baked_at_once_and_the_table_has_a_row_for_each(folder: Path) ->
     assert interface.LEAFCLOUD_PT_trees.poll(bpy.context)
 
 
+def test_a_second_folder_stands_beside_the_first(folder: Path) -> None:
+    for _ in range(2):
+        bpy.ops.leafcloud.import_folder(directory=str(folder))
+    bpy.context.view_layer.update()
+    places = [widths(name) for name in ("ash", "oak", "ash.001", "oak.001")]
+    assert all(left[1] < right[0] for left, right in itertools.pairwise(places))
+
+
+def test_a_baked_tree_is_imported_with_its_leaves_alone_and_other_data_stays(tmp_path: Path, shrub: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.ops.object.select_all(action="SELECT")
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.directory = str(tmp_path / "baked")
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    (tmp_path / "folder").mkdir()
+    shutil.copy(tmp_path / "baked" / "leaves.glb", tmp_path / "folder" / "again.glb")
+    bpy.data.meshes.new("unused")
+    assert bpy.ops.leafcloud.import_folder(directory=str(tmp_path / "folder")) == {"FINISHED"}
+    assert "unused" in bpy.data.meshes
+    meshes = [obj for obj in bpy.data.collections["again"].objects if obj.type == "MESH"]
+    assert len(meshes) == 2, "level 0 and its trunk"
+
+
+def test_a_file_without_a_mesh_leaves_nothing_behind(tmp_path: Path) -> None:
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("alone", None))
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "empty.glb"))
+    bpy.data.objects.remove(bpy.data.objects["alone"])
+    before = len(bpy.data.objects), len(bpy.data.collections)
+    with pytest.raises(RuntimeError, match=r"no file in .* can be read"):
+        bpy.ops.leafcloud.import_folder(directory=str(tmp_path))
+    assert (len(bpy.data.objects), len(bpy.data.collections)) == before
+
+
 def test_a_folder_without_trees_is_refused_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match=r"has no \.glb, \.gltf, \.obj file: choose a folder with trees"):
         bpy.ops.leafcloud.import_folder(directory=str(tmp_path))
@@ -66,6 +101,6 @@ def test_a_folder_without_trees_is_refused_with_the_remedy(tmp_path: Path) -> No
 def test_a_folder_of_broken_files_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / "broken.obj").write_text("v nan 0 0\n")
     before = len(bpy.data.objects), len(bpy.data.collections)
-    with pytest.raises(RuntimeError, match="none of the 1 files in"):
+    with pytest.raises(RuntimeError, match=r"no file in .* can be read: export them again"):
         bpy.ops.leafcloud.import_folder(directory=str(tmp_path))
     assert (len(bpy.data.objects), len(bpy.data.collections)) == before

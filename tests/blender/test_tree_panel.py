@@ -96,6 +96,29 @@ def test_the_sources_are_shown_in_place_of_all_levels_and_hidden_again() -> None
 
 
 @pytest.mark.usefixtures("before")
+def test_a_source_that_is_shown_belongs_to_its_tree() -> None:
+    own = tree()
+    bpy.ops.leafcloud.show_level(level=-2)
+    bpy.ops.object.select_all(action="DESELECT")
+    leaves = bpy.data.objects["leaves"]
+    leaves.select_set(True)
+    bpy.context.view_layer.objects.active = leaves
+    assert active_tree(bpy.context) == own
+
+
+def test_the_shadow_proxy_is_hidden_beside_the_sources(registered: None, shrub: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    bpy.ops.object.select_all(action="SELECT")
+    settings = bpy.context.scene.leafcloud
+    settings.texture_size, settings.levels, settings.epsilon, settings.effect_shadow_proxy = 64, 1, 0.2, "ON"
+    assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    [proxy] = [obj for obj in tree().objects if obj.name.endswith("_shadow")]
+    for number, hidden in ((1, False), (-2, True), (0, False), (-1, False)):
+        bpy.ops.leafcloud.show_level(level=number)
+        assert proxy.hide_render == hidden, number
+
+
+@pytest.mark.usefixtures("before")
 def test_sources_that_are_gone_are_refused_and_do_not_block_the_way_back() -> None:
     bpy.ops.leafcloud.show_level(level=-2)
     for name in ("leaves", "branches"):
@@ -117,21 +140,25 @@ def test_the_panel_stays_when_the_active_level_is_hidden() -> None:
 
 @pytest.mark.usefixtures("before")
 def test_each_level_has_a_picture_that_is_saved_with_the_file(tmp_path: Path) -> None:
-    def alphas() -> dict[int, np.ndarray]:
+    colors: dict[int | None, np.ndarray] = {}
+
+    def alphas() -> dict[int | None, np.ndarray]:
         levels = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
         found = {}
         for obj in levels:
             assert tuple(obj.preview.image_size) == (128, 128)
-            found[level_number(obj)] = np.array(obj.preview.image_pixels_float[:]).reshape(128, 128, 4)[..., 3]
+            pixels = np.array(obj.preview.image_pixels_float[:]).reshape(128, 128, 4)
+            assert (pixels[..., :3] <= pixels[..., 3:] + 0.005).all(), "Blender draws previews with premultiplied alpha"
+            found[level_number(obj)] = pixels[..., 3]
+            colors[level_number(obj)] = pixels[..., 1] - pixels[..., 0]
         return found
 
     pictures = alphas()
     assert sorted(pictures) == [0, 1, 2]
     for alpha in pictures.values():
         assert 0.02 < alpha.mean() < 0.9
-    rows = np.flatnonzero(pictures[0].sum(axis=1) > 0.5)
-    center = np.average(np.arange(128), weights=pictures[0].sum(axis=1))
-    assert center > 0.5 * (rows[0] + rows[-1]), "the leaves are above the trunk: Blender's rows go from bottom to top"
+    brown, green = (np.argwhere(part).mean(axis=0)[0] for part in (colors[0] < -0.02, colors[0] > 0.02))
+    assert brown < green - 5.0, "the trunk is below the leaves: Blender's rows go from bottom to top"
     assert np.abs(pictures[2] - pictures[0]).mean() < 0.1, "the impostor beside the tree with its trunk"
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "tree.blend"))
@@ -139,13 +166,27 @@ def test_each_level_has_a_picture_that_is_saved_with_the_file(tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("before")
-def test_a_tree_is_exported_for_an_engine_after_its_bake(tmp_path: Path) -> None:
-    settings = bpy.context.scene.leafcloud
+def test_a_tree_is_exported_for_an_engine_and_its_scene_stays(tmp_path: Path) -> None:
+    settings, own = bpy.context.scene.leafcloud, tree()
+    settings.trees = "collections"
+    bpy.ops.leafcloud.show_level(level=1)
+    kept, selected = names(), {obj.name for obj in bpy.context.selected_objects}
     assert bpy.ops.leafcloud.export(engine="three", directory=str(tmp_path)) == {"FINISHED"}
     assert b"KHR_texture_basisu" in (tmp_path / "leaves_LOD1.glb").read_bytes(), "three.js reads KTX2"
     assert {"leaves.glb", "leaves_LOD0.glb", "leaves_LOD2.glb"} <= {path.name for path in tmp_path.iterdir()}
     assert (settings.engine, settings.directory) == ("generic", ""), "the settings of later bakes stay"
-    assert tree().name == "leaves"
+    assert (tree(), shown_level(own), names()) == (own, 1, kept)
+    assert {obj.name for obj in bpy.context.selected_objects} == selected
+    assert not bpy.data.objects["leaves"].visible_get()
+
+
+@pytest.mark.usefixtures("before")
+def test_an_export_that_fails_changes_nothing(tmp_path: Path) -> None:
+    kept = names()
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(RuntimeError, match="is not a folder: choose another"):
+        bpy.ops.leafcloud.export(engine="unity", directory=str(tmp_path / "file"))
+    assert names() == kept
 
 
 @pytest.mark.usefixtures("before")

@@ -3,6 +3,8 @@
 //! The octahedral impostor looks like the leaves at a larger size, so it replaces the level before over more distances. But a pixel of it
 //! costs three of another level's. It is chosen if it saves a tenth of the cost of the level before, in the middle of these distances.
 
+use std::sync::Arc;
+
 use leafcloud::error::Result;
 use leafcloud::lod::octahedral::{Layout, Octahedral, Size};
 use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
@@ -64,17 +66,20 @@ pub fn octahedral(
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
-    let cross = place.chain.levels.last().filter(|level| level.is_cross()).zip(place.chain.whole.as_deref());
-    let build = |references: &References| {
+    let cross = place.chain.levels.last().filter(|level| level.is_cross());
+    let build = || {
         let simpler = place.simpler(settings.up);
+        let known = place.chain.whole.clone();
+        let measured = || References::new(place.parts, place.parts, place.parts[0].frame(), settings).map(Arc::new);
+        let references = &*known.map_or_else(measured, Ok)?;
         Octahedral::build(place.parts, simpler, Size::default(), references, settings, progress)
     };
     match (last, cross, target) {
         (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
             "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
         )),
-        (Last::Octahedral, Some((_, whole)), _) => build(whole).map(Some),
-        (Last::Auto, Some((cross, whole)), Some(target)) => {
+        (Last::Octahedral, Some(_), _) => build().map(Some),
+        (Last::Auto, Some(cross), Some(target)) => {
             let (up, size) = (settings.up, Size::default());
             let range = Range { smallest: crown(&cross.pictures, target), place, up };
             let layout = Layout::around(place.parts, up, size);
@@ -84,7 +89,7 @@ pub fn octahedral(
             if range.saving(largest, &layout)? < LEAST_SAVING {
                 return Ok(None);
             }
-            let built = build(whole)?;
+            let built = build()?;
             let is_worth_it = range.saving(crown(&built.pictures, target).min(largest), &layout)? >= LEAST_SAVING;
             Ok(is_worth_it.then_some(built))
         }

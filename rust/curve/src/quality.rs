@@ -3,7 +3,8 @@
 //! A small ε makes a level that may take over near the viewer, so the leaves are drawn over a short range of distances, but it has many
 //! triangles. A large ε makes a level that is cheap and takes over late. The best ε makes the whole range of distances cheapest to draw
 //! ([`cost`]). It is found with drafts of level 1 ([`Draft`]): their pictures tell the size at which the level may take over, and
-//! their rectangles the cost of drawing it. A draft takes a small part of the time of a level, and a search three to five drafts.
+//! their rectangles the cost of drawing it. A draft takes a small part of the time of a level, and a search two to five drafts, a quick
+//! bake one.
 //!
 //! The choice depends on FLIP. The last digits of FLIP differ between machines, so errors are rounded to three digits. Two machines choose
 //! different bounds only if two costs are equal to a thousandth and an error lies between two roundings.
@@ -43,25 +44,27 @@ const TYPICAL_PIXELS: f64 = 2.0;
 /// Least number of pixels that a deviation is allowed: less would ask for texels that no picture shows.
 const LEAST_PIXELS: f64 = 0.5;
 
-/// Target from which levels are measured in fewer views, and ε follows from one draft. An error that large is told apart in half of the views.
+/// Target of level 1 from which a bake is quick: half of the views are enough to tell errors of this size, and ε follows from one draft.
 const QUICK: f64 = 0.12;
 
-/// Fewer views for quick bakes.
+/// Most views of a quick bake.
 const FEWER: ViewCounts = ViewCounts { order: 8, places: 3, amounts: 8, report: 4 };
 
-/// Returns `settings` with the views for this target.
+/// Returns whether a bake with this target of level 1 is quick.
 #[must_use]
-pub fn with_views(settings: &ChainSettings, target: f64) -> ChainSettings {
+pub fn is_quick(target: f64) -> bool {
+    target >= QUICK
+}
+
+/// Returns `settings` with the views of a quick bake.
+#[must_use]
+pub fn with_fewer_views(settings: &ChainSettings) -> ChainSettings {
     let ViewCounts { order, places, amounts, report } = settings.views;
-    let views = if target < QUICK {
-        settings.views
-    } else {
-        ViewCounts {
-            order: order.min(FEWER.order),
-            places: places.min(FEWER.places),
-            amounts: amounts.min(FEWER.amounts),
-            report: report.min(FEWER.report),
-        }
+    let views = ViewCounts {
+        order: order.min(FEWER.order),
+        places: places.min(FEWER.places),
+        amounts: amounts.min(FEWER.amounts),
+        report: report.min(FEWER.report),
     };
     ChainSettings { views, ..settings.clone() }
 }
@@ -77,18 +80,20 @@ pub struct Scale<'a> {
     pub(crate) pictures: Reference,
     /// The cost of drawing them in the middle of each octave.
     pub(crate) costs: Vec<f64>,
+    /// Whether ε follows from one draft.
+    quick: bool,
 }
 
 impl<'a> Scale<'a> {
-    /// Renders the leaves, and measures the cost of drawing them.
+    /// Renders the leaves, and measures the cost of drawing them. `quick`: whether choices may be rough.
     ///
     /// # Errors
     /// An `up` without a finite length above 0.
-    pub fn of(leaves: &'a Foliage, settings: &ChainSettings) -> Result<Self> {
+    pub fn of(leaves: &'a Foliage, settings: &ChainSettings, quick: bool) -> Result<Self> {
         let views = Views { count: VIEWS, size: SIZE, samples: Samples::new(2)?, up: settings.up, turn: TURN };
         let render = if settings.is_lit() { Reference::lit } else { Reference::new };
         let pictures = render(&[leaves], leaves.frame(), views)?;
-        Ok(Self { leaves, pictures, costs: costs(leaves, settings)? })
+        Ok(Self { leaves, pictures, costs: costs(leaves, settings)?, quick })
     }
 
     /// Returns the side of the largest picture in which `level` is within the target; `None` if it is within it in none.
@@ -124,7 +129,7 @@ pub fn settings_for(
     let search = Search { target, drafts: &drafts, scale, costs };
     let best = match free {
         false => first,
-        true if target < QUICK => search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?,
+        true if !scale.quick => search.best(first, settings.fit.max_size, progress.part(FIRST_SHARE, 1.0))?,
         true => search.guessed(first, settings.fit.max_size),
     };
     let deviation = 0.5 * best.epsilon * crown_pixels(best.size);

@@ -6,12 +6,22 @@ use common::crown;
 use leafcloud::fit::FitSettings;
 use leafcloud::lod::{ChainSettings, build_chain};
 use leafcloud::{Foliage, Progress, Result};
-use leafcloud_curve::quality::{Scale, settings_for};
+use leafcloud_curve::quality::{Scale, is_quick, settings_for, with_fewer_views};
 use leafcloud_flip::{ImageErrors, crown_pixels};
 
-fn tried(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> Result<ChainSettings> {
-    let scale = Scale::of(foliage, settings)?;
+fn tried_on(
+    quick: bool,
+    target: f64,
+    foliage: &Foliage,
+    settings: &ChainSettings,
+    free: bool,
+) -> Result<ChainSettings> {
+    let scale = Scale::of(foliage, settings, quick)?;
     settings_for(target, &scale, None, None, settings, free, Progress::silent())
+}
+
+fn tried(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> Result<ChainSettings> {
+    tried_on(false, target, foliage, settings, free)
 }
 
 fn chosen(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> ChainSettings {
@@ -40,6 +50,19 @@ fn more_error_takes_over_nearer() {
     let fixed = ChainSettings::default();
     let sizes = [0.03, 0.06, 0.12].map(|target| predicted_size(&chosen(target, &foliage, &fixed, false)));
     assert!(sizes.is_sorted() && sizes[0] < 0.7 * sizes[2], "{sizes:?}");
+}
+
+#[test]
+fn a_quick_choice_is_near_the_one_of_a_search() {
+    // Bounds are tried by √2: the guess may be off by two steps.
+    for leaves in [100, 300, 900] {
+        let foliage = crown(leaves);
+        let found = |quick| tried_on(quick, 0.18, &foliage, &ChainSettings::default(), true).unwrap().fit.epsilon;
+        let ratio = found(true) / found(false);
+        assert!((0.49..2.05).contains(&ratio), "{leaves} leaves: {} in place of {}", found(true), found(false));
+    }
+    let fewer = with_fewer_views(&ChainSettings::default()).views;
+    assert!(fewer.amounts < ChainSettings::default().views.amounts && is_quick(0.18) && !is_quick(0.08));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use leafcloud::geometry::Frame;
 use leafcloud::lod::{self, Chain, ChainSettings, Octahedral, Origin};
 use leafcloud::metrics::Comparison;
 use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::{LATER, Scale, settings_for, with_views};
+use leafcloud_curve::quality::{LATER, Scale, is_quick, settings_for, with_fewer_views};
 use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, leaf_level, octahedral};
 
 use crate::leaf_level::PyLeafLevel;
@@ -69,8 +69,9 @@ impl Goal {
             Self::Given => Ok(built(lod::build_chain(foliage, trunk, settings, progress)?, None, None)),
             Self::Quality(Quality { target, free, form }) => {
                 let simplifying = progress.part(0.0, SHARE_OF_LEAVES);
-                let settings = &with_views(settings, target);
-                let scale = Scale::of(foliage, settings)?;
+                let quick = is_quick(target);
+                let settings = &if quick { with_fewer_views(settings) } else { settings.clone() };
+                let scale = Scale::of(foliage, settings, quick)?;
                 let leaf_level = leaf_level(target, &scale, settings, form, simplifying)?;
                 let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
                 let target = if leaf_level.is_some() { LATER * target } else { target };

@@ -34,7 +34,7 @@ pub type Pair<'py> = (Bound<'py, PyArray3<u8>>, Bound<'py, PyArray3<u8>>);
 /// Returns the pictures of the view nearest to the horizon, lit if there are lit ones.
 pub fn from_the_side<'py>(py: Python<'py>, pictures: &Comparison) -> PyResult<Pair<'py>> {
     let pictures = pictures.lit.as_ref().unwrap_or(&pictures.flat);
-    // The directions go down from the top by equal heights, as far below the horizon as half of the way above it.
-    let middle = |images: &[Image]| images[images.len() / 2].clone();
-    Ok((image_array(py, &middle(&pictures.base))?, image_array(py, &middle(&pictures.level))?))
+    // The directions go down by equal heights from the top to half as far below the horizon.
+    let level = |images: &[Image]| images[2 * images.len() / 3].clone();
+    Ok((image_array(py, &level(&pictures.base))?, image_array(py, &level(&pictures.level))?))
 }

@@ -84,7 +84,7 @@ pub struct Chain {
     pub contrast: Trend,
     /// The triangles of [`Origin::finest`] that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
-    /// The renderings of leaves and trunk that the cross impostor is compared with; `None` without one.
+    /// The renderings of all leaves and the trunk that the cross impostor is compared with; `None` without one, or if leaves are pruned.
     pub whole: Option<Arc<References>>,
     /// Seconds of the measurements for optional effects.
     pub measuring_seconds: MeasuringSeconds,
@@ -215,7 +215,7 @@ pub fn build_chain_of(
         let page = settings.page(settings.levels);
         let rest = share(settings.levels);
         let (cross, references) = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
-        whole_tree = Some(Arc::new(references));
+        whole_tree = keep.is_none().then(|| Arc::new(references));
         let finer = made.levels.last().map(Level::foliage).transpose()?;
         let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: trunk.as_ref() };
         made.add(std::iter::once(Ok(cross)), &before, true, settings, rest.part(1.0, 1.0))?;

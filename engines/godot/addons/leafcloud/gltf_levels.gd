@@ -1,0 +1,145 @@
+@tool
+extends GLTFDocumentExtension
+## Reads the levels of a tree from NAME.glb: all of them, not only the leaves that plain readers show.
+##
+## The morph targets become a vertex attribute (CUSTOM3), because a MultiMesh has no blend shapes. The materials become
+## shaders that morph, fade, prune and blow the leaves by the distance of the camera.
+
+## Metadata of a level's node: its extras in the file, and in "shares" the area table of its mesh.
+const META := &"leafcloud"
+
+const SHADERS := [preload("level_one_sided.gdshader"), preload("level_two_sided.gdshader")]
+
+## Places of the target's three numbers.
+const TARGET_FORMAT := (
+	Mesh.ARRAY_FORMAT_CUSTOM3 | (Mesh.ARRAY_CUSTOM_RGB_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM3_SHIFT)
+)
+
+
+func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error:
+	if not extensions.has("MSFT_lod"):
+		return ERR_SKIP
+	# The other levels are in no scene, so that plain readers show the tree once.
+	var json := state.json
+	var levels := []
+	for node: Dictionary in json["nodes"]:
+		if node.get("extras", {}).has("leafcloud"):
+			levels.append_array(node.get("extensions", {}).get("MSFT_lod", {}).get("ids", []))
+	if levels.is_empty():
+		return ERR_SKIP
+	json["scenes"][int(json.get("scene", 0))]["nodes"].append_array(levels)
+	state.json = json
+	return OK
+
+
+func _get_supported_extensions() -> PackedStringArray:
+	return ["MSFT_lod"]
+
+
+func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node: Node) -> Error:
+	var extras: Dictionary = json.get("extras", {}).get("leafcloud", {})
+	if not extras.has("level"):
+		return OK
+	var level := extras.duplicate(true)
+	var mesh: Dictionary = state.json["meshes"][gltf_node.mesh]
+	var shares: Variant = mesh.get("extras", {}).get("leafcloud", {}).get("area_shares")
+	if shares != null:
+		level["shares"] = shares
+	node.set_meta(META, level)
+	return OK
+
+
+func _import_post(_state: GLTFState, root: Node) -> Error:
+	var levels := root.find_children("*", "", true, false).filter(func(node: Node) -> bool: return node.has_meta(META))
+	levels.sort_custom(func(a: Node, b: Node) -> bool: return a.get_meta(META)["level"] < b.get_meta(META)["level"])
+	var before := 0.0
+	for number in levels.size():
+		var node: Node = levels[number]
+		var level: Dictionary = node.get_meta(META)
+		var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
+		level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
+		level["fade_out"] = _fade(level, next)
+		node.set_meta(META, level)
+		for part: Node in [node] + node.get_children():
+			if part is ImporterMeshInstance3D:
+				_prepare(part, level, part == node)
+	return OK
+
+
+## The distances at which the next level begins to appear and at which this one is gone; never for the last one.
+static func _fade(level: Dictionary, next: Dictionary) -> Vector2:
+	if next.is_empty():
+		return Vector2(INF, INF)
+	if level.has("transition_end"):
+		# At the end itself overlapping leaves have almost no depth order.
+		var start := lerpf(level["transition_start"], level["transition_end"], 0.998)
+		return Vector2(start, 1.1 * start)
+	return Vector2(next["switch_distance"], 1.25 * next["switch_distance"])
+
+
+func _prepare(part: ImporterMeshInstance3D, level: Dictionary, has_leaves: bool) -> void:
+	var old := part.mesh
+	var mesh := ImporterMesh.new()
+	for i in old.get_surface_count():
+		var arrays := old.get_surface_arrays(i)
+		var format := old.get_surface_format(i)
+		if old.get_blend_shape_count() > 0:
+			var target: PackedVector3Array = old.get_surface_blend_shape_arrays(i, 0)[Mesh.ARRAY_VERTEX]
+			arrays[Mesh.ARRAY_CUSTOM3] = target.to_byte_array().to_float32_array()
+			format |= TARGET_FORMAT
+		var material := _material(old.get_surface_material(i), level, has_leaves)
+		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
+	mesh.resource_name = old.resource_name
+	part.mesh = mesh
+
+
+func _material(from: Material, level: Dictionary, has_leaves: bool) -> Material:
+	var plain := from as BaseMaterial3D
+	if plain == null:
+		return from
+	var made := ShaderMaterial.new()
+	made.resource_name = plain.resource_name
+	made.shader = SHADERS[1 if plain.cull_mode == BaseMaterial3D.CULL_DISABLED else 0]
+	var cut := plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
+	var numbers := {
+		"base_texture": plain.albedo_texture,
+		"base_color": plain.albedo_color,
+		"alpha_cutoff": plain.alpha_scissor_threshold if cut else 0.0,
+		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
+		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
+		"roughness_texture": plain.roughness_texture,
+		"roughness": plain.roughness,
+		"metallic": plain.metallic,
+		"centre": _vector(level["centre"]),
+		"fade_in": level["fade_in"],
+		"fade_out": level["fade_out"],
+		"is_first": level["level"] == 0,
+		"is_last": level["fade_out"].x == INF,
+		"has_leaves": has_leaves,
+	}
+	if has_leaves and level.has("transition_end"):
+		numbers["transition"] = Vector2(level["transition_start"], level["transition_end"])
+	if has_leaves and level.has("prune_start"):
+		numbers["prune_start"] = level["prune_start"]
+		numbers["prune_half"] = level.get("prune_half", 0.5)
+		numbers["growth"] = _pair(level.get("growth", [0, 0]))
+		numbers["contrast"] = _pair(level.get("contrast", [0, 0]))
+		numbers["mean_color"] = _vector(level.get("mean_color", [0, 0, 0]))
+		numbers["shares"] = PackedFloat32Array(level["shares"])
+	if level.has("wind"):
+		for name: String in level["wind"]:
+			var value: Variant = level["wind"][name]
+			numbers["wind_" + name] = _vector(value) if value is Array else value
+	for name: String in numbers:
+		var value: Variant = numbers[name]
+		if value != null and not (value is Vector2 and value.x == INF):
+			made.set_shader_parameter(name, value)
+	return made
+
+
+static func _vector(numbers: Array) -> Vector3:
+	return Vector3(numbers[0], numbers[1], numbers[2])
+
+
+static func _pair(numbers: Array) -> Vector2:
+	return Vector2(numbers[0], numbers[1])

@@ -1,0 +1,73 @@
+@tool
+class_name LeafcloudTree
+extends Node3D
+## A tree that shows the level for its distance from the camera, by visibility ranges. Its root gets this script when a
+## GLB file of Leafcloud is imported.
+
+const META := &"leafcloud"
+
+## The field of view in radians and the height in pixels that the distances in the file are for.
+const FILE_VIEW := Vector2(deg_to_rad(50.0), 1080.0)
+
+## Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
+@export_range(0.1, 10.0, 0.01, "or_greater") var lod_distance := 1.0:
+	set(value):
+		lod_distance = value
+		_measured = 0.0
+
+## The factor on the file's distances that the ranges were set for; 0: none yet.
+var _measured := 0.0
+
+
+## The levels of a tree by number, each an array of its mesh instances: leaves first, then the trunk.
+static func levels_of(tree: Node) -> Array[Array]:
+	var found: Array[Array] = []
+	for node in tree.find_children("*", "MeshInstance3D", true, false):
+		if node.has_meta(META):
+			found.append([node] + node.find_children("*", "MeshInstance3D", false, false))
+	found.sort_custom(func(a: Array, b: Array) -> bool: return a[0].get_meta(META)["level"] < b[0].get_meta(META)["level"])
+	return found
+
+
+## The factor on the file's distances for this view: levels keep their size in pixels.
+static func view_factor(viewport: Viewport) -> float:
+	var camera := viewport.get_camera_3d() if viewport else null
+	if camera == null or camera.projection != Camera3D.PROJECTION_PERSPECTIVE:
+		return 1.0
+	var size := viewport.get_visible_rect().size
+	var upright := camera.keep_aspect == Camera3D.KEEP_HEIGHT
+	var tangent := tan(0.5 * deg_to_rad(camera.fov)) * (1.0 if upright else size.y / size.x)
+	return size.y * viewport.scaling_3d_scale / FILE_VIEW.y * tan(0.5 * FILE_VIEW.x) / tangent
+
+
+func _process(_delta: float) -> void:
+	var factor := lod_distance * view_factor(get_viewport()) * global_basis.get_scale().x
+	if absf(factor - _measured) > 0.001 * factor:
+		_measured = factor
+		_set_ranges(factor)
+
+
+func _set_ranges(factor: float) -> void:
+	var levels := levels_of(self)
+	var box := common_box(levels)
+	for parts in levels:
+		var level: Dictionary = parts[0].get_meta(META)
+		for part: MeshInstance3D in parts:
+			# Godot measures from the middle of the box, so all levels have the same one.
+			part.custom_aabb = part.transform.affine_inverse() * box if part != parts[0] else box
+			part.visibility_range_begin = level["fade_in"].x * factor
+			part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
+			part.set_instance_shader_parameter("lod_factor", factor / global_basis.get_scale().x)
+
+
+## The smallest box around the center of the leaves that holds all levels, in the coordinates of the levels.
+static func common_box(levels: Array[Array]) -> AABB:
+	var numbers: Array = levels[0][0].get_meta(META)["centre"]
+	var centre := Vector3(numbers[0], numbers[1], numbers[2])
+	var half := Vector3.ZERO
+	for parts in levels:
+		for part: MeshInstance3D in parts:
+			var own := part.mesh.get_aabb()
+			var box := part.transform * own if part != parts[0] else own
+			half = half.max((box.position - centre).abs()).max((box.end - centre).abs())
+	return AABB(centre - half, 2.0 * half)
