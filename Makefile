@@ -53,6 +53,7 @@ test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## ru
 	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)
 	tools/run_tests.sh .venv-5.0 $(OTHER_BLENDERS)
 	$(if $(BLENDER),$(MAKE) test-interface)
+	$(if $(GODOT),$(MAKE) test-godot)
 
 .PHONY: environments
 environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download the other environments and packages of the tests
@@ -202,6 +203,17 @@ test-interface: extension .venv/.test ## drive the extension's zip in a real Ble
 	@tools/prerequisites.sh window
 	@test -n "$$BLENDER" || { echo "leafcloud: make test-interface needs BLENDER, the command of a Blender 4.2 or later; tools/debian_blender.sh makes one" >&2; exit 1; }
 	.venv/bin/python -m pytest tests/interface $(ARGS)
+
+.PHONY: test-godot
+test-godot: setup .venv/.test ## import baked trees into a real Godot: make test-godot GODOT='command of Godot 4.6'
+	@tools/prerequisites.sh window
+	@test -n "$$GODOT" || { echo "leafcloud: make test-godot needs GODOT, the command of a Godot 4.6; Debian sid has the package godot" >&2; exit 1; }
+	.venv/bin/python -m pytest tests/godot --capture=no $(ARGS)
+
+.PHONY: docs-godot
+docs-godot: test-godot ## make the picture of docs/engines.md
+	@mkdir -p docs/engines
+	convert out/godot/forest.png -resize 60% +dither -colors 96 -define png:compression-level=9 docs/engines/godot_forest.png
 
 .PHONY: clean
 clean: ## remove all build outputs and environments

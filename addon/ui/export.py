@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
@@ -77,8 +76,9 @@ class LEAFCLOUD_OT_write_files(OnTree, JobOperator, bpy.types.Operator):
         assert tree is not None, "poll refuses without a tree"
         self._name = tree.name
         self._sources = sources_of(tree, context.view_layer)
-        self._folder = output_folder(self.directory)
-        assert self._folder is not None, "the folder has a name"
+        folder = output_folder(self.directory)
+        assert folder is not None, "the folder has a name"
+        self._folder = folder
         wanted = replace(bake_settings(context.scene.leafcloud), engine=self.engine, trees="one")
         with trees_of(context, self._sources, "one") as trees:
             [extracted] = trees.values()
@@ -88,7 +88,7 @@ class LEAFCLOUD_OT_write_files(OnTree, JobOperator, bpy.types.Operator):
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> Steps[set[str]]:
         """Make the levels for the engine under the names of the tree's own, write them, and take all of it back."""
-        folder: Path = self._folder
+        folder = self._folder
         own = levels_of(context.scene, self._sources)
         with suppress(_Written), replaced(own), removed_on_failure():
             tree_set = yield from finish_tree_set(self._prepared, chains, self._name, context.scene)

@@ -105,6 +105,7 @@ func _material(from: Material, level: Dictionary, has_leaves: bool) -> Material:
 		"base_texture": plain.albedo_texture,
 		"base_color": plain.albedo_color,
 		"alpha_cutoff": plain.alpha_scissor_threshold if cut else 0.0,
+		"uses_mips": level["level"] > 0 or not has_leaves,
 		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
 		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
 		"roughness_texture": plain.roughness_texture,

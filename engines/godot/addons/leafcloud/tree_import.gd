@@ -1,13 +1,17 @@
 @tool
 extends EditorScenePostImportPlugin
-## Makes the root of an imported tree a LeafcloudTree.
+## Makes the root of an imported tree a LeafcloudTree, and turns off Godot's own levels of its meshes.
 
 const META := &"leafcloud"
+## The greatest value: Godot then draws the meshes as they are. Its simplification removes leaves.
+const MOST_DETAIL := 128.0
+
 const LeafcloudTree := preload("leafcloud_tree.gd")
 
 
 func _post_process(scene: Node) -> void:
-	for node in scene.find_children("*", "MeshInstance3D", true, false):
-		if node.has_meta(META):
-			scene.set_script(LeafcloudTree)
-			return
+	for parts in LeafcloudTree.levels_of(scene):
+		for part: MeshInstance3D in parts:
+			part.lod_bias = MOST_DETAIL
+	if scene.find_children("*", "MeshInstance3D", true, false).any(func(node: Node) -> bool: return node.has_meta(META)):
+		scene.set_script(LeafcloudTree)

@@ -1,0 +1,67 @@
+extends SceneTree
+## Draws a forest of an imported tree: godot --script forest.gd -- FOLDER. Writes forest.png, and the number of trees
+## and of drawn triangles to forest.json.
+
+const SIDE := 20
+
+
+func _initialize() -> void:
+	await process_frame
+	var folder := OS.get_cmdline_user_args()[0]
+	var scene: PackedScene = load("res://tree.glb")
+	var single: Node3D = scene.instantiate()
+	var levels := LeafcloudTree.levels_of(single)
+	var radius: float = levels[0][0].get_meta(LeafcloudTree.META)["radius"]
+	var full := 0
+	for part: MeshInstance3D in levels[0]:
+		full += _triangles(part.mesh)
+	single.free()
+	var forest := LeafcloudForest.new()
+	forest.tree = scene
+	var random := RandomNumberGenerator.new()
+	random.seed = 7
+	var places: Array[Transform3D] = []
+	for x in SIDE:
+		for z in SIDE:
+			var turn := Basis(Vector3.UP, random.randf() * TAU).scaled(Vector3.ONE * random.randf_range(0.7, 1.3))
+			var where := Vector3(x - 0.5 * SIDE + random.randf(), 0.0, -z - random.randf()) * 3.0 * radius
+			places.append(Transform3D(turn, where))
+	forest.places = places
+	root.add_child(forest)
+	var sun := DirectionalLight3D.new()
+	sun.rotation_degrees = Vector3(-50, -30, 0)
+	root.add_child(sun)
+	var world := WorldEnvironment.new()
+	world.environment = Environment.new()
+	world.environment.background_mode = Environment.BG_COLOR
+	world.environment.background_color = Color(0.7, 0.8, 0.9)
+	world.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
+	world.environment.ambient_light_color = Color.WHITE
+	world.environment.ambient_light_energy = 0.7
+	root.add_child(world)
+	var camera := Camera3D.new()
+	camera.fov = 50.0
+	camera.far = 400.0 * radius
+	camera.near = 0.1 * radius
+	root.add_child(camera)
+	camera.make_current()
+	camera.position = Vector3(0.0, 4.0 * radius, 8.0 * radius)
+	camera.look_at(Vector3(0.0, 0.0, -20.0 * radius))
+	for _frame in 4:
+		await process_frame
+	await RenderingServer.frame_post_draw
+	root.get_texture().get_image().save_png(folder + "/forest.png")
+	var drawn := 0
+	for drawing: MultiMeshInstance3D in forest.find_children("*", "MultiMeshInstance3D", false, false):
+		drawn += drawing.multimesh.visible_instance_count * _triangles(drawing.multimesh.mesh)
+	var file := FileAccess.open(folder + "/forest.json", FileAccess.WRITE)
+	file.store_string(JSON.stringify({"trees": places.size(), "drawn": drawn, "without_levels": full * places.size()}))
+	file.close()
+	quit()
+
+
+func _triangles(mesh: Mesh) -> int:
+	var count := 0
+	for i in mesh.get_surface_count():
+		count += mesh.surface_get_arrays(i)[Mesh.ARRAY_INDEX].size() / 3
+	return count

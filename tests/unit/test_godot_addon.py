@@ -1,0 +1,57 @@
+"""The add-on for Godot: its copies of the laws, of the licence and of the version are those of the project."""
+
+from __future__ import annotations
+
+import configparser
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+ADDON = ROOT / "engines" / "godot" / "addons" / "leafcloud"
+
+
+def test_its_laws_are_those_of_all_engines() -> None:
+    laws = (ROOT / "shaders" / "leafcloud.glsl").read_text()
+    assert (ADDON / "leafcloud.gdshaderinc").read_text() == laws, "copy shaders/leafcloud.glsl to leafcloud.gdshaderinc"
+
+
+def test_it_has_the_version_of_the_project_and_a_licence() -> None:
+    plugin = configparser.ConfigParser()
+    plugin.read(ADDON / "plugin.cfg")
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
+    assert plugin["plugin"]["version"].strip('"') == version
+    assert (ADDON / "LICENSE").read_text() == (ROOT / "LICENSE-MIT").read_text()
+
+
+def test_the_importer_sets_only_uniforms_of_the_shader() -> None:
+    """Godot ignores other names without a message."""
+    shader = (ADDON / "level.gdshaderinc").read_text()
+    uniforms = set(re.findall(r"^uniform \w+ (\w+)", shader, re.MULTILINE))
+    source = (ADDON / "gltf_levels.gd").read_text()
+    body = source[source.index("var numbers := {") : source.index("for name: String in numbers")]
+    given = set(re.findall(r'^\t\t"(\w+)":', body, re.MULTILINE)) | set(re.findall(r'numbers\["(\w+)"\] =', body))
+    assert given
+    assert given <= uniforms
+    wind = {name for name in uniforms if name.startswith("wind_")}
+    assert uniforms - given - wind == set(), "uniforms that nobody sets"
+
+
+def test_every_number_of_the_wind_is_a_uniform() -> None:
+    shader = (ADDON / "level.gdshaderinc").read_text()
+    uniforms = set(re.findall(r"^uniform \w+ wind_(\w+)", shader, re.MULTILINE))
+    # The extras of a level's node (docs/guide.md, "Wind").
+    names = {
+        "direction",
+        "strength",
+        "gusts",
+        "period",
+        "foot",
+        "up",
+        "height",
+        "spread",
+        "sway",
+        "branches",
+        "flutter",
+    }
+    assert uniforms == names
