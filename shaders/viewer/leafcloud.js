@@ -1,15 +1,15 @@
 // Trees with levels of detail in three.js: loads NAME.glb and draws the level for the camera's distance, morphed and
 // pruned by the laws of ../leafcloud.glsl.
 //
-//     const tree = await Tree.load("NAME.glb");
+//     const tree = await Tree.load("NAME.glb", { renderer });
 //     scene.add(tree);
 //     … before each picture: tree.update(camera, seconds);
 //
 // The shaders read uniforms and these attributes of a level's geometry: lcTarget, lcRank, lcPivot, lcPivotTarget. For
 // files with wind also lcBillboardPivot, lcPhase and lcFreedom; `seconds` is the time of the wind.
 import * as THREE from "three";
-import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { BlendOrder } from "./blending.js";
+import { loadFile } from "./loading.js";
 import { pagesOf, replaceByOctahedral } from "./octahedral.js";
 import { after, before, replaced } from "./patching.js";
 import { addTangents, shadeItself, bentNormalOf } from "./self_shadowing.js";
@@ -75,9 +75,16 @@ const CONTRAST = `
 /** The a at which the next level takes over: at 1 itself overlapping leaves have almost no depth order. */
 const HAND_OVER = 0.998;
 
+/** tan(½ fov) / pixels of the view that a file's distances are for: 50° over 1080 pixels. */
+const FILE_VIEW = Math.tan((25 * Math.PI) / 180) / 1080;
+
 /**
  * Settings of a tree's drawing. Distances are in the tree's own units.
  *
+ * level: number of the level to show at all distances. null: the level for the distance.
+ * lodDistance: factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
+ * pixels: height of the picture in pixels. The distances then suit it and the camera's field of view, so that levels
+ *   take over at the size in pixels for which they were baked. null: the file's distances, for 50° over 1080 pixels.
  * pruneStart: d₀ of the law of λ, for all levels. Infinity: no pruning. null: each level as it was baked.
  * pruneHalf: h of that law. Used if pruneStart is a number.
  * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
@@ -90,6 +97,9 @@ const HAND_OVER = 0.998;
  * byHand: {transition, keep} to replace the numbers for the camera's distance. The level still follows the distance.
  */
 export const SETTINGS = {
+  level: null,
+  lodDistance: 1,
+  pixels: null,
   pruneStart: null,
   pruneHalf: 0.5,
   fade: 0.25,
@@ -101,9 +111,15 @@ export const SETTINGS = {
 };
 
 export class Tree extends THREE.Group {
-  /** Loads the tree from the GLB file at `url`. It is at rest until the first update. */
-  static async load(url) {
-    const gltf = await new GLTFLoader().loadAsync(url);
+  /** The distance by which the file's numbers decide. */
+  #seenFrom = 0;
+
+  /**
+   * Loads the tree from the GLB file at `url`. It is at rest until the first update. With the `renderer` that draws it,
+   * the file's KTX2 textures are read, else its PNG textures.
+   */
+  static async load(url, { renderer } = {}) {
+    const gltf = await loadFile(url, renderer);
     await addLevels(gltf);
     return new Tree(gltf, { bentNormal: await bentNormalOf(gltf), octahedral: await pagesOf(gltf) });
   }
@@ -115,6 +131,7 @@ export class Tree extends THREE.Group {
     this.settings = { ...SETTINGS };
     this.levels = levelsOf(gltf, textures);
     this.level = 0;
+    /** Distance of the camera from the center of the leaves, in the tree's own units. */
     this.distance = 0;
     const { center, radius } = sphereOf(this.levels[0], this);
     this.centre = center;
@@ -126,7 +143,8 @@ export class Tree extends THREE.Group {
   update(camera, seconds = 0) {
     const eye = camera.getWorldPosition(new THREE.Vector3());
     this.distance = this.worldToLocal(eye.clone()).distanceTo(this.centre);
-    this.level = this.#levelAt(this.distance);
+    this.#seenFrom = this.distance / this.#viewFactor(camera);
+    this.level = this.settings.level ?? this.#levelAt(this.#seenFrom);
     const share = this.#shareOfNext();
     this.levels.forEach((level, number) => {
       const next = number === this.level + 1;
@@ -144,6 +162,14 @@ export class Tree extends THREE.Group {
   get state() {
     const [transition, keep] = this.#laws(this.levels[this.level]);
     return { level: this.level, transition: transitionAt(...transition), keep: keepAt(...keep) };
+  }
+
+  /** Factor on the file's distances for a camera. */
+  #viewFactor(camera) {
+    const { lodDistance, pixels } = this.settings;
+    const fits = pixels !== null && camera.isPerspectiveCamera;
+    const view = fits ? Math.tan((camera.getEffectiveFOV() * Math.PI) / 360) / pixels : FILE_VIEW;
+    return (lodDistance * FILE_VIEW) / view;
   }
 
   #levelAt(distance) {
@@ -171,8 +197,8 @@ export class Tree extends THREE.Group {
   /** Fraction of the pixels that the next level draws. */
   #shareOfNext() {
     const level = this.levels[this.level];
-    const fades = isFinite(level.handOver) && this.#fade(level) > 0;
-    return fades ? transitionAt(this.distance, level.handOver, this.#end(level)) : 0;
+    const fades = isFinite(level.handOver) && this.#fade(level) > 0 && this.settings.level === null;
+    return fades ? transitionAt(this.#seenFrom, level.handOver, this.#end(level)) : 0;
   }
 
   /** Arguments of lc_transition and lc_keep. */
@@ -180,7 +206,7 @@ export class Tree extends THREE.Group {
     const { pruneStart, pruneHalf, byHand } = this.settings;
     if (byHand) return [[byHand.transition, 0, 1], [1, byHand.keep, 0.5]];
     const [from, half] = pruneStart === null ? [pruning.start, pruning.half] : [pruneStart, pruneHalf];
-    return [[this.distance, start, end], [this.distance, Math.min(from, NEVER), half]];
+    return [[this.#seenFrom, start, end], [this.#seenFrom, Math.min(from, NEVER), half]];
   }
 
   /** Sets the wind. The file's direction is in world space; the shaders need it in the level's own coordinates. */

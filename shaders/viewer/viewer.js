@@ -19,14 +19,26 @@ const camera = new THREE.PerspectiveCamera(50);
 const controls = new OrbitControls(camera, renderer.domElement);
 const controlPanel = new GUI({ title: "Leafcloud" });
 
+const sun = new THREE.DirectionalLight(0xfff4e0, 2.5);
+const ground = new THREE.Mesh(new THREE.CircleGeometry(1, 64), new THREE.MeshLambertMaterial({ color: 0x9aa583 }));
+const light = { height: 50, direction: 30 };
+
+/** Milliseconds for which a message stays beside a tree. */
+const READING = 8000;
+
+/** Width of a window in pixels, below which the panel begins closed. */
+const NARROW = 600;
+
 let tree = null;
 
 function prepare() {
   document.body.append(renderer.domElement);
   scene.background = new THREE.Color(0xdfe7ee);
-  const sun = new THREE.DirectionalLight(0xfff4e0, 2.5);
-  sun.position.set(2, 3, 1);
-  scene.add(new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
+  ground.rotation.x = -Math.PI / 2;
+  ground.visible = false;
+  scene.add(new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun, ground);
+  moveSun();
+  if (innerWidth < NARROW) controlPanel.close();
   window.addEventListener("resize", fit);
   window.addEventListener("dragover", (event) => event.preventDefault());
   window.addEventListener("drop", (event) => {
@@ -51,14 +63,35 @@ async function openFile(file) {
 }
 
 async function open(url, name) {
-  message.textContent = `Reading ${name} …`;
+  tell(`Reading ${name} …`);
   try {
-    show(await Tree.load(url));
-    message.textContent = "";
+    show(await Tree.load(url, { renderer }));
+    tell("");
   } catch (error) {
-    message.textContent = `${name}: ${error.message}`;
-    throw error;
+    tell(wordsFor(error, name), READING);
+    console.error(error);
   }
+}
+
+/** Shows a text, over the page or beside the tree, there for some `milliseconds`. */
+function tell(words, milliseconds = 0) {
+  message.textContent = words;
+  message.classList.toggle("beside", tree !== null);
+  if (tree && milliseconds) setTimeout(() => message.textContent === words && tell(""), milliseconds);
+}
+
+/** Returns what is wrong with a file, and the remedy. */
+function wordsFor(error, name) {
+  if (/_shadow\.glb$/i.test(name)) return `${name} is the shadow proxy of a tree. Open the file without “_shadow”.`;
+  if (!/\.glb$/i.test(name)) return `${name} is no GLB file. Open a NAME.glb that Leafcloud wrote.`;
+  if (/^No levels|^An older/.test(error.message)) return `${name}: ${error.message}`;
+  if (/fetch|404|Failed to load/i.test(error.message)) return `${name} cannot be found. Check its address.`;
+  return `${name} cannot be read: it is broken, or no GLB file. Bake the tree again.`;
+}
+
+function moveSun() {
+  const [height, direction] = [light.height, light.direction].map(THREE.MathUtils.degToRad);
+  sun.position.setFromSphericalCoords(1, Math.PI / 2 - height, direction);
 }
 
 function show(opened) {
@@ -66,6 +99,9 @@ function show(opened) {
   tree = opened;
   scene.add(tree);
   for (const name of Object.keys(SETTINGS)) if (wanted.has(name)) tree.settings[name] = Number(wanted.get(name));
+  const foot = new THREE.Box3().setFromObject(tree.levels[0].object).min.y;
+  ground.position.set(tree.centre.x, foot, tree.centre.z);
+  ground.scale.setScalar(6 * tree.radius);
   controls.target.copy(tree.centre);
   lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius, FRONT);
   const farthest = 4 * (tree.levels.at(-2)?.handOver ?? 10 * tree.radius);
@@ -89,13 +125,31 @@ function fillPanel(farthest) {
   controlPanel.controllers.slice(1).forEach((controller) => controller.destroy());
   controlPanel.folders.slice().forEach((folder) => folder.destroy());
   addDistance(farthest);
+  addLevels();
+  addScene();
   addPruning(farthest);
   addByHand();
   if (tree.levels[0].wind) addWind();
-  const fades = controlPanel.addFolder("Fades");
+  const fades = controlPanel.addFolder("Fades").close();
   fades.add(tree.settings, "fadeBehindMorph", 0, 0.5).name("into clouds");
   fades.add(tree.settings, "fade", 0, 0.5).name("into the last level");
-  fades.add(tree.settings, "hysteresis", 0, 0.2);
+  fades.add(tree.settings, "hysteresis", 0, 0.2).name("delay on the way back");
+}
+
+function addLevels() {
+  const byDistance = "for the distance";
+  const state = { level: tree.settings.level ?? byDistance };
+  const names = [byDistance, ...tree.levels.map((_, number) => number)];
+  const apply = (level) => (tree.settings.level = level === byDistance ? null : level);
+  controlPanel.add(state, "level", names).name("level").onChange(apply);
+  controlPanel.add(tree.settings, "lodDistance", 0.25, 4).name("LOD distance");
+}
+
+function addScene() {
+  const folder = controlPanel.addFolder("Scene").close();
+  folder.add(ground, "visible").name("ground");
+  folder.add(light, "height", 0, 90).name("sun height (°)").onChange(moveSun);
+  folder.add(light, "direction", 0, 360).name("sun direction (°)").onChange(moveSun);
 }
 
 /** The slider is logarithmic, in doublings of the crown radius, so that near and far are equally easy to set. */
@@ -108,7 +162,7 @@ function addDistance(farthest) {
       lookFrom(tree.radius * 2 ** doublings);
     },
   };
-  controlPanel.add(state, "distance", 0, Math.log2(farthest / tree.radius)).name("distance (log₂ R)").listen();
+  controlPanel.add(state, "distance", 0, Math.log2(farthest / tree.radius)).name("distance (doublings)").decimals(2).listen();
 }
 
 function addPruning(farthest) {
@@ -119,10 +173,10 @@ function addPruning(farthest) {
   const state = { prune: byHand ? fromHere : unpruned, start: byHand ? settings.pruneStart : tree.levels[0].handOver / 4 };
   const starts = { [asBaked]: () => null, [never]: () => Infinity, [fromHere]: () => state.start };
   const apply = () => (settings.pruneStart = starts[state.prune]());
-  const folder = controlPanel.addFolder("Pruning");
-  folder.add(state, "prune", Object.keys(starts)).name("by distance").onChange(apply);
-  folder.add(state, "start", tree.radius, farthest / 4).name("d₀").onChange(apply);
-  folder.add(settings, "pruneHalf", 0.01, 0.5).name("h (half kept at d₀ / h)").onChange(apply);
+  const folder = controlPanel.addFolder("Fewer leaves with distance").close();
+  folder.add(state, "prune", Object.keys(starts)).name("begin").onChange(apply);
+  folder.add(state, "start", tree.radius, farthest / 4).name("from this distance").onChange(apply);
+  folder.add(settings, "pruneHalf", 0.01, 0.5).name("half of them at (share)").onChange(apply);
   folder.add(settings, "contrast").name("keep the contrast");
 }
 
@@ -130,22 +184,23 @@ function addByHand() {
   const values = { transition: 0, keep: Number(wanted.get("keep")) || 1 };
   const state = { on: wanted.has("keep") };
   const apply = () => (tree.settings.byHand = state.on ? values : null);
-  const folder = controlPanel.addFolder("By hand");
+  const folder = controlPanel.addFolder("By hand").close();
   folder.add(state, "on").name("ignore distance").onChange(apply);
-  folder.add(values, "transition", 0, 1).name("transition a");
-  folder.add(values, "keep", 0.005, 1).name("kept leaves λ");
+  folder.add(values, "transition", 0, 1).name("onto billboards (a)");
+  folder.add(values, "keep", 0.005, 1).name("kept leaves (λ)");
   apply();
 }
 
 /** Starts at the strength in the file unless the settings have one. */
 function addWind() {
   const state = { strength: tree.settings.wind ?? tree.levels[0].wind.strength };
-  const folder = controlPanel.addFolder("Wind");
+  const folder = controlPanel.addFolder("Wind").close();
   folder.add(state, "strength", 0, 20).onChange((strength) => (tree.settings.wind = strength));
 }
 
 function draw(milliseconds) {
   controls.update();
+  if (tree && !wanted.has("pixels")) tree.settings.pixels = renderer.domElement.height;
   tree?.update(camera, milliseconds / 1000);
   renderer.render(scene, camera);
   if (!tree) return;

@@ -9,6 +9,9 @@
 // floats. The light makes them nearly equal to the materials' linear colors. With `suns`, one direction for each eye, a
 // single light shines from that direction instead.
 //
+// {textures: url, transcoder}: loads the file with a renderer. The answer has {compressed, plain}: how many of the textures
+// of base color are compressed ones, and how many are pictures. Without a `transcoder` three.js's own is used.
+//
 // {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: runs a complete shader with an output
 // `seen_point`. The answer has the points for each of the views.
 //
@@ -18,6 +21,7 @@
 // sRGB if `encoded`. `samplers` map names to images, "" to white.
 import * as THREE from "three";
 import { LAWS, Tree, placing } from "/shaders/viewer/leafcloud.js";
+import { loadFile } from "/shaders/viewer/loading.js";
 
 const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
 const HEADER = "#version 300 es\nprecision highp float;\nout vec4 result;\n";
@@ -254,11 +258,21 @@ async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
   });
 }
 
+async function texturesIn({ textures: url, transcoder }) {
+  const gltf = await loadFile(url, newRenderer(), transcoder);
+  const maps = new Set();
+  const materials = await gltf.parser.getDependencies("material");
+  materials.forEach(({ map }) => map && maps.add(map));
+  const compressed = [...maps].filter(({ isCompressedTexture }) => isCompressedTexture).length;
+  return { compressed, plain: maps.size - compressed };
+}
+
 const answer = (content) => fetch("/answer", { method: "POST", body: JSON.stringify(content) });
 try {
   const question = await (await fetch("/question")).json();
   if (question.tables) await answer({ tables: question.tables.map((table) => tabulated(table, question.shares)) });
   else if (question.pictures) await answer({ pictures: await painted(question) });
+  else if (question.textures) await answer(await texturesIn(question));
   else if (question.vertex) await answer({ points: previewed(question) });
   else await answer({ seen: await seen(question) });
 } catch (error) {
