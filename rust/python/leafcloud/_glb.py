@@ -1,0 +1,123 @@
+"""Contents of GLB files for `leafcloud inspect`: the document, numbers of accessors, sizes of images.
+
+Reads only what a check has found to lie inside of the file.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import LeafcloudError
+
+_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_MOST = 2**26
+"""Most elements of an accessor: a file may claim any number without holding it."""
+
+_PNG, _JPEG, _KTX2 = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"\xabKTX 20\xbb\r\n\x1a\n"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Format, width and height of an image, and its bytes in the file."""
+
+    kind: str
+    width: int
+    height: int
+    size: int
+
+    @property
+    def gpu_bytes(self) -> int:
+        """Bytes on a graphics card with mip levels: 4 a texel, 1 if the texture stays compressed."""
+        return self.width * self.height * (1 if self.kind == "KTX2" else 4) * 4 // 3
+
+
+class GlbFile:
+    """A GLB file. Raises `LeafcloudError` for another file, and for numbers that lie outside of it."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise LeafcloudError(f"{path} cannot be read: {error.strerror or error}; check the path") from error
+        try:
+            magic, version, length = struct.unpack_from("<4sII", content)
+            if magic != b"glTF" or version != 2 or length > len(content):
+                raise ValueError("the header is not that of a GLB file of version 2")
+            size, _ = struct.unpack_from("<I4s", content, 12)
+            self.document: dict[str, Any] = json.loads(content[20 : 20 + size])
+            self._body = content[28 + size : length]
+            if not isinstance(self.document, dict):
+                raise ValueError("its JSON is no object")
+        except (struct.error, ValueError, RecursionError) as error:
+            raise LeafcloudError(f"{path} is no GLB file, or is broken: {error}; export it again") from error
+        self.path = path
+
+    def items(self, name: str) -> list[dict[str, Any]]:
+        """Return a list of the document; empty if it is missing."""
+        found = self.document.get(name, [])
+        return found if isinstance(found, list) else []
+
+    def view(self, number: int) -> bytes:
+        """Return the bytes of a buffer view."""
+        view = self.items("bufferViews")[number]
+        start, length = view.get("byteOffset", 0), view["byteLength"]
+        if view["buffer"] != 0 or not 0 <= start <= start + length <= len(self._body):
+            raise LeafcloudError(f"{self.path}: buffer view {number} lies outside of the file; export it again")
+        return self._body[start : start + length]
+
+    def values(self, number: int) -> NDArray[Any]:
+        """Return the numbers (n, width) of an accessor, as stored."""
+        accessor = self.items("accessors")[number]
+        width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
+        count, row = accessor["count"], width * kind.itemsize
+        if not 1 <= count <= _MOST:
+            raise LeafcloudError(f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST:,}")
+        if "bufferView" not in accessor:
+            return np.zeros((count, width), kind)
+        view = self.view(accessor["bufferView"])
+        stride = self.items("bufferViews")[accessor["bufferView"]].get("byteStride", row)
+        start = accessor.get("byteOffset", 0)
+        if stride < row or start < 0 or start + stride * (count - 1) + row > len(view):
+            raise LeafcloudError(f"{self.path}: accessor {number} lies outside of its buffer view; export it again")
+        return np.ndarray((count, width), kind, view, start, (stride, kind.itemsize))
+
+    def size_of(self, number: int) -> int:
+        """Return the bytes of an accessor, without gaps."""
+        accessor = self.items("accessors")[number]
+        width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
+        return int(accessor["count"]) * width * kind.itemsize
+
+    def picture(self, number: int) -> Picture:
+        """Return format and size of an image. Images outside of the file have no size."""
+        image = self.items("images")[number]
+        if "bufferView" not in image:
+            return Picture("file", 0, 0, 0)
+        data = self.view(image["bufferView"])
+        if data.startswith(_PNG):
+            width, height = struct.unpack_from(">II", data, 16)
+            return Picture("PNG", width, height, len(data))
+        if data.startswith(_KTX2):
+            width, height = struct.unpack_from("<II", data, 20)
+            return Picture("KTX2", width, height, len(data))
+        if data.startswith(_JPEG):
+            return Picture("JPEG", *_jpeg_size(data), len(data))
+        return Picture("unknown", 0, 0, len(data))
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return width and height from the first frame header; (0, 0) without one."""
+    at = 2
+    while at + 9 < len(data) and data[at] == 0xFF:
+        marker, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            return int.from_bytes(data[at + 7 : at + 9], "big"), int.from_bytes(data[at + 5 : at + 7], "big")
+        at += 2 + length
+    return 0, 0

@@ -1,0 +1,92 @@
+"""The command `leafcloud`.
+
+leafcloud inspect FILE.glb [--against LEAVES.glb] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from . import LeafcloudError, __version__
+from .inspection import Inspection, Score, compare, inspect
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status: 0, or 1 if a file cannot be read or breaks a promise."""
+    parser = argparse.ArgumentParser(prog="leafcloud", description="Tools for trees with levels of detail.")
+    parser.add_argument("--version", action="version", version=f"leafcloud {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    inspecting = commands.add_parser(
+        "inspect",
+        help="show what a GLB file holds, what it promises, and what engines make of it",
+        description="Show the levels, bytes and promises of a GLB file, of this or another tool.",
+    )
+    inspecting.add_argument("file", type=Path, metavar="FILE.glb", help="the file")
+    inspecting.add_argument(
+        "--against",
+        type=Path,
+        metavar="LEAVES.glb",
+        help="compare the pictures and the cost of drawing of the file's scene with those of this file",
+    )
+    inspecting.add_argument("--json", action="store_true", help="print JSON in place of tables")
+    options = parser.parse_args(arguments)
+    try:
+        found = inspect(options.file)
+        scores = [] if options.against is None else compare(options.file, options.against)
+    except LeafcloudError as error:
+        print(f"leafcloud: {error}", file=sys.stderr)
+        return 1
+    if options.json:
+        print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
+    else:
+        print("\n".join(_lines(found, scores)))
+    return 0 if all(check.holds for check in found.checks) else 1
+
+
+def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:
+    lines = _table(
+        ("level", "triangles", "vertices", "vertex KB", "texture MB", "textures"),
+        [
+            (
+                level.name,
+                f"{level.triangles:,}",
+                f"{level.vertices:,}",
+                f"{level.vertex_bytes / 1e3:,.0f}",
+                f"{level.texture_bytes / 1e6:.2f}",
+                ", ".join(f"{each.kind} {each.width} × {each.height}" for each in level.pictures),
+            )
+            for level in found.levels
+        ],
+    )
+    lines += ["", *(f"{level.name}: {', '.join(level.attributes)}" for level in found.levels)]
+    if found.checks:
+        lines += [
+            "",
+            *(f"{'holds ' if check.holds else 'BROKEN'} {check.name} ({check.figure})" for check in found.checks),
+        ]
+    if found.engines:
+        lines += ["", *(f"{engine}: {loss}" for engine, loss in found.engines)]
+    if scores:
+        rows = [(f"{each.size}", f"{each.flip:.3f}", f"{each.coverage:.2f}", f"{each.cost:.3f}") for each in scores]
+        lines += ["", *_table(("pixels", "FLIP", "coverage", "cost of drawing"), rows)]
+    return lines
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines with columns of equal widths; all but the first and the last are aligned to the right."""
+    widths = [max(len(row[column]) for row in (headings, *rows)) for column in range(len(headings))]
+    last = len(headings) - 1
+
+    def cell(text: str, column: int) -> str:
+        return text.ljust(widths[column]) if column in (0, last) else text.rjust(widths[column])
+
+    return ["  ".join(cell(text, i) for i, text in enumerate(row)).rstrip() for row in (headings, *rows)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

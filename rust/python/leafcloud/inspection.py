@@ -1,0 +1,314 @@
+"""The contents of a GLB file of a tree, by any tool: levels, bytes, promises, and what engines lose."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, drawing_cost, flip_map, keep, read_gltf, render
+from ._glb import GlbFile, Picture
+
+SIZES = (256, 128, 64, 32)
+"""Sides of the pictures in pixels, in which a file is compared with the leaves."""
+
+_VIEWS = [(1.0, 0.0, 0.2), (-0.5, 0.85, 0.1), (-0.5, -0.85, 0.35), (0.2, 0.3, 0.95)]
+_MOST = 0.95
+"""Least share of leaves that end on a plane of the next level."""
+
+_REACH = 4
+"""FLIP counts within this many pixels of a silhouette."""
+
+
+@dataclass(frozen=True)
+class LevelRow:
+    """A level of the file, or the whole scene of a file without levels.
+
+    number: of the level; None without levels. attributes: of all meshes. vertex_bytes: with indices and morph targets.
+    """
+
+    name: str
+    number: int | None
+    triangles: int
+    vertices: int
+    attributes: tuple[str, ...]
+    vertex_bytes: int
+    pictures: tuple[Picture, ...]
+
+    @property
+    def texture_bytes(self) -> int:
+        """Bytes of all its textures on a graphics card."""
+        return sum(picture.gpu_bytes for picture in self.pictures)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A promise of the file: its name, whether it holds, and the figure."""
+
+    name: str
+    holds: bool
+    figure: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """All that is known of a file."""
+
+    levels: tuple[LevelRow, ...]
+    checks: tuple[Check, ...]
+    engines: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A file beside the leaves in pictures of one size.
+
+    size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage, cost: of drawing,
+    over those of the leaves.
+    """
+
+    size: int
+    flip: float
+    coverage: float
+    cost: float
+
+
+def inspect(path: Path) -> Inspection:
+    """Read a GLB file. Raises `LeafcloudError` for a file that is none, or that is broken."""
+    file = GlbFile(path)
+    try:
+        levels = tuple(_levels(file))
+        return Inspection(levels, tuple(_checks(file)), tuple(_engines(file, levels)))
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
+
+
+def _levels(file: GlbFile) -> Iterator[LevelRow]:
+    nodes = file.items("nodes")
+    baked = {number: level for number, node in enumerate(nodes) if (level := _extras(node).get("level")) is not None}
+    if not baked:
+        scene = file.items("scenes")[file.document.get("scene", 0)]
+        yield _row(file, file.path.stem, None, scene["nodes"])
+    for node, level in sorted(baked.items(), key=lambda item: item[1]):
+        yield _row(file, nodes[node].get("name", f"node {node}"), level, [node])
+
+
+def _row(file: GlbFile, name: str, number: int | None, roots: list[int]) -> LevelRow:
+    primitives = [each for node in _below(file, roots) for each in _primitives(file, node)]
+    accessors: dict[int, int] = {}
+    images: dict[int, Picture] = {}
+    triangles = vertices = 0
+    for primitive in primitives:
+        used = [*primitive["attributes"].values(), *(a for t in primitive.get("targets", []) for a in t.values())]
+        position = file.items("accessors")[primitive["attributes"]["POSITION"]]["count"]
+        if "indices" in primitive:
+            used.append(primitive["indices"])
+        corners = file.items("accessors")[primitive["indices"]]["count"] if "indices" in primitive else position
+        triangles, vertices = triangles + corners // 3, vertices + position
+        accessors |= {accessor: file.size_of(accessor) for accessor in used}
+        for image in _images(file, primitive.get("material")):
+            images[image] = file.picture(image)
+    names = dict.fromkeys(name for primitive in primitives for name in primitive["attributes"])
+    if any(primitive.get("targets") for primitive in primitives):
+        names["morph target"] = None
+    return LevelRow(name, number, triangles, vertices, tuple(names), sum(accessors.values()), tuple(images.values()))
+
+
+def _below(file: GlbFile, roots: list[int]) -> list[int]:
+    """Return the nodes and all nodes below them, each once."""
+    found: dict[int, None] = {}
+    ahead = list(reversed(roots))
+    while ahead:
+        node = ahead.pop()
+        if node not in found:
+            found[node] = None
+            ahead += reversed(file.items("nodes")[node].get("children", []))
+    return list(found)
+
+
+def _primitives(file: GlbFile, node: int) -> list[dict[str, Any]]:
+    mesh = file.items("nodes")[node].get("mesh")
+    return [] if mesh is None else list(file.items("meshes")[mesh]["primitives"])
+
+
+def _extras(thing: dict[str, Any]) -> dict[str, Any]:
+    extras = thing.get("extras", {})
+    found = extras.get("leafcloud", {}) if isinstance(extras, dict) else {}
+    return found if isinstance(found, dict) else {}
+
+
+def _images(file: GlbFile, material: int | None) -> list[int]:
+    """Return the images of a material: the compressed one where a texture has both."""
+    if material is None:
+        return []
+    textures = dict.fromkeys(_texture_numbers(file.items("materials")[material]))
+    return [_source(file.items("textures")[number]) for number in textures]
+
+
+def _texture_numbers(value: Any) -> Iterator[int]:
+    """Yield the indices of all textures in a material's JSON."""
+    for name, inner in value.items() if isinstance(value, dict) else []:
+        if name.endswith("Texture") and isinstance(inner, dict) and "index" in inner:
+            yield inner["index"]
+        yield from _texture_numbers(inner)
+
+
+def _source(texture: dict[str, Any]) -> int:
+    basis = texture.get("extensions", {}).get("KHR_texture_basisu", {})
+    return int(basis.get("source", texture.get("source", 0)))
+
+
+def _checks(file: GlbFile) -> Iterator[Check]:
+    nodes = file.items("nodes")
+    levels = sorted((node for node in nodes if "level" in _extras(node)), key=lambda node: _extras(node)["level"])
+    if not levels:
+        return
+    distances = [_extras(node)["switch_distance"] for node in levels]
+    yield Check("levels take over one after the other", distances == sorted(distances), _listed(distances))
+    shown = {node for scene in file.items("scenes") for node in scene["nodes"]}
+    first = [nodes[number] for number in shown if "level" in _extras(nodes[number])]
+    yield Check("plain readers show one level", len(first) <= 1, f"{len(first)} in the scene")
+    for node in levels:
+        for primitive in _primitives(file, nodes.index(node)):
+            if "_LEAF_RANK" in primitive["attributes"]:
+                yield _rank_order(file, node["name"], primitive)
+    for before, after in itertools.pairwise(levels):
+        if "transition_end" in _extras(before):
+            yield _closure(file, before, after)
+
+
+def _listed(numbers: list[float]) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def _rank_order(file: GlbFile, name: str, primitive: dict[str, Any]) -> Check:
+    """Triangles are in the order of their leaves' ranks, so that the first ones are a pruned mesh."""
+    ranks = file.values(primitive["attributes"]["_LEAF_RANK"])[:, 0]
+    order = ranks[file.values(primitive["indices"])[::3, 0]] if "indices" in primitive else ranks[::3]
+    return Check(f"{name}: triangles in the order of ranks", bool((np.diff(order) >= 0.0).all()), f"{len(order):,}")
+
+
+def _closure(file: GlbFile, before: dict[str, Any], after: dict[str, Any]) -> Check:
+    """At the end of the morph the leaves that are drawn lie on the planes of the next level.
+
+    That level lacks billboards that show next to nothing and leaves that the crown hides: a few leaves end on no plane.
+    """
+    nodes = file.items("nodes")
+    keep = _kept_share(_extras(before))
+    targets = np.concatenate([_targets(file, each, keep) for each in _primitives(file, nodes.index(before))])
+    radius = float(_extras(before)["radius"])
+    # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
+    near = float((_distances(targets, _planes(file, nodes.index(after))) < 1e-3 * radius).mean())
+    figure = f"{near:.2%} of the corners within 0.001 R"
+    return Check(f"{before['name']}: leaves end on the next level", near >= _MOST, figure)
+
+
+def _kept_share(extras: dict[str, Any]) -> float:
+    """Return the fraction of the leaves that pruning keeps at the end of a level's morph: λ of the laws."""
+    if "prune_start" not in extras:
+        return 1.0
+    return keep(extras["transition_end"], extras["prune_start"], extras.get("prune_half", 0.5))
+
+
+def _targets(file: GlbFile, primitive: dict[str, Any], keep: float) -> NDArray[np.float64]:
+    """Return the places of the kept leaves' corners at the end of the morph."""
+    places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
+    for target in primitive.get("targets", []):
+        places = places + file.values(target["POSITION"])
+    if "_LEAF_RANK" in primitive["attributes"]:
+        places = places[file.values(primitive["attributes"]["_LEAF_RANK"])[:, 0] < keep]
+    return places
+
+
+def _planes(file: GlbFile, node: int) -> NDArray[np.float64]:
+    """Return the planes (p, 4) of a level's triangles, without repetition: unit normal and distance."""
+    rows = []
+    for primitive in _primitives(file, node):
+        places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
+        corners = places[file.values(primitive["indices"])[:, 0].reshape(-1, 3)]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        normals = normals[lengths > 0.0] / lengths[lengths > 0.0, None]
+        rows.append(np.column_stack([normals, np.einsum("ij,ij->i", normals, corners[lengths > 0.0, 0])]))
+    planes = np.concatenate(rows)
+    planes *= np.where(planes[:, :1] + 1e-3 * planes[:, 1:2] < 0.0, -1.0, 1.0)
+    scale = max(float(np.abs(planes[:, 3]).max()), 1e-30)
+    keys = np.round(np.column_stack([planes[:, :3], planes[:, 3:] / scale]), 4)
+    return planes[np.unique(keys, axis=0, return_index=True)[1]]
+
+
+def _distances(points: NDArray[np.float64], planes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance of each point from its nearest plane."""
+    found = [
+        np.abs(part @ planes[:, :3].T - planes[:, 3]).min(axis=1)
+        for part in np.array_split(points, max(len(points) // 4096, 1))
+    ]
+    return np.concatenate(found)
+
+
+def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str, str]]:
+    """Yield the engines that lose something of the file, with what they lose."""
+    custom = sorted({name for level in levels for name in level.attributes if name.startswith("_")})
+    if custom:
+        yield "Babylon.js, Godot, Unity, Unreal", f"drop {', '.join(custom)}: bake with --engine for them"
+    if any("morph target" in level.attributes for level in levels):
+        yield "Unreal", "static meshes drop morph targets"
+    if any(picture.kind == "KTX2" for level in levels for picture in level.pictures):
+        yield "Bevy", "does not read KHR_texture_basisu; it draws the PNG textures"
+    if "MSFT_lod" in file.document.get("extensionsUsed", []):
+        yield "glTFast, Unreal, Bevy", "show level 0 only: they do not read MSFT_lod"
+
+
+def compare(path: Path, leaves: Path) -> list[Score]:
+    """Compare all that a file's scene shows with the leaves of another, in pictures of falling sizes.
+
+    Raises `LeafcloudError` for files that cannot be read.
+    """
+    base, other = (read_gltf(str(each), names=[""]) for each in (leaves, path))
+    centre, radius = list(base.world_centre), float(base.radius) * 1.05
+    pairs = [
+        [render([shown], view, SIZES[0], centre=centre, radius=radius, samples=2) for shown in (base, other)]
+        for view in _VIEWS
+    ]
+    scores = []
+    for size in SIZES:
+        halves = [[_reduced(picture, size) for picture in pair] for pair in pairs]
+        errors = [_flip(*pair) for pair in halves]
+        covered = [sum(float(pair[i][..., 3].sum()) for pair in halves) for i in (0, 1)]
+        costs = [_cost(shown, size / (2.0 * radius)) for shown in (base, other)]
+        scores.append(Score(size, float(np.mean(errors)), covered[1] / max(covered[0], 1.0), costs[1] / costs[0]))
+    return scores
+
+
+def _cost(foliage: Any, scale: float) -> float:
+    """Return the cost of drawing in fragments: a triangle costs as much as `FRAGMENTS_PER_TRIANGLE` of them."""
+    cost = drawing_cost([foliage], scale)
+    return float(cost["fragments"] + FRAGMENTS_PER_TRIANGLE * cost["triangles"])
+
+
+def _reduced(picture: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """Return a smaller picture, of means of colors weighted by alpha."""
+    step = picture.shape[0] // size
+    values = picture.astype(np.float64)
+    values[..., :3] *= values[..., 3:] / 255.0
+    means = values.reshape(size, step, size, step, 4).mean(axis=(1, 3))
+    means[..., :3] *= 255.0 / np.maximum(means[..., 3:], 1e-9)
+    return np.rint(means).clip(0, 255).astype(np.uint8)
+
+
+def _flip(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Return the mean FLIP near the silhouettes."""
+    near = (base[..., 3] > 127) | (other[..., 3] > 127)
+    for _ in range(_REACH):
+        grown = near.copy()
+        grown[1:] |= near[:-1]
+        grown[:-1] |= near[1:]
+        grown[:, 1:] |= near[:, :-1]
+        grown[:, :-1] |= near[:, 1:]
+        near = grown
+    return float(flip_map(base, other)[near].mean()) if near.any() else 0.0

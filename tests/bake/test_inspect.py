@@ -1,0 +1,149 @@
+"""`leafcloud inspect`: figures and promises of a baked file, of a broken one, and of another tool's."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import QUICK, bake
+from glb import read_chunks, read_glb
+
+from leafcloud.command import main
+
+Edit = Callable[[dict[str, Any], bytearray], None]
+
+
+@pytest.fixture(scope="module")
+def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("inspected")
+    bake(shrub, out, *QUICK, "--effects=+transitions,+pruning", "--engine", "three")
+    return out
+
+
+def inspected(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict[str, Any]]:
+    """Return the exit status and the printed JSON."""
+    status = main(["inspect", *map(str, arguments), "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
+def rewritten(source: Path, path: Path, edit: Edit) -> Path:
+    """Write a GLB file with an edited document and body."""
+    document, binary = read_chunks(source)
+    body = bytearray(binary)
+    edit(document, body)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
+
+
+def test_each_level_has_its_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = inspected(capsys, folder / "shrub.glb")
+    assert status == 0
+    nodes = read_glb(folder / "shrub.glb")
+    for row in found["levels"]:
+        parts = [nodes[name] for name in (row["name"], f"{row['name']}_trunk") if name in nodes]
+        primitives = [primitive for part in parts for primitive in part.primitives]
+        assert row["triangles"] == sum(len(primitive.indices) for primitive in primitives)
+        assert row["vertices"] == sum(len(primitive.attributes["POSITION"]) for primitive in primitives)
+    clouds = [row for row in found["levels"] if row["number"] in (1, 2)]
+    assert all(picture["kind"] == "KTX2" for row in clouds for picture in row["pictures"][:1])
+    assert {each["name"]: each["holds"] for each in found["checks"]}["plain readers show one level"]
+    assert any("drop _LEAF_PIVOT" in loss for _, loss in found["engines"])
+
+
+def test_triangles_out_of_order_are_found(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def reverse(document: dict[str, Any], body: bytearray) -> None:
+        [mesh] = [each for each in document["meshes"] if each["name"] == "shrub_LOD0"]
+        accessor = document["accessors"][mesh["primitives"][0]["indices"]]
+        start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        kind = {5123: "<u2", 5125: "<u4"}[accessor["componentType"]]
+        indices = np.frombuffer(body, kind, accessor["count"], start).reshape(-1, 3)[::-1].copy()
+        body[start : start + indices.nbytes] = indices.tobytes()
+
+    status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "reversed.glb", reverse))
+    assert status == 1
+    assert [each["name"] for each in found["checks"] if not each["holds"]] == [
+        "shrub_LOD0: triangles in the order of ranks"
+    ]
+
+
+def test_leaves_that_end_beside_their_billboards_are_found(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def drop_targets(document: dict[str, Any], body: bytearray) -> None:
+        for mesh in document["meshes"]:
+            for primitive in mesh["primitives"]:
+                primitive.pop("targets", None)
+
+    status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "still.glb", drop_targets))
+    assert status == 1
+    assert "shrub_LOD0: leaves end on the next level" in [each["name"] for each in found["checks"] if not each["holds"]]
+
+
+def test_another_tools_file_is_one_level_without_promises(shrub: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = inspected(capsys, shrub)
+    assert (status, len(found["levels"]), found["checks"]) == (0, 1, [])
+
+
+def test_a_file_is_like_itself_and_a_level_is_near_the_leaves(
+    folder: Path, shrub: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, same = inspected(capsys, shrub, "--against", shrub)
+    assert [each["size"] for each in same["scores"]] == [256, 128, 64, 32]
+    assert all((each["flip"], each["coverage"], each["cost"]) == (0.0, 1.0, 1.0) for each in same["scores"])
+    _, level = inspected(capsys, folder / "shrub_LOD1.glb", "--against", shrub)
+    errors = [each["flip"] for each in level["scores"]]
+    assert errors == sorted(errors, reverse=True)
+    assert 0.0 < errors[-1] < 0.1
+    assert 0.8 < level["scores"][0]["coverage"] < 1.2
+    assert level["scores"][0]["cost"] < 1.0
+
+
+def test_the_tables_name_every_level(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(folder / "shrub.glb")]) == 0
+    printed = capsys.readouterr().out
+    for number in range(3):
+        assert f"shrub_LOD{number}" in printed
+    assert "BROKEN" not in printed
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "is no GLB file"),
+        (b"no tree at all, but long enough", "is no GLB file"),
+        (struct.pack("<4sII", b"glTF", 2, 5000) + b"JSON", "is no GLB file"),
+        (struct.pack("<4sIII4s", b"glTF", 2, 22, 2, b"JSON") + b"[]", "is no GLB file"),
+        (struct.pack("<4sIII4s", b"glTF", 2, 22, 2, b"JSON") + b"{}", "is broken"),
+    ],
+)
+def test_a_broken_file_is_refused_in_one_line(
+    content: bytes, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "broken.glb"
+    path.write_bytes(content)
+    assert main(["inspect", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert reason in said
+    assert said.count("\n") == 1
+
+
+def test_numbers_outside_of_the_file_are_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def claim(document: dict[str, Any], body: bytearray) -> None:
+        for accessor in document["accessors"]:
+            accessor["count"] = 2**40
+
+    path = rewritten(folder / "shrub.glb", tmp_path / "huge.glb", claim)
+    assert main(["inspect", str(path)]) == 1
+    assert "the limit is 67,108,864" in capsys.readouterr().err
+    assert main(["inspect", str(tmp_path / "missing.glb")]) == 1
+    assert "check the path" in capsys.readouterr().err
