@@ -144,6 +144,7 @@ class JobOperator:
         if event.type == "ESC":
             self._job.cancel()
             if self._steps is None:
+                self._add_timer(context, STEP_SECONDS)  # The job ends soon.
                 return {"RUNNING_MODAL"}
             self.cancel(context)
             self.report({"INFO"}, "Cancelled")
