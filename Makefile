@@ -100,6 +100,11 @@ bench-forest: setup ## measure a forest of 10,000 pines from seven distances: tr
 	@mkdir -p docs/bench
 	.venv/bin/python bench/forest.py $(ARGS)
 
+.PHONY: bench-bake-time
+bench-bake-time: setup ## time bakes by the button, step by step, and how soon they can be cancelled (five minutes)
+	@mkdir -p docs/bench
+	.venv/bin/python bench/bake_time.py $(ARGS)
+
 .PHONY: bench-speed
 bench-speed: setup .venv/.fidelity ## time the leaves and the levels of the pine in Cycles against distance
 	@mkdir -p docs/bench
