@@ -20,7 +20,7 @@ func _initialize() -> void:
 	camera.fov = 50.0
 	root.add_child(camera)
 	camera.make_current()
-	var levels := LeafcloudTree.levels_of(tree)
+	var levels: Array = LeafcloudTree.trees_of(tree)[0]
 	var numbers: Dictionary = levels[0][0].get_meta(LeafcloudTree.META)
 	var material: ShaderMaterial = levels[0][0].mesh.surface_get_material(0)
 	material.set_shader_parameter("wind_strength", 12.0)

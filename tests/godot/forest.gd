@@ -10,7 +10,7 @@ func _initialize() -> void:
 	var folder := OS.get_cmdline_user_args()[0]
 	var scene: PackedScene = load("res://tree.glb")
 	var single: Node3D = scene.instantiate()
-	var levels := LeafcloudTree.levels_of(single)
+	var levels: Array = LeafcloudTree.trees_of(single)[0]
 	var radius: float = levels[0][0].get_meta(LeafcloudTree.META)["radius"]
 	var full := 0
 	for part: MeshInstance3D in levels[0]:

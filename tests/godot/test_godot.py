@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shlex
@@ -66,16 +67,16 @@ def run_script(project: Path, name: str) -> Path:
     return out
 
 
-def project_with(folder: Path, tree: Path, *settings: str) -> Path:
-    """Bake a tree for Godot, and copy the file and the add-on into a new project: nothing else."""
+def project_with(folder: Path, trees: list[Path], *settings: str) -> Path:
+    """Bake trees for Godot, and copy the file and the add-on into a new project: nothing else."""
     baked = folder / "baked"
-    command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(baked), "--engine", "godot"]
-    subprocess.run([*command, *settings], check=True, capture_output=True, timeout=240)
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", *map(str, trees), "--out", str(baked)]
+    subprocess.run([*command, "--engine", "godot", *settings], check=True, capture_output=True, timeout=240)
     project = folder / "project"
     project.mkdir()
     (project / "project.godot").write_text(PROJECT)
     shutil.copytree(ADDON, project / "addons")
-    shutil.copy(baked / f"{tree.stem}.glb", project / "tree.glb")
+    shutil.copy(baked / f"{'_'.join(tree.stem for tree in trees)}.glb", project / "tree.glb")
     godot(project, "--headless", "--import")
     return project
 
@@ -83,7 +84,7 @@ def project_with(folder: Path, tree: Path, *settings: str) -> Path:
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tree = MEASURED if MEASURED.is_file() else ROOT / "examples" / "shrub.glb"
-    return project_with(tmp_path_factory.mktemp("godot"), tree)
+    return project_with(tmp_path_factory.mktemp("godot"), [tree])
 
 
 @pytest.fixture(scope="module")
@@ -142,9 +143,23 @@ def test_a_forest_draws_each_tree_once_at_its_level(project: Path) -> None:
     shutil.copy(out / "forest.png", pictures)
 
 
+def test_each_tree_of_a_file_has_its_own_ranges(tmp_path: Path) -> None:
+    other = tmp_path / "bush.glb"
+    shutil.copy(ROOT / "examples" / "shrub.glb", other)
+    project = project_with(tmp_path, [ROOT / "examples" / "shrub.glb", other], "--epsilon", "0.1")
+    trees = json.loads((run_script(project, "trees.gd") / "trees.json").read_text())
+    assert sorted(tree["name"] for tree in trees) == ["bush", "shrub"]
+    for tree in trees:
+        assert len(tree["ranges"]) >= 2
+        assert tree["ranges"][0][0] == 0.0
+        assert tree["ranges"][-1][1] == 0.0, "the last level has no end"
+        for (begin, end), (following, _) in itertools.pairwise(tree["ranges"]):
+            assert begin < following < end, "a level begins where the one before it fades"
+
+
 def test_wind_and_pruning_arrive(tmp_path: Path) -> None:
     settings = ["--chain", "pruning", "--effects", "all"]
-    project = project_with(tmp_path, ROOT / "examples" / "shrub.glb", *settings)
+    project = project_with(tmp_path, [ROOT / "examples" / "shrub.glb"], *settings)
     found = json.loads((run_script(project, "effects.gd") / "effects.json").read_text())
     assert found["moved"] > 0.005, "the wind moves leaves between two frames"
     assert 0.2 < found["kept"] < 0.7, "a quarter of the leaves covers less, but more than the trunk alone"

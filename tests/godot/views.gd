@@ -19,7 +19,7 @@ func _initialize() -> void:
 	camera.fov = 50.0
 	root.add_child(camera)
 	camera.make_current()
-	var levels := LeafcloudTree.levels_of(tree)
+	var levels: Array = LeafcloudTree.trees_of(tree)[0]
 	var centre := LeafcloudTree.common_box(levels).get_center()
 	var drawn := []
 	for number in levels.size():
@@ -66,7 +66,7 @@ func _save(path: String) -> void:
 	root.get_texture().get_image().save_png(path)
 
 
-func _drawn(levels: Array[Array], distance: float) -> Array:
+func _drawn(levels: Array, distance: float) -> Array:
 	var found := []
 	for number in levels.size():
 		var part: MeshInstance3D = levels[number][0]

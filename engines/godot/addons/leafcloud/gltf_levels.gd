@@ -5,8 +5,11 @@ extends GLTFDocumentExtension
 ## The morph targets become a vertex attribute (CUSTOM3), because a MultiMesh has no blend shapes. The materials become
 ## shaders that morph, fade, prune and blow the leaves by the distance of the camera.
 
-## Metadata of a level's node: its extras in the file, and in "shares" the area table of its mesh.
+## Metadata of a level's node: its extras in the file, in "chain" the number of its tree, and in "shares" the area table
+## of its mesh.
 const META := &"leafcloud"
+
+const LeafcloudTree := preload("leafcloud_tree.gd")
 
 const SHADERS := [preload("level_one_sided.gdshader"), preload("level_two_sided.gdshader")]
 
@@ -22,9 +25,15 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 	# The other levels are in no scene, so that plain readers show the tree once.
 	var json := state.json
 	var levels := []
-	for node: Dictionary in json["nodes"]:
-		if node.get("extras", {}).has("leafcloud"):
-			levels.append_array(node.get("extensions", {}).get("MSFT_lod", {}).get("ids", []))
+	for number in json["nodes"].size():
+		var node: Dictionary = json["nodes"][number]
+		if not node.get("extras", {}).has("leafcloud"):
+			continue
+		var ids: Array = node.get("extensions", {}).get("MSFT_lod", {}).get("ids", [])
+		levels.append_array(ids)
+		if not ids.is_empty():
+			for id: int in [number] + ids:
+				json["nodes"][id]["extras"]["leafcloud"]["chain"] = number
 	if levels.is_empty():
 		return ERR_SKIP
 	json["scenes"][int(json.get("scene", 0))]["nodes"].append_array(levels)
@@ -50,19 +59,16 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 
 
 func _import_post(_state: GLTFState, root: Node) -> Error:
-	var levels := root.find_children("*", "", true, false).filter(func(node: Node) -> bool: return node.has_meta(META))
-	levels.sort_custom(func(a: Node, b: Node) -> bool: return a.get_meta(META)["level"] < b.get_meta(META)["level"])
-	var before := 0.0
-	for number in levels.size():
-		var node: Node = levels[number]
-		var level: Dictionary = node.get_meta(META)
-		var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
-		level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
-		level["fade_out"] = _fade(level, next)
-		node.set_meta(META, level)
-		for part: Node in [node] + node.get_children():
-			if part is ImporterMeshInstance3D:
-				_prepare(part, level, part == node)
+	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
+		for number in levels.size():
+			var level: Dictionary = levels[number].get_meta(META)
+			var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
+			level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
+			level["fade_out"] = _fade(level, next)
+			levels[number].set_meta(META, level)
+			for part: Node in [levels[number]] + levels[number].get_children():
+				if part is ImporterMeshInstance3D:
+					_prepare(part, level, part == levels[number])
 	return OK
 
 

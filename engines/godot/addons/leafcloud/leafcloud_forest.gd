@@ -8,7 +8,7 @@ extends Node3D
 
 const Levels := preload("leafcloud_tree.gd")
 
-## A scene that was imported from a GLB file of Leafcloud.
+## A scene that was imported from a GLB file of Leafcloud. Of several trees in it, each place has all.
 @export var tree: PackedScene
 
 ## The place of each copy, in the coordinates of this node. Copies may turn, and scale by the same factor in all
@@ -21,9 +21,8 @@ const Levels := preload("leafcloud_tree.gd")
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
-## One entry a level: its numbers in the file, and its drawings.
+## One entry a level: its numbers in the file, the center of its tree, and its drawings.
 var _levels: Array[Dictionary] = []
-var _centre := Vector3.ZERO
 var _sorted_for := Transform3D()
 var _factor := 0.0
 
@@ -38,14 +37,14 @@ func plant(new_places: Array[Transform3D]) -> void:
 	places = new_places
 	_clear()
 	var source: Node3D = tree.instantiate()
-	var levels := Levels.levels_of(source)
-	var box := Levels.common_box(levels)
-	_centre = box.get_center()
-	for parts in levels:
-		var drawings: Array[MultiMeshInstance3D] = []
-		for part: MeshInstance3D in parts:
-			drawings.append(_drawing(part, part.transform if part != parts[0] else Transform3D(), box))
-		_levels.append({"numbers": parts[0].get_meta(Levels.META), "drawings": drawings})
+	for levels in Levels.trees_of(source):
+		var box := Levels.common_box(levels)
+		for parts: Array in levels:
+			var drawings: Array[MultiMeshInstance3D] = []
+			for part: MeshInstance3D in parts:
+				drawings.append(_drawing(part, part.transform if part != parts[0] else Transform3D(), box))
+			var numbers: Dictionary = parts[0].get_meta(Levels.META)
+			_levels.append({"numbers": numbers, "centre": box.get_center(), "drawings": drawings})
 	source.free()
 
 
@@ -54,7 +53,8 @@ func _process(_delta: float) -> void:
 	if camera == null or _levels.is_empty():
 		return
 	var factor := lod_distance * Levels.view_factor(get_viewport())
-	var nearest: float = _levels[0]["numbers"]["fade_out"].x * factor
+	var ends := _levels.map(func(level: Dictionary) -> float: return level["numbers"]["fade_out"].x)
+	var nearest: float = ends.min() * factor
 	var moved := camera.global_position.distance_to(_sorted_for.origin) > PATIENCE * nearest
 	if moved or absf(factor - _factor) > 0.001 * factor:
 		_sorted_for = camera.global_transform
@@ -95,20 +95,20 @@ func _box_of_all(box: AABB) -> AABB:
 
 ## Gives every copy to the level for its distance, or to two while they fade.
 func _sort(eye: Vector3, factor: float) -> void:
-	var chosen: Array[PackedInt32Array] = []
-	chosen.resize(_levels.size())
-	for i in places.size():
-		var place := places[i]
-		var distance := (place * _centre).distance_to(eye) / (place.basis.x.length() * factor)
-		for number in _levels.size():
-			var numbers: Dictionary = _levels[number]["numbers"]
-			if distance >= numbers["fade_in"].x and distance < numbers["fade_out"].y:
-				chosen[number].append(i)
-	for number in _levels.size():
-		for drawing: MultiMeshInstance3D in _levels[number]["drawings"]:
-			drawing.multimesh.visible_instance_count = chosen[number].size()
-			drawing.visible = not chosen[number].is_empty()
+	for level in _levels:
+		var numbers: Dictionary = level["numbers"]
+		var range_in: float = numbers["fade_in"].x
+		var range_out: float = numbers["fade_out"].y
+		var centre: Vector3 = level["centre"]
+		var chosen: Array[Transform3D] = []
+		for place in places:
+			var distance := (place * centre).distance_to(eye) / (place.basis.x.length() * factor)
+			if distance >= range_in and distance < range_out:
+				chosen.append(place)
+		for drawing: MultiMeshInstance3D in level["drawings"]:
+			drawing.multimesh.visible_instance_count = chosen.size()
+			drawing.visible = not chosen.is_empty()
 			drawing.set_instance_shader_parameter("lod_factor", factor)
 			var offset: Transform3D = drawing.get_meta("offset")
-			for slot in chosen[number].size():
-				drawing.multimesh.set_instance_transform(slot, places[chosen[number][slot]] * offset)
+			for slot in chosen.size():
+				drawing.multimesh.set_instance_transform(slot, chosen[slot] * offset)

@@ -1,8 +1,8 @@
 @tool
 class_name LeafcloudTree
 extends Node3D
-## A tree that shows the level for its distance from the camera, by visibility ranges. Its root gets this script when a
-## GLB file of Leafcloud is imported.
+## A tree, or the trees of one file, that show the level for their distance from the camera, by visibility ranges. The root
+## of an imported GLB file of Leafcloud gets this script.
 
 const META := &"leafcloud"
 
@@ -19,13 +19,26 @@ const FILE_VIEW := Vector2(deg_to_rad(50.0), 1080.0)
 var _measured := 0.0
 
 
-## The levels of a tree by number, each an array of its mesh instances: leaves first, then the trunk.
-static func levels_of(tree: Node) -> Array[Array]:
-	var found: Array[Array] = []
-	for node in tree.find_children("*", "MeshInstance3D", true, false):
+## The nodes with levels among these, one array a tree, by number.
+static func chains_in(nodes: Array[Node]) -> Array[Array]:
+	var chains := {}
+	for node in nodes:
 		if node.has_meta(META):
-			found.append([node] + node.find_children("*", "MeshInstance3D", false, false))
-	found.sort_custom(func(a: Array, b: Array) -> bool: return a[0].get_meta(META)["level"] < b[0].get_meta(META)["level"])
+			var number: int = node.get_meta(META).get("chain", 0)
+			chains[number] = chains.get(number, []) + [node]
+	var found: Array[Array] = []
+	for levels: Array in chains.values():
+		levels.sort_custom(func(a: Node, b: Node) -> bool: return a.get_meta(META)["level"] < b.get_meta(META)["level"])
+		found.append(levels)
+	return found
+
+
+## All trees below a node: arrays of levels, each an array of its mesh instances: leaves first, then the trunk.
+static func trees_of(root: Node) -> Array[Array]:
+	var found: Array[Array] = []
+	for levels in chains_in(root.find_children("*", "MeshInstance3D", true, false)):
+		found.append(levels.map(func(level: Node) -> Array:
+			return [level] + level.find_children("*", "MeshInstance3D", false, false)))
 	return found
 
 
@@ -48,24 +61,24 @@ func _process(_delta: float) -> void:
 
 
 func _set_ranges(factor: float) -> void:
-	var levels := levels_of(self)
-	var box := common_box(levels)
-	for parts in levels:
-		var level: Dictionary = parts[0].get_meta(META)
-		for part: MeshInstance3D in parts:
-			# Godot measures from the middle of the box, so all levels have the same one.
-			part.custom_aabb = part.transform.affine_inverse() * box if part != parts[0] else box
-			part.visibility_range_begin = level["fade_in"].x * factor
-			part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
-			part.set_instance_shader_parameter("lod_factor", factor / global_basis.get_scale().x)
+	for levels in trees_of(self):
+		var box := common_box(levels)
+		for parts: Array in levels:
+			var level: Dictionary = parts[0].get_meta(META)
+			for part: MeshInstance3D in parts:
+				# Godot measures from the middle of the box, so all levels have the same one.
+				part.custom_aabb = part.transform.affine_inverse() * box if part != parts[0] else box
+				part.visibility_range_begin = level["fade_in"].x * factor
+				part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
+				part.set_instance_shader_parameter("lod_factor", factor / global_basis.get_scale().x)
 
 
 ## The smallest box around the center of the leaves that holds all levels, in the coordinates of the levels.
-static func common_box(levels: Array[Array]) -> AABB:
+static func common_box(levels: Array) -> AABB:
 	var numbers: Array = levels[0][0].get_meta(META)["centre"]
 	var centre := Vector3(numbers[0], numbers[1], numbers[2])
 	var half := Vector3.ZERO
-	for parts in levels:
+	for parts: Array in levels:
 		for part: MeshInstance3D in parts:
 			var own := part.mesh.get_aabb()
 			var box := part.transform * own if part != parts[0] else own

@@ -10,8 +10,10 @@ const LeafcloudTree := preload("leafcloud_tree.gd")
 
 
 func _post_process(scene: Node) -> void:
-	for parts in LeafcloudTree.levels_of(scene):
-		for part: MeshInstance3D in parts:
-			part.lod_bias = MOST_DETAIL
-	if scene.find_children("*", "MeshInstance3D", true, false).any(func(node: Node) -> bool: return node.has_meta(META)):
+	var trees := LeafcloudTree.trees_of(scene)
+	for levels in trees:
+		for parts: Array in levels:
+			for part: MeshInstance3D in parts:
+				part.lod_bias = MOST_DETAIL
+	if not trees.is_empty():
 		scene.set_script(LeafcloudTree)
