@@ -1,6 +1,6 @@
 extends SceneTree
-## Draws a forest of an imported tree: godot --script forest.gd -- FOLDER. Writes forest.png, and the number of trees
-## and of drawn triangles to forest.json.
+## Draws a forest of an imported tree: godot --script forest.gd -- FOLDER. Writes forest.png, and the numbers of trees, of
+## drawn copies of leaves and of drawn triangles to forest.json.
 
 const SIDE := 20
 
@@ -52,10 +52,13 @@ func _initialize() -> void:
 	await RenderingServer.frame_post_draw
 	root.get_texture().get_image().save_png(folder + "/forest.png")
 	var drawn := 0
-	for drawing: MultiMeshInstance3D in forest.find_children("*", "MultiMeshInstance3D", false, false):
-		drawn += drawing.multimesh.visible_instance_count * _triangles(drawing.multimesh.mesh)
+	var leaves := 0
+	for level in forest._levels:
+		leaves += level["drawings"][0].multimesh.visible_instance_count
+		for drawing: MultiMeshInstance3D in level["drawings"]:
+			drawn += drawing.multimesh.visible_instance_count * _triangles(drawing.multimesh.mesh)
 	var file := FileAccess.open(folder + "/forest.json", FileAccess.WRITE)
-	file.store_string(JSON.stringify({"trees": places.size(), "drawn": drawn, "without_levels": full * places.size()}))
+	file.store_string(JSON.stringify({"trees": places.size(), "leaves": leaves, "drawn": drawn, "without_levels": full * places.size()}))
 	file.close()
 	quit()
 

@@ -4,7 +4,7 @@ extends SceneTree
 ##     godot --script views.gd -- FOLDER
 ##
 ## For each hand-over: the tree just before it (before_N.png), and the next level from the same place (after_N.png),
-## by a smaller LOD distance. For each level: the names of the meshes that are drawn at some distances (drawn.json).
+## by a smaller LOD distance. For each level: the levels whose ranges hold at some distances (drawn.json).
 
 const SHARES := [0.5, 0.9, 1.5, 2.0, 4.0]
 
@@ -20,12 +20,13 @@ func _initialize() -> void:
 	root.add_child(camera)
 	camera.make_current()
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
-	var centre := LeafcloudTree.common_box(levels).get_center()
+	var centre: Vector3 = levels[0][0].global_transform * LeafcloudTree.common_box(levels).get_center()
 	var drawn := []
 	for number in levels.size():
 		var level: Dictionary = levels[number][0].get_meta(LeafcloudTree.META)
 		for share: float in SHARES:
-			var distance: float = share * (level["switch_distance"] if number > 0 else 2.0 * level["radius"])
+			var near: float = 2.0 * level["radius"] * levels[0][0].global_basis.x.length()
+			var distance: float = share * (level["switch_distance"] if number > 0 else near)
 			await _look(camera, centre, distance)
 			drawn.append({"distance": distance, "levels": _drawn(levels, distance)})
 		if number + 1 < levels.size():

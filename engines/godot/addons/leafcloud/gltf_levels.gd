@@ -11,7 +11,11 @@ const META := &"leafcloud"
 
 const LeafcloudTree := preload("leafcloud_tree.gd")
 
-const SHADERS := [preload("level_one_sided.gdshader"), preload("level_two_sided.gdshader")]
+## By sides, then by light.
+const SHADERS := [
+	[preload("level_one_sided.gdshader"), preload("level_one_sided_unlit.gdshader")],
+	[preload("level_two_sided.gdshader"), preload("level_two_sided_unlit.gdshader")],
+]
 
 ## Places of the target's three numbers.
 const TARGET_FORMAT := (
@@ -60,6 +64,7 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 
 func _import_post(_state: GLTFState, root: Node) -> Error:
 	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
+		var own := _textures(levels[0])
 		for number in levels.size():
 			var level: Dictionary = levels[number].get_meta(META)
 			var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
@@ -68,7 +73,7 @@ func _import_post(_state: GLTFState, root: Node) -> Error:
 			levels[number].set_meta(META, level)
 			for part: Node in [levels[number]] + levels[number].get_children():
 				if part is ImporterMeshInstance3D:
-					_prepare(part, level, part == levels[number])
+					_prepare(part, levels[number], own)
 	return OK
 
 
@@ -83,7 +88,19 @@ static func _fade(level: Dictionary, next: Dictionary) -> Vector2:
 	return Vector2(next["switch_distance"], 1.25 * next["switch_distance"])
 
 
-func _prepare(part: ImporterMeshInstance3D, level: Dictionary, has_leaves: bool) -> void:
+## The textures of the leaves themselves.
+static func _textures(leaves: Node) -> Array[Texture2D]:
+	var found: Array[Texture2D] = []
+	if leaves is ImporterMeshInstance3D:
+		for i in leaves.mesh.get_surface_count():
+			var material := leaves.mesh.get_surface_material(i) as BaseMaterial3D
+			if material != null and material.albedo_texture != null:
+				found.append(material.albedo_texture)
+	return found
+
+
+## Makes a mesh of a level, its leaves or its trunk, follow the camera. `own`: the leaves' own textures.
+func _prepare(part: ImporterMeshInstance3D, node: Node3D, own: Array[Texture2D]) -> void:
 	var old := part.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
@@ -93,55 +110,84 @@ func _prepare(part: ImporterMeshInstance3D, level: Dictionary, has_leaves: bool)
 			var target: PackedVector3Array = old.get_surface_blend_shape_arrays(i, 0)[Mesh.ARRAY_VERTEX]
 			arrays[Mesh.ARRAY_CUSTOM3] = target.to_byte_array().to_float32_array()
 			format |= TARGET_FORMAT
-		var material := _material(old.get_surface_material(i), level, has_leaves)
+		var material := _material(old.get_surface_material(i), own)
+		if material is ShaderMaterial:
+			var has_pivots: bool = arrays[Mesh.ARRAY_CUSTOM0] != null
+			_set_laws(material, part, node, has_pivots)
 		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
 	mesh.resource_name = old.resource_name
 	part.mesh = mesh
 
 
-func _material(from: Material, level: Dictionary, has_leaves: bool) -> Material:
+## The shader with the numbers and textures of a material. Blended materials stay: shaders that discard cannot blend.
+static func _material(from: Material, own: Array[Texture2D]) -> Material:
 	var plain := from as BaseMaterial3D
-	if plain == null:
+	if plain == null or plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA:
 		return from
 	var made := ShaderMaterial.new()
 	made.resource_name = plain.resource_name
-	made.shader = SHADERS[1 if plain.cull_mode == BaseMaterial3D.CULL_DISABLED else 0]
+	var sides := 1 if plain.cull_mode == BaseMaterial3D.CULL_DISABLED else 0
+	made.shader = SHADERS[sides][1 if plain.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED else 0]
 	var cut := plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
-	var numbers := {
+	_set_all(made, {
 		"base_texture": plain.albedo_texture,
 		"base_color": plain.albedo_color,
 		"alpha_cutoff": plain.alpha_scissor_threshold if cut else 0.0,
-		"uses_mips": level["level"] > 0 or not has_leaves,
+		"uses_mips": not (cut and own.has(plain.albedo_texture)),
 		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
 		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
 		"roughness_texture": plain.roughness_texture,
 		"roughness": plain.roughness,
 		"metallic": plain.metallic,
-		"centre": _vector(level["centre"]),
-		"fade_in": level["fade_in"],
-		"fade_out": level["fade_out"],
+		"ao_texture": plain.ao_texture if plain.ao_enabled else null,
+		"has_vertex_colors": plain.vertex_color_use_as_albedo,
+		"uv_scale": Vector2(plain.uv1_scale.x, plain.uv1_scale.y),
+		"uv_offset": Vector2(plain.uv1_offset.x, plain.uv1_offset.y),
+	})
+	return made
+
+
+## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.
+static func _set_laws(material: ShaderMaterial, part: Node3D, node: Node3D, has_pivots: bool) -> void:
+	var level: Dictionary = node.get_meta(META)
+	var has_leaves := part == node
+	var scale := node.transform.basis.x.length()
+	var centre := _vector(level["centre"])
+	if not has_leaves:
+		scale *= part.transform.basis.x.length()
+		centre = part.transform.affine_inverse() * centre
+	_set_all(material, {
+		"centre": centre,
+		"fade_in": level["fade_in"] / scale,
+		"fade_out": level["fade_out"] / scale,
 		"is_first": level["level"] == 0,
 		"is_last": level["fade_out"].x == INF,
 		"has_leaves": has_leaves,
-	}
+		"has_pivots": has_pivots,
+	})
 	if has_leaves and level.has("transition_end"):
-		numbers["transition"] = Vector2(level["transition_start"], level["transition_end"])
+		var transition := Vector2(level["transition_start"], level["transition_end"])
+		_set_all(material, {"transition": transition / scale})
 	if has_leaves and level.has("prune_start"):
-		numbers["prune_start"] = level["prune_start"]
-		numbers["prune_half"] = level.get("prune_half", 0.5)
-		numbers["growth"] = _pair(level.get("growth", [0, 0]))
-		numbers["contrast"] = _pair(level.get("contrast", [0, 0]))
-		numbers["mean_color"] = _vector(level.get("mean_color", [0, 0, 0]))
-		numbers["shares"] = PackedFloat32Array(level["shares"])
-	if level.has("wind"):
-		for name: String in level["wind"]:
-			var value: Variant = level["wind"][name]
-			numbers["wind_" + name] = _vector(value) if value is Array else value
+		_set_all(material, {
+			"prune_start": level["prune_start"] / scale,
+			"prune_half": level.get("prune_half", 0.5),
+			"growth": _pair(level.get("growth", [0, 0])),
+			"contrast": _pair(level.get("contrast", [0, 0])),
+			"mean_color": _vector(level.get("mean_color", [0, 0, 0])),
+			"shares": PackedFloat32Array(level["shares"]) if level.has("shares") else null,
+		})
+	for name: String in level.get("wind", {}):
+		var value: Variant = level["wind"][name]
+		_set_all(material, {"wind_" + name: _vector(value) if value is Array else value})
+
+
+## Sets the parameters that have a value: the others keep that of the shader.
+static func _set_all(material: ShaderMaterial, numbers: Dictionary) -> void:
 	for name: String in numbers:
 		var value: Variant = numbers[name]
 		if value != null and not (value is Vector2 and value.x == INF):
-			made.set_shader_parameter(name, value)
-	return made
+			material.set_shader_parameter(name, value)
 
 
 static func _vector(numbers: Array) -> Vector3:

@@ -21,9 +21,9 @@ const Levels := preload("leafcloud_tree.gd")
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
-## One entry a level: its numbers in the file, the center of its tree, and its drawings.
+## One entry a level: its numbers in the file, the center of its leaves in the tree, and its drawings.
 var _levels: Array[Dictionary] = []
-var _sorted_for := Transform3D()
+var _sorted_from := Vector3.ZERO
 var _factor := 0.0
 
 
@@ -40,11 +40,12 @@ func plant(new_places: Array[Transform3D]) -> void:
 	for levels in Levels.trees_of(source):
 		var box := Levels.common_box(levels)
 		for parts: Array in levels:
+			var place: Transform3D = parts[0].transform
 			var drawings: Array[MultiMeshInstance3D] = []
 			for part: MeshInstance3D in parts:
-				drawings.append(_drawing(part, part.transform if part != parts[0] else Transform3D(), box))
+				drawings.append(_drawing(part, place * part.transform if part != parts[0] else place, place * box))
 			var numbers: Dictionary = parts[0].get_meta(Levels.META)
-			_levels.append({"numbers": numbers, "centre": box.get_center(), "drawings": drawings})
+			_levels.append({"numbers": numbers, "centre": place * box.get_center(), "drawings": drawings})
 	source.free()
 
 
@@ -53,13 +54,20 @@ func _process(_delta: float) -> void:
 	if camera == null or _levels.is_empty():
 		return
 	var factor := lod_distance * Levels.view_factor(get_viewport())
+	var eye := to_local(camera.global_position)
 	var ends := _levels.map(func(level: Dictionary) -> float: return level["numbers"]["fade_out"].x)
-	var nearest: float = ends.min() * factor
-	var moved := camera.global_position.distance_to(_sorted_for.origin) > PATIENCE * nearest
-	if moved or absf(factor - _factor) > 0.001 * factor:
-		_sorted_for = camera.global_transform
+	var patience: float = PATIENCE * ends.min() * factor * _least_scale()
+	if eye.distance_to(_sorted_from) > patience or absf(factor - _factor) > 0.001 * factor:
+		_sorted_from = eye
 		_factor = factor
-		_sort(to_local(camera.global_position), factor)
+		_sort(eye, factor, patience)
+
+
+func _least_scale() -> float:
+	var least := INF
+	for place in places:
+		least = minf(least, place.basis.x.length())
+	return least
 
 
 func _clear() -> void:
@@ -93,8 +101,9 @@ func _box_of_all(box: AABB) -> AABB:
 	return whole
 
 
-## Gives every copy to the level for its distance, or to two while they fade.
-func _sort(eye: Vector3, factor: float) -> void:
+## Gives every copy to the level for its distance, or to two while they fade. `patience`: how far the camera may move until
+## copies are sorted again; the shader leaves out what is drawn too much.
+func _sort(eye: Vector3, factor: float, patience: float) -> void:
 	for level in _levels:
 		var numbers: Dictionary = level["numbers"]
 		var range_in: float = numbers["fade_in"].x
@@ -102,8 +111,9 @@ func _sort(eye: Vector3, factor: float) -> void:
 		var centre: Vector3 = level["centre"]
 		var chosen: Array[Transform3D] = []
 		for place in places:
-			var distance := (place * centre).distance_to(eye) / (place.basis.x.length() * factor)
-			if distance >= range_in and distance < range_out:
+			var distance := (place * centre).distance_to(eye)
+			var scale := place.basis.x.length() * factor
+			if distance >= range_in * scale - patience and distance < range_out * scale + patience:
 				chosen.append(place)
 		for drawing: MultiMeshInstance3D in level["drawings"]:
 			drawing.multimesh.visible_instance_count = chosen.size()

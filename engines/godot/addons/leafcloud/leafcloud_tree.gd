@@ -47,14 +47,15 @@ static func view_factor(viewport: Viewport) -> float:
 	var camera := viewport.get_camera_3d() if viewport else null
 	if camera == null or camera.projection != Camera3D.PROJECTION_PERSPECTIVE:
 		return 1.0
-	var size := viewport.get_visible_rect().size
+	# The rectangle of the viewport may be stretched to the window.
+	var size := Vector2(viewport.get_texture().get_size())
 	var upright := camera.keep_aspect == Camera3D.KEEP_HEIGHT
 	var tangent := tan(0.5 * deg_to_rad(camera.fov)) * (1.0 if upright else size.y / size.x)
 	return size.y * viewport.scaling_3d_scale / FILE_VIEW.y * tan(0.5 * FILE_VIEW.x) / tangent
 
 
 func _process(_delta: float) -> void:
-	var factor := lod_distance * view_factor(get_viewport()) * global_basis.get_scale().x
+	var factor := lod_distance * view_factor(get_viewport()) * global_basis.x.length()
 	if absf(factor - _measured) > 0.001 * factor:
 		_measured = factor
 		_set_ranges(factor)
@@ -70,7 +71,7 @@ func _set_ranges(factor: float) -> void:
 				part.custom_aabb = part.transform.affine_inverse() * box if part != parts[0] else box
 				part.visibility_range_begin = level["fade_in"].x * factor
 				part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
-				part.set_instance_shader_parameter("lod_factor", factor / global_basis.get_scale().x)
+				part.set_instance_shader_parameter("lod_factor", factor / global_basis.x.length())
 
 
 ## The smallest box around the center of the leaves that holds all levels, in the coordinates of the levels.
