@@ -144,7 +144,7 @@ export class Tree extends THREE.Group {
     const eye = camera.getWorldPosition(new THREE.Vector3());
     this.distance = this.worldToLocal(eye.clone()).distanceTo(this.centre);
     this.#seenFrom = this.distance / this.#viewFactor(camera);
-    this.level = this.settings.level ?? this.#levelAt(this.#seenFrom);
+    this.level = this.#wantedLevel() ?? this.#levelAt(this.#seenFrom);
     const share = this.#shareOfNext();
     this.levels.forEach((level, number) => {
       const next = number === this.level + 1;
@@ -162,6 +162,12 @@ export class Tree extends THREE.Group {
   get state() {
     const [transition, keep] = this.#laws(this.levels[this.level]);
     return { level: this.level, transition: transitionAt(...transition), keep: keepAt(...keep) };
+  }
+
+  /** The level of the settings, at most the last one; null: none is wanted. */
+  #wantedLevel() {
+    const { level } = this.settings;
+    return Number.isInteger(level) ? Math.min(Math.max(level, 0), this.levels.length - 1) : null;
   }
 
   /** Factor on the file's distances for a camera. */
@@ -197,7 +203,7 @@ export class Tree extends THREE.Group {
   /** Fraction of the pixels that the next level draws. */
   #shareOfNext() {
     const level = this.levels[this.level];
-    const fades = isFinite(level.handOver) && this.#fade(level) > 0 && this.settings.level === null;
+    const fades = isFinite(level.handOver) && this.#fade(level) > 0 && this.#wantedLevel() === null;
     return fades ? transitionAt(this.#seenFrom, level.handOver, this.#end(level)) : 0;
   }
 

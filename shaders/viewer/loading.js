@@ -5,31 +5,38 @@ import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 /** Folder of three.js with the transcoder of KTX2 textures. */
 const TRANSCODER = "three/addons/libs/basis/";
 
-/** One loader for each renderer: each starts workers of its own. */
+/** Promises of one loader for each renderer: each starts workers of its own. */
 const textureLoaders = new WeakMap();
 
 /**
  * Loads the glTF file at `url`. Without a renderer, or if the transcoder cannot be loaded, the file's PNG textures are
  * read: three.js makes their mip levels itself, and thin leaves dissolve in them.
  */
-export async function loadFile(url, renderer, transcoder = import.meta.resolve(TRANSCODER)) {
+export async function loadFile(url, renderer, transcoder) {
   const loader = new GLTFLoader();
   if (renderer) {
     try {
-      loader.setKTX2Loader(await textureLoader(renderer, transcoder));
+      loader.setKTX2Loader(await textureLoader(renderer, transcoder ?? import.meta.resolve(TRANSCODER)));
     } catch (error) {
-      console.warn(`PNG textures are drawn in place of KTX2, because ${transcoder} cannot be read: ${error.message}`);
+      console.warn(`PNG textures are drawn in place of KTX2, because its transcoder cannot be read: ${error.message}`);
     }
   }
   return loader.loadAsync(url);
 }
 
 /** Returns a loader whose transcoder is there: GLTFLoader draws no texture at all where it is missing. */
-async function textureLoader(renderer, transcoder) {
-  const known = textureLoaders.get(renderer);
-  if (known) return known;
-  const made = new KTX2Loader().setTranscoderPath(transcoder).detectSupport(renderer);
-  await made.init();
-  textureLoaders.set(renderer, made);
-  return made;
+function textureLoader(renderer, transcoder) {
+  if (!textureLoaders.has(renderer)) {
+    const made = new KTX2Loader().setTranscoderPath(transcoder).detectSupport(renderer);
+    const ready = made.init().then(
+      () => made,
+      (error) => {
+        textureLoaders.delete(renderer);
+        made.dispose();
+        throw error;
+      },
+    );
+    textureLoaders.set(renderer, ready);
+  }
+  return textureLoaders.get(renderer);
 }

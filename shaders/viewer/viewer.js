@@ -31,6 +31,9 @@ const NARROW = 600;
 
 let tree = null;
 
+/** Number of files that were opened. */
+let opened = 0;
+
 function prepare() {
   document.body.append(renderer.domElement);
   scene.background = new THREE.Color(0xdfe7ee);
@@ -63,13 +66,16 @@ async function openFile(file) {
 }
 
 async function open(url, name) {
+  const number = ++opened;
   tell(`Reading ${name} …`);
   try {
-    show(await Tree.load(url, { renderer }));
+    const loaded = await Tree.load(url, { renderer });
+    if (number !== opened) return; // Another file was opened meanwhile.
+    show(loaded);
     tell("");
   } catch (error) {
-    tell(wordsFor(error, name), READING);
     console.error(error);
+    if (number === opened) tell(wordsFor(error, name), READING);
   }
 }
 
@@ -94,9 +100,9 @@ function moveSun() {
   sun.position.setFromSphericalCoords(1, Math.PI / 2 - height, direction);
 }
 
-function show(opened) {
+function show(loaded) {
   tree?.removeFromParent();
-  tree = opened;
+  tree = loaded;
   scene.add(tree);
   for (const name of Object.keys(SETTINGS)) if (wanted.has(name)) tree.settings[name] = Number(wanted.get(name));
   const foot = new THREE.Box3().setFromObject(tree.levels[0].object).min.y;
@@ -105,7 +111,8 @@ function show(opened) {
   controls.target.copy(tree.centre);
   lookFrom(Number(wanted.get("distance")) || 2.6 * tree.radius, FRONT);
   const farthest = 4 * (tree.levels.at(-2)?.handOver ?? 10 * tree.radius);
-  Object.assign(camera, { near: tree.radius / 100, far: 2 * farthest });
+  // LOD distance and high pictures move levels away.
+  Object.assign(camera, { near: tree.radius / 100, far: 16 * farthest });
   camera.updateProjectionMatrix();
   fillPanel(farthest);
 }
@@ -168,14 +175,14 @@ function addDistance(farthest) {
 function addPruning(farthest) {
   const { settings } = tree;
   const byHand = Number.isFinite(settings.pruneStart);
-  const [asBaked, never, fromHere] = ["as baked", "never", "from d₀ on"];
+  const [asBaked, never, fromHere] = ["as baked", "never", "from this distance"];
   const unpruned = settings.pruneStart === null ? asBaked : never;
   const state = { prune: byHand ? fromHere : unpruned, start: byHand ? settings.pruneStart : tree.levels[0].handOver / 4 };
   const starts = { [asBaked]: () => null, [never]: () => Infinity, [fromHere]: () => state.start };
   const apply = () => (settings.pruneStart = starts[state.prune]());
   const folder = controlPanel.addFolder("Fewer leaves with distance").close();
   folder.add(state, "prune", Object.keys(starts)).name("begin").onChange(apply);
-  folder.add(state, "start", tree.radius, farthest / 4).name("from this distance").onChange(apply);
+  folder.add(state, "start", tree.radius, farthest / 4).name("this distance").onChange(apply);
   folder.add(settings, "pruneHalf", 0.01, 0.5).name("half of them at (share)").onChange(apply);
   folder.add(settings, "contrast").name("keep the contrast");
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +28,7 @@ def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def inspected(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict[str, Any]]:
     """Return the exit status and the printed JSON."""
+    capsys.readouterr()  # A bake's own output.
     status = main(["inspect", *map(str, arguments), "--json"])
     return status, json.loads(capsys.readouterr().out)
 
@@ -54,7 +56,7 @@ def test_each_level_has_its_figures(folder: Path, capsys: pytest.CaptureFixture[
         assert row["vertices"] == sum(len(primitive.attributes["POSITION"]) for primitive in primitives)
     clouds = [row for row in found["levels"] if row["number"] in (1, 2)]
     assert all(picture["kind"] == "KTX2" for row in clouds for picture in row["pictures"][:1])
-    assert {each["name"]: each["holds"] for each in found["checks"]}["plain readers show one level"]
+    assert {each["name"]: each["holds"] for each in found["checks"]}["plain readers show one level of each tree"]
     assert any("drop _LEAF_PIVOT" in loss for _, loss in found["engines"])
 
 
@@ -121,7 +123,7 @@ def test_the_tables_name_every_level(folder: Path, capsys: pytest.CaptureFixture
         (b"no tree at all, but long enough", "is no GLB file"),
         (struct.pack("<4sII", b"glTF", 2, 5000) + b"JSON", "is no GLB file"),
         (struct.pack("<4sIII4s", b"glTF", 2, 22, 2, b"JSON") + b"[]", "is no GLB file"),
-        (struct.pack("<4sIII4s", b"glTF", 2, 22, 2, b"JSON") + b"{}", "is broken"),
+        (struct.pack("<4sIII4s", b"glTF", 2, 22, 2, b"JSON") + b"{}", "has no asset"),
     ],
 )
 def test_a_broken_file_is_refused_in_one_line(
@@ -133,6 +135,63 @@ def test_a_broken_file_is_refused_in_one_line(
     said = capsys.readouterr().err
     assert reason in said
     assert said.count("\n") == 1
+
+
+def test_each_tree_of_a_file_is_checked_alone(shrub: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = tmp_path / "bush.glb"
+    shutil.copy(shrub, other)
+    bake(shrub, tmp_path / "out", "--input", shrub, other, *QUICK, "--effects=+transitions")
+    status, found = inspected(capsys, tmp_path / "out" / "shrub_bush.glb")
+    assert status == 0
+    assert len([each for each in found["checks"] if "one after the other" in each["name"]]) == 2
+    assert found["checks"][0]["figure"] == "2 of 2 trees"
+
+
+def test_ranks_in_texture_coordinates_are_found(
+    shrub: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bake(shrub, tmp_path, *QUICK, "--effects=+transitions,+pruning", "--engine", "godot")
+    status, found = inspected(capsys, tmp_path / "shrub.glb")
+    assert status == 0
+    assert "shrub_LOD0: triangles in the order of ranks" in [each["name"] for each in found["checks"]]
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"nodes": [{"mesh": 0}], "meshes": [{"primitives": []}]},
+        {"nodes": [], "scenes": [{}]},
+        {"scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]},
+    ],
+)
+def test_sparse_documents_are_read(
+    document: dict[str, Any], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def replace(own: dict[str, Any], body: bytearray) -> None:
+        own.clear()
+        own.update(document, asset={"version": "2.0"})
+
+    status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "sparse.glb", replace))
+    assert (status, found["levels"][0]["triangles"]) == (0, 0)
+
+
+@pytest.mark.parametrize("name", [5, "\ud800", "a\x1b[2Jb"])
+def test_odd_names_are_printed(name: object, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def rename(document: dict[str, Any], body: bytearray) -> None:
+        for node in document["nodes"]:
+            node["name"] = name
+
+    assert main(["inspect", str(rewritten(folder / "shrub.glb", tmp_path / "odd.glb", rename))]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("count", ["1e999", "-1", "null", '"many"'])
+def test_wrong_counts_are_refused(count: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def claim(document: dict[str, Any], body: bytearray) -> None:
+        document["accessors"][0]["count"] = json.loads(count)
+
+    assert main(["inspect", str(rewritten(folder / "shrub.glb", tmp_path / "count.glb", claim))]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_numbers_outside_of_the_file_are_refused(

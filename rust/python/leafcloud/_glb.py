@@ -17,11 +17,15 @@ from numpy.typing import NDArray
 from . import LeafcloudError
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_MOST = 2**26
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_MOST_ELEMENTS = 2**26
 """Most elements of an accessor: a file may claim any number without holding it."""
 
 _PNG, _JPEG, _KTX2 = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"\xabKTX 20\xbb\r\n\x1a\n"
+
+
+class Unreadable(Exception):
+    """Numbers that a file stores in a form that is not decoded here."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,9 @@ class GlbFile:
             self._body = content[28 + size : length]
             if not isinstance(self.document, dict):
                 raise ValueError("its JSON is no object")
-        except (struct.error, ValueError, RecursionError) as error:
+            if "asset" not in self.document:
+                raise ValueError("its JSON has no asset")
+        except (struct.error, ValueError, RecursionError, MemoryError) as error:
             raise LeafcloudError(f"{path} is no GLB file, or is broken: {error}; export it again") from error
         self.path = path
 
@@ -74,14 +80,16 @@ class GlbFile:
         return self._body[start : start + length]
 
     def values(self, number: int) -> NDArray[Any]:
-        """Return the numbers (n, width) of an accessor, as stored."""
+        """Return the numbers (n, width) of an accessor, as stored. Raise `Unreadable` if they have to be decoded."""
         accessor = self.items("accessors")[number]
         width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
         count, row = accessor["count"], width * kind.itemsize
-        if not 1 <= count <= _MOST:
-            raise LeafcloudError(f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST:,}")
-        if "bufferView" not in accessor:
-            return np.zeros((count, width), kind)
+        if not 1 <= count <= _MOST_ELEMENTS:
+            raise LeafcloudError(
+                f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST_ELEMENTS:,}"
+            )
+        if "bufferView" not in accessor or accessor.get("sparse") or accessor.get("normalized"):
+            raise Unreadable(f"accessor {number} is sparse, normalized or compressed")
         view = self.view(accessor["bufferView"])
         stride = self.items("bufferViews")[accessor["bufferView"]].get("byteStride", row)
         start = accessor.get("byteOffset", 0)
@@ -93,7 +101,16 @@ class GlbFile:
         """Return the bytes of an accessor, without gaps."""
         accessor = self.items("accessors")[number]
         width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
-        return int(accessor["count"]) * width * kind.itemsize
+        return self._count(number) * width * kind.itemsize
+
+    def _count(self, number: int) -> int:
+        """Return the number of elements of an accessor."""
+        count = self.items("accessors")[number]["count"]
+        if not isinstance(count, int) or not 1 <= count <= _MOST_ELEMENTS:
+            raise LeafcloudError(
+                f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST_ELEMENTS:,}"
+            )
+        return count
 
     def picture(self, number: int) -> Picture:
         """Return format and size of an image. Images outside of the file have no size."""

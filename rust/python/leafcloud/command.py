@@ -44,7 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
     else:
-        print("\n".join(_lines(found, scores)))
+        # A terminal may lack letters of a name.
+        encoding = sys.stdout.encoding or "utf-8"
+        print("\n".join(_lines(found, scores)).encode(encoding, "replace").decode(encoding))
     return 0 if all(check.holds for check in found.checks) else 1
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import struct
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, drawing_cost, flip_map, keep, read_gltf, render
-from ._glb import GlbFile, Picture
+from ._glb import GlbFile, Picture, Unreadable
 
 SIZES = (256, 128, 64, 32)
 """Sides of the pictures in pixels, in which a file is compared with the leaves."""
 
 _VIEWS = [(1.0, 0.0, 0.2), (-0.5, 0.85, 0.1), (-0.5, -0.85, 0.35), (0.2, 0.3, 0.95)]
-_MOST = 0.95
-"""Least share of leaves that end on a plane of the next level."""
+_LEAST_SHARE = 0.95
+"""Least share of the corners of leaves that end on a plane of the next level."""
+
+_MOST_PAIRS = 2**22
+"""Most pairs of a point and a plane that are compared at once."""
 
 _REACH = 4
 """FLIP counts within this many pixels of a silhouette."""
@@ -78,24 +82,62 @@ class Score:
     cost: float
 
 
+_BROKEN = (
+    *(KeyError, IndexError, TypeError, ValueError, AttributeError),
+    *(RecursionError, OverflowError, MemoryError, struct.error),
+)
+"""Errors by which a document says that it is not as glTF asks."""
+
+
 def inspect(path: Path) -> Inspection:
     """Read a GLB file. Raises `LeafcloudError` for a file that is none, or that is broken."""
     file = GlbFile(path)
     try:
         levels = tuple(_levels(file))
         return Inspection(levels, tuple(_checks(file)), tuple(_engines(file, levels)))
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except _BROKEN as error:
         raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
 
 
 def _levels(file: GlbFile) -> Iterator[LevelRow]:
-    nodes = file.items("nodes")
-    baked = {number: level for number, node in enumerate(nodes) if (level := _extras(node).get("level")) is not None}
+    baked = {
+        number: level
+        for number, node in enumerate(file.items("nodes"))
+        if (level := _extras(node).get("level")) is not None
+    }
     if not baked:
-        scene = file.items("scenes")[file.document.get("scene", 0)]
-        yield _row(file, file.path.stem, None, scene["nodes"])
-    for node, level in sorted(baked.items(), key=lambda item: item[1]):
-        yield _row(file, nodes[node].get("name", f"node {node}"), level, [node])
+        yield _row(file, file.path.stem, None, _shown(file))
+    for chain in _chains(file):
+        for node in chain:
+            yield _row(file, _name(file, node), baked[node], [node])
+
+
+def _shown(file: GlbFile) -> list[int]:
+    """Return the nodes of the default scene; without scenes all nodes that are below no other."""
+    scenes = file.items("scenes")
+    if scenes:
+        return list(scenes[file.document.get("scene", 0)].get("nodes", []))
+    nodes = file.items("nodes")
+    inner = {child for node in nodes for child in node.get("children", [])}
+    return [number for number in range(len(nodes)) if number not in inner]
+
+
+def _chains(file: GlbFile) -> list[list[int]]:
+    """Return the nodes of all levels, one list a tree, by level. A tree's level 0 names the others."""
+    nodes = file.items("nodes")
+    baked = [number for number, node in enumerate(nodes) if "level" in _extras(node)]
+    named = {number: nodes[number].get("extensions", {}).get("MSFT_lod", {}).get("ids", []) for number in baked}
+    heads = [number for number in baked if named[number]]
+    later = {number for head in heads for number in named[head]}
+    chains = [[head, *named[head]] for head in heads]
+    chains += [[number] for number in baked if number not in later and number not in heads]
+    return [sorted(chain, key=lambda number: _extras(nodes[number])["level"]) for chain in chains]
+
+
+def _name(file: GlbFile, node: int) -> str:
+    """Return the name of a node, fit to be printed."""
+    name = str(file.items("nodes")[node].get("name", f"node {node}"))
+    return "".join(letter if letter.isprintable() else "?" for letter in name)
 
 
 def _row(file: GlbFile, name: str, number: int | None, roots: list[int]) -> LevelRow:
@@ -109,7 +151,8 @@ def _row(file: GlbFile, name: str, number: int | None, roots: list[int]) -> Leve
         if "indices" in primitive:
             used.append(primitive["indices"])
         corners = file.items("accessors")[primitive["indices"]]["count"] if "indices" in primitive else position
-        triangles, vertices = triangles + corners // 3, vertices + position
+        vertices += position
+        triangles += _triangles(primitive.get("mode", 4), corners)
         accessors |= {accessor: file.size_of(accessor) for accessor in used}
         for image in _images(file, primitive.get("material")):
             images[image] = file.picture(image)
@@ -117,6 +160,11 @@ def _row(file: GlbFile, name: str, number: int | None, roots: list[int]) -> Leve
     if any(primitive.get("targets") for primitive in primitives):
         names["morph target"] = None
     return LevelRow(name, number, triangles, vertices, tuple(names), sum(accessors.values()), tuple(images.values()))
+
+
+def _triangles(mode: int, corners: int) -> int:
+    """Return the number of triangles of a primitive: of a list, or of a strip or a fan; 0 of lines and points."""
+    return corners // 3 if mode == 4 else max(corners - 2, 0) if mode > 4 else 0
 
 
 def _below(file: GlbFile, roots: list[int]) -> list[int]:
@@ -147,7 +195,8 @@ def _images(file: GlbFile, material: int | None) -> list[int]:
     if material is None:
         return []
     textures = dict.fromkeys(_texture_numbers(file.items("materials")[material]))
-    return [_source(file.items("textures")[number]) for number in textures]
+    sources = [_source(file.items("textures")[number]) for number in textures]
+    return [source for source in sources if source is not None]
 
 
 def _texture_numbers(value: Any) -> Iterator[int]:
@@ -158,54 +207,83 @@ def _texture_numbers(value: Any) -> Iterator[int]:
         yield from _texture_numbers(inner)
 
 
-def _source(texture: dict[str, Any]) -> int:
-    basis = texture.get("extensions", {}).get("KHR_texture_basisu", {})
-    return int(basis.get("source", texture.get("source", 0)))
+def _source(texture: dict[str, Any]) -> int | None:
+    for extension in ("KHR_texture_basisu", "EXT_texture_webp"):
+        if extension in texture.get("extensions", {}):
+            return int(texture["extensions"][extension]["source"])
+    return None if "source" not in texture else int(texture["source"])
 
 
 def _checks(file: GlbFile) -> Iterator[Check]:
-    nodes = file.items("nodes")
-    levels = sorted((node for node in nodes if "level" in _extras(node)), key=lambda node: _extras(node)["level"])
-    if not levels:
+    nodes, chains = file.items("nodes"), _chains(file)
+    if not chains:
         return
-    distances = [_extras(node)["switch_distance"] for node in levels]
-    yield Check("levels take over one after the other", distances == sorted(distances), _listed(distances))
-    shown = {node for scene in file.items("scenes") for node in scene["nodes"]}
-    first = [nodes[number] for number in shown if "level" in _extras(nodes[number])]
-    yield Check("plain readers show one level", len(first) <= 1, f"{len(first)} in the scene")
-    for node in levels:
-        for primitive in _primitives(file, nodes.index(node)):
-            if "_LEAF_RANK" in primitive["attributes"]:
-                yield _rank_order(file, node["name"], primitive)
-    for before, after in itertools.pairwise(levels):
-        if "transition_end" in _extras(before):
-            yield _closure(file, before, after)
+    shown = sum("level" in _extras(nodes[number]) for number in _shown(file))
+    yield Check("plain readers show one level of each tree", shown <= len(chains), f"{shown} of {len(chains)} trees")
+    for chain in chains:
+        name = _name(file, chain[0])
+        distances = [_extras(nodes[node])["switch_distance"] for node in chain]
+        yield Check(f"{name}: levels take over one after the other", distances == sorted(distances), _listed(distances))
+        for node in chain:
+            yield from _decoded(_rank_orders, file, node)
+        for before, after in itertools.pairwise(chain):
+            if "transition_end" in _extras(nodes[before]):
+                yield from _decoded(_closure, file, before, after)
+
+
+def _decoded(check: Callable[..., Iterator[Check]], file: GlbFile, *nodes: int) -> Iterator[Check]:
+    """Yield the checks of a file that stores its numbers plainly; none for numbers that have to be decoded."""
+    try:
+        yield from check(file, *nodes)
+    except Unreadable:
+        return
 
 
 def _listed(numbers: list[float]) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
-def _rank_order(file: GlbFile, name: str, primitive: dict[str, Any]) -> Check:
-    """Triangles are in the order of their leaves' ranks, so that the first ones are a pruned mesh."""
-    ranks = file.values(primitive["attributes"]["_LEAF_RANK"])[:, 0]
-    order = ranks[file.values(primitive["indices"])[::3, 0]] if "indices" in primitive else ranks[::3]
-    return Check(f"{name}: triangles in the order of ranks", bool((np.diff(order) >= 0.0).all()), f"{len(order):,}")
+def _ranks(file: GlbFile, primitive: dict[str, Any], first: int | None) -> NDArray[Any] | None:
+    """Return the rank of each vertex. `first`: the first set of texture coordinates that holds numbers, if any."""
+    attributes = primitive["attributes"]
+    name = "_LEAF_RANK" if first is None else f"TEXCOORD_{first}"
+    return file.values(attributes[name])[:, 0] if name in attributes else None
 
 
-def _closure(file: GlbFile, before: dict[str, Any], after: dict[str, Any]) -> Check:
+def _own(file: GlbFile, node: int) -> dict[str, Any]:
+    """Return the extras of a node's mesh."""
+    mesh = file.items("nodes")[node].get("mesh")
+    return {} if mesh is None else _extras(file.items("meshes")[mesh])
+
+
+def _rank_orders(file: GlbFile, node: int) -> Iterator[Check]:
+    """Triangles are in the order of their leaves' ranks, so that the first ones are a pruned mesh.
+
+    Blended triangles are in the order in which they are drawn instead.
+    """
+    own = _own(file, node)
+    for primitive in _primitives(file, node) if "blend_order" not in own and "prefixes" in own else []:
+        ranks = _ranks(file, primitive, own.get("first_texcoord"))
+        if ranks is not None:
+            order = ranks[file.values(primitive["indices"])[::3, 0]] if "indices" in primitive else ranks[::3]
+            holds = bool((np.diff(order) >= 0.0).all())
+            yield Check(f"{_name(file, node)}: triangles in the order of ranks", holds, f"{len(order):,}")
+
+
+def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
     """At the end of the morph the leaves that are drawn lie on the planes of the next level.
 
     That level lacks billboards that show next to nothing and leaves that the crown hides: a few leaves end on no plane.
     """
-    nodes = file.items("nodes")
-    keep = _kept_share(_extras(before))
-    targets = np.concatenate([_targets(file, each, keep) for each in _primitives(file, nodes.index(before))])
-    radius = float(_extras(before)["radius"])
-    # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
-    near = float((_distances(targets, _planes(file, nodes.index(after))) < 1e-3 * radius).mean())
-    figure = f"{near:.2%} of the corners within 0.001 R"
-    return Check(f"{before['name']}: leaves end on the next level", near >= _MOST, figure)
+    extras = _extras(file.items("nodes")[before])
+    keep, first = _kept_share(extras), _own(file, before).get("first_texcoord")
+    targets = np.concatenate([_targets(file, each, keep, first) for each in _primitives(file, before)])
+    planes = _planes(file, after)
+    if len(targets) and len(planes):
+        # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
+        near = float((_distances(targets, planes) < 1e-3 * float(extras["radius"])).mean())
+        figure = f"{near:.2%} of the corners within 0.001 R"
+        yield Check(f"{_name(file, before)}: leaves end on the next level", near >= _LEAST_SHARE, figure)
 
 
 def _kept_share(extras: dict[str, Any]) -> float:
@@ -215,14 +293,13 @@ def _kept_share(extras: dict[str, Any]) -> float:
     return keep(extras["transition_end"], extras["prune_start"], extras.get("prune_half", 0.5))
 
 
-def _targets(file: GlbFile, primitive: dict[str, Any], keep: float) -> NDArray[np.float64]:
+def _targets(file: GlbFile, primitive: dict[str, Any], keep: float, first: int | None) -> NDArray[np.float64]:
     """Return the places of the kept leaves' corners at the end of the morph."""
     places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
     for target in primitive.get("targets", []):
         places = places + file.values(target["POSITION"])
-    if "_LEAF_RANK" in primitive["attributes"]:
-        places = places[file.values(primitive["attributes"]["_LEAF_RANK"])[:, 0] < keep]
-    return places
+    ranks = None if keep == 1.0 else _ranks(file, primitive, first)
+    return places if ranks is None else places[ranks < keep]
 
 
 def _planes(file: GlbFile, node: int) -> NDArray[np.float64]:
@@ -246,7 +323,7 @@ def _distances(points: NDArray[np.float64], planes: NDArray[np.float64]) -> NDAr
     """Return the distance of each point from its nearest plane."""
     found = [
         np.abs(part @ planes[:, :3].T - planes[:, 3]).min(axis=1)
-        for part in np.array_split(points, max(len(points) // 4096, 1))
+        for part in np.array_split(points, max(len(points) * len(planes) // _MOST_PAIRS, 1))
     ]
     return np.concatenate(found)
 
