@@ -13,13 +13,14 @@ from ..errors import SceneError
 from ..levels.rollback import removed_on_failure
 from ..scene.load import SUFFIXES, load_beside
 from .job_operator import refuse
-from .on_tree import mode_problem
+from .on_tree import InObjectMode
+from .selection import select_only
 
 _GAP = 0.2
 """Space between two trees, as a fraction of the wider one's width."""
 
 
-class LEAFCLOUD_OT_import_folder(bpy.types.Operator):
+class LEAFCLOUD_OT_import_folder(InObjectMode, bpy.types.Operator):
     """Import all .glb, .gltf and .obj files of a folder side by side, and select them. Sets Trees to Collections, so that Bake Levels bakes each"""  # noqa: E501
 
     bl_idname = "leafcloud.import_folder"
@@ -28,13 +29,6 @@ class LEAFCLOUD_OT_import_folder(bpy.types.Operator):
 
     directory: StringProperty(name="Folder", description="Folder of the files", subtype="DIR_PATH")
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        problem = mode_problem(context)
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         context.window_manager.fileselect_add(self)
@@ -58,9 +52,7 @@ class LEAFCLOUD_OT_import_folder(bpy.types.Operator):
         context.view_layer.update()
         made = {obj for tree in trees for obj in tree}
         _in_a_row(trees, [obj for obj in context.view_layer.objects if obj not in made and obj.visible_get()])
-        for obj in context.view_layer.objects:
-            obj.select_set(obj in made)
-        context.view_layer.objects.active = trees[0][0]
+        select_only(context, [obj for tree in trees for obj in tree])
         context.scene.leafcloud.trees = "collections"
         self.report({"INFO"}, f"Imported {len(trees)} of {len(files)} files, and set Trees to Collections")
         return {"FINISHED"}

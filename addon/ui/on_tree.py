@@ -34,6 +34,17 @@ def mode_problem(context: bpy.types.Context) -> str:
     return BUSY if running else ""
 
 
+class InObjectMode:
+    """Mixin for operators that change the scene. Put it before `bpy.types.Operator` in the list of bases."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        problem = mode_problem(context)
+        if problem:
+            cls.poll_message_set(problem)  # type: ignore[attr-defined]
+        return not problem
+
+
 class OnTree:
     """Mixin for operators on the active baked tree. Put it before `bpy.types.Operator` in the list of bases."""
 

@@ -37,7 +37,7 @@ from .measured import predicted, tell
 from .preferences import preference
 from .progress import show
 from .properties import bake_settings, show_plan, with_labels
-from .selection import selected_trees
+from .selection import select_only, selected_trees
 from .viewport import draw_new_levels
 
 
@@ -115,7 +115,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
-        _select(context, _parts(tree_set))
+        select_only(context, _parts(tree_set))
         draw_new_levels(context.view_layer)
         for tree in tree_set.trees:
             keep_warnings(tree.collection, map(with_labels, tree.prepared.warnings))
@@ -154,15 +154,6 @@ def output_folder(directory: str) -> Path | None:
         raise SceneError(
             f"`out` is {str(folder)!r}, which cannot be written ({error.strerror or error}): choose another folder"
         ) from error
-
-
-def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
-    """Select these objects alone, and make the first of them active."""
-    for obj in context.selected_objects:
-        obj.select_set(False)
-    for obj in objects:
-        obj.select_set(True)
-    context.view_layer.objects.active = objects[0]
 
 
 def _parts(tree_set: TreeSet) -> list[bpy.types.Object]:

@@ -12,6 +12,7 @@ from ..nodes.laws import LOD_DISTANCE
 from ..versions import draw_modifier_input
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree, mode_problem
+from .selection import select_only
 
 _ASSET = "Leafcloud"
 """Tag of the assets, by which the asset browser finds them."""
@@ -35,10 +36,7 @@ class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
         obj.matrix_world = place_of(tree)
         obj.location = context.scene.cursor.location
         context.collection.objects.link(obj)
-        for other in context.selected_objects:
-            other.select_set(False)
-        obj.select_set(True)
-        context.view_layer.objects.active = obj
+        select_only(context, [obj])
         return {"FINISHED"}
 
 

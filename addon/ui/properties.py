@@ -57,7 +57,7 @@ class _Shown:
 
 
 ENGINE_LABELS = {"generic": "Blender, glTF", "three": "three.js", "babylon": "Babylon.js"}
-"""Labels of engines whose names are no titles."""
+"""Labels of engines, where they differ from the capitalized name."""
 
 _SHOWN = {
     "quality": _Shown("Quality"),

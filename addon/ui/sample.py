@@ -6,26 +6,19 @@ from pathlib import Path
 
 import bpy
 
-from .job_operator import BUSY, running
+from .on_tree import InObjectMode
 
 _ADDON = Path(__file__).resolve().parents[1]
 _PLACES = (_ADDON / "samples" / "shrub.glb", _ADDON.parent / "examples" / "shrub.glb")
 """In the extension's folder, and in the repository."""
 
 
-class LEAFCLOUD_OT_sample(bpy.types.Operator):
+class LEAFCLOUD_OT_sample(InObjectMode, bpy.types.Operator):
     """Add a small tree to try Leafcloud on, and select it"""
 
     bl_idname = "leafcloud.sample"
     bl_label = "Add Sample Tree"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        problem = BUSY if running else "" if context.mode == "OBJECT" else "Switch to Object Mode first"
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = next((each for each in _PLACES if each.is_file()), None)

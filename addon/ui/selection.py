@@ -70,6 +70,15 @@ def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:
     return list(sources)
 
 
+def select_only(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
+    """Select these objects alone, and make the first of them active."""
+    for obj in context.selected_objects:
+        obj.select_set(False)
+    for obj in objects:
+        obj.select_set(True)
+    context.view_layer.objects.active = objects[0]
+
+
 def with_children(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the selected objects, and after each empty the objects below it: they are the tree that it stands for.
 

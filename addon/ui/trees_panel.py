@@ -8,13 +8,14 @@ from bpy.props import StringProperty
 from ..levels.results import LevelResult, results_of, warnings_of
 from ..levels.root import root_of
 from ..mesh.baked_levels import record
-from .on_tree import mode_problem
+from .on_tree import InObjectMode
+from .selection import select_only
 
 MOST_ROWS = 40
 """Trees in the table. Blender draws it with every change of the sidebar."""
 
 
-class LEAFCLOUD_OT_select_tree(bpy.types.Operator):
+class LEAFCLOUD_OT_select_tree(InObjectMode, bpy.types.Operator):
     """Select this baked tree"""
 
     bl_idname = "leafcloud.select_tree"
@@ -23,23 +24,13 @@ class LEAFCLOUD_OT_select_tree(bpy.types.Operator):
 
     tree: StringProperty(name="Tree", description="Name of the baked tree's collection")
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        problem = mode_problem(context)
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = (tree for tree in baked_trees(context.scene) if tree.name == self.tree)
         root = next((root_of(tree) for tree in found), None)
         if root is None or root.name not in context.view_layer.objects or not root.visible_get():
             self.report({"ERROR"}, f"the baked tree {self.tree!r} is hidden or gone: show its root in the Outliner")
             return {"CANCELLED"}
-        for obj in context.selected_objects:
-            obj.select_set(False)
-        root.select_set(True)
-        context.view_layer.objects.active = root
+        select_only(context, [root])
         return {"FINISHED"}
 
 

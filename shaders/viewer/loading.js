@@ -1,4 +1,4 @@
-// Reads a GLB file with its KTX2 textures, whose mip levels keep the coverage of the leaves.
+// Reads a GLB file. Its KTX2 textures have mip levels that keep the coverage of the leaves.
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
@@ -24,7 +24,7 @@ export async function loadFile(url, renderer, transcoder) {
   return loader.loadAsync(url);
 }
 
-/** Returns a loader whose transcoder is there: GLTFLoader draws no texture at all where it is missing. */
+/** Returns a loader after its transcoder has been read: without one GLTFLoader draws no texture at all. */
 function textureLoader(renderer, transcoder) {
   if (!textureLoaders.has(renderer)) {
     const made = new KTX2Loader().setTranscoderPath(transcoder).detectSupport(renderer);

@@ -86,7 +86,7 @@ function tell(words, milliseconds = 0) {
   if (tree && milliseconds) setTimeout(() => message.textContent === words && tell(""), milliseconds);
 }
 
-/** Returns what is wrong with a file, and the remedy. */
+/** Returns the error of a file and its remedy in words. */
 function wordsFor(error, name) {
   if (/_shadow\.glb$/i.test(name)) return `${name} is the shadow proxy of a tree. Open the file without “_shadow”.`;
   if (!/\.glb$/i.test(name)) return `${name} is no GLB file. Open a NAME.glb that Leafcloud wrote.`;

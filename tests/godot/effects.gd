@@ -3,23 +3,16 @@ extends SceneTree
 ## change within half a second, and the covered pixels with a quarter of the leaves over those with all of them. The
 ## quarter does not grow, because the table of areas is empty.
 
+const Stage := preload("stage.gd")
+
 
 func _initialize() -> void:
 	await process_frame
 	var folder := OS.get_cmdline_user_args()[0]
 	var tree: LeafcloudTree = load("res://tree.glb").instantiate()
 	root.add_child(tree)
-	var world := WorldEnvironment.new()
-	world.environment = Environment.new()
-	world.environment.background_mode = Environment.BG_COLOR
-	world.environment.background_color = Color(0.5, 0.5, 0.5)
-	world.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
-	world.environment.ambient_light_color = Color.WHITE
-	root.add_child(world)
-	var camera := Camera3D.new()
-	camera.fov = 50.0
-	root.add_child(camera)
-	camera.make_current()
+	Stage.light(root, Color(0.5, 0.5, 0.5), 1.0)
+	var camera := Stage.camera(root)
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
 	var numbers: Dictionary = levels[0][0].get_meta(LeafcloudTree.META)
 	var material: ShaderMaterial = levels[0][0].mesh.surface_get_material(0)
@@ -41,20 +34,16 @@ func _initialize() -> void:
 	for setting: Array in [["shares", empty], ["growth", Vector2.ZERO], ["prune_half", 0.5], ["prune_start", 0.25 * near]]:
 		material.set_shader_parameter(setting[0], setting[1])
 	var quarter := _covered(await _picture())
-	var file := FileAccess.open(folder + "/effects.json", FileAccess.WRITE)
-	file.store_string(JSON.stringify({
+	Stage.write(folder + "/effects.json", {
 		"moved": 16.0 * moved / (first.get_width() * first.get_height()),
 		"kept": float(quarter) / all,
 		"wind_strength": numbers["wind"]["strength"],
-	}))
-	file.close()
+	})
 	quit()
 
 
 func _picture() -> Image:
-	for _frame in 2:
-		await process_frame
-	await RenderingServer.frame_post_draw
+	await Stage.drawn(self)
 	return root.get_texture().get_image()
 
 

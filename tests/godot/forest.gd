@@ -4,6 +4,8 @@ extends SceneTree
 
 const SIDE := 20
 
+const Stage := preload("stage.gd")
+
 
 func _initialize() -> void:
 	await process_frame
@@ -31,25 +33,13 @@ func _initialize() -> void:
 	var sun := DirectionalLight3D.new()
 	sun.rotation_degrees = Vector3(-50, -30, 0)
 	root.add_child(sun)
-	var world := WorldEnvironment.new()
-	world.environment = Environment.new()
-	world.environment.background_mode = Environment.BG_COLOR
-	world.environment.background_color = Color(0.7, 0.8, 0.9)
-	world.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
-	world.environment.ambient_light_color = Color.WHITE
-	world.environment.ambient_light_energy = 0.7
-	root.add_child(world)
-	var camera := Camera3D.new()
-	camera.fov = 50.0
+	Stage.light(root, Color(0.7, 0.8, 0.9), 0.7)
+	var camera := Stage.camera(root)
 	camera.far = 400.0 * radius
 	camera.near = 0.1 * radius
-	root.add_child(camera)
-	camera.make_current()
 	camera.position = Vector3(0.0, 4.0 * radius, 8.0 * radius)
 	camera.look_at(Vector3(0.0, 0.0, -20.0 * radius))
-	for _frame in 4:
-		await process_frame
-	await RenderingServer.frame_post_draw
+	await Stage.drawn(self)
 	root.get_texture().get_image().save_png(folder + "/forest.png")
 	var drawn := 0
 	var leaves := 0
@@ -57,9 +47,7 @@ func _initialize() -> void:
 		leaves += level["drawings"][0].multimesh.visible_instance_count
 		for drawing: MultiMeshInstance3D in level["drawings"]:
 			drawn += drawing.multimesh.visible_instance_count * _triangles(drawing.multimesh.mesh)
-	var file := FileAccess.open(folder + "/forest.json", FileAccess.WRITE)
-	file.store_string(JSON.stringify({"trees": places.size(), "leaves": leaves, "drawn": drawn, "without_levels": full * places.size()}))
-	file.close()
+	Stage.write(folder + "/forest.json", {"trees": places.size(), "leaves": leaves, "drawn": drawn, "without_levels": full * places.size()})
 	quit()
 
 

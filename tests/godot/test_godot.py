@@ -61,7 +61,8 @@ def run_script(project: Path, name: str) -> Path:
     """Run one of the scripts beside this file under Xvfb. Return the folder that it wrote into."""
     out = project / "out"
     out.mkdir(exist_ok=True)
-    shutil.copy(HERE / name, project / name)
+    for script in HERE.glob("*.gd"):
+        shutil.copy(script, project)
     display = ["xvfb-run", "--auto-servernum", "--server-args=-screen 0 1280x1280x24"]
     window = ["--rendering-driver", "opengl3", "--audio-driver", "Dummy", "--resolution", "1080x1080"]
     command = [*display, *GODOT, "--path", str(project), *window, "--script", f"res://{name}", "--", str(out)]

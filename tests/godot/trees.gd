@@ -2,15 +2,15 @@ extends SceneTree
 ## Writes the ranges of all levels of all trees of a file: godot --script trees.gd -- FOLDER. trees.json has for each tree
 ## its name and the begin and end of each level.
 
+const Stage := preload("stage.gd")
+
 
 func _initialize() -> void:
 	await process_frame
 	var folder := OS.get_cmdline_user_args()[0]
 	var trees: LeafcloudTree = load("res://tree.glb").instantiate()
 	root.add_child(trees)
-	var camera := Camera3D.new()
-	root.add_child(camera)
-	camera.make_current()
+	var camera := Stage.camera(root)
 	for _frame in 3:
 		await process_frame
 	var found := []
@@ -18,7 +18,5 @@ func _initialize() -> void:
 		var ranges := levels.map(func(parts: Array) -> Array:
 			return [parts[0].visibility_range_begin, parts[0].visibility_range_end])
 		found.append({"name": String(levels[0][0].name).get_slice("_LOD", 0), "ranges": ranges})
-	var file := FileAccess.open(folder + "/trees.json", FileAccess.WRITE)
-	file.store_string(JSON.stringify(found))
-	file.close()
+	Stage.write(folder + "/trees.json", found)
 	quit()

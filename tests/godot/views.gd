@@ -8,17 +8,16 @@ extends SceneTree
 
 const SHARES := [0.5, 0.9, 1.5, 2.0, 4.0]
 
+const Stage := preload("stage.gd")
+
 
 func _initialize() -> void:
 	await process_frame
 	var folder := OS.get_cmdline_user_args()[0]
 	var tree: LeafcloudTree = load("res://tree.glb").instantiate()
 	root.add_child(tree)
-	_add_light()
-	var camera := Camera3D.new()
-	camera.fov = 50.0
-	root.add_child(camera)
-	camera.make_current()
+	Stage.light(root, Color(0.5, 0.5, 0.5), 1.0)
+	var camera := Stage.camera(root)
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
 	var centre: Vector3 = levels[0][0].global_transform * LeafcloudTree.common_box(levels).get_center()
 	var drawn := []
@@ -37,20 +36,8 @@ func _initialize() -> void:
 			await _look(camera, centre, end)
 			_save("%s/after_%d.png" % [folder, number])
 			tree.lod_distance = 1.0
-	var file := FileAccess.open(folder + "/drawn.json", FileAccess.WRITE)
-	file.store_string(JSON.stringify({"levels": levels.size(), "drawn": drawn}))
-	file.close()
+	Stage.write(folder + "/drawn.json", {"levels": levels.size(), "drawn": drawn})
 	quit()
-
-
-func _add_light() -> void:
-	var world := WorldEnvironment.new()
-	world.environment = Environment.new()
-	world.environment.background_mode = Environment.BG_COLOR
-	world.environment.background_color = Color(0.5, 0.5, 0.5)
-	world.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
-	world.environment.ambient_light_color = Color.WHITE
-	root.add_child(world)
 
 
 func _look(camera: Camera3D, centre: Vector3, distance: float) -> void:
@@ -58,9 +45,7 @@ func _look(camera: Camera3D, centre: Vector3, distance: float) -> void:
 	camera.look_at(centre)
 	camera.near = 0.05 * distance
 	camera.far = 3.0 * distance
-	for _frame in 3:
-		await process_frame
-	await RenderingServer.frame_post_draw
+	await Stage.drawn(self)
 
 
 func _save(path: String) -> void:

@@ -83,7 +83,7 @@ impl ImageErrors {
     }
 }
 
-/// Pictures whose errors are measured one size after the other. The pictures keep them.
+/// Pictures with errors that are measured size by size, and kept.
 struct Judged<'a> {
     pictures: &'a Pictures,
     /// Pictures of the base and of the level in each view with their halves, made for the first size that is measured.

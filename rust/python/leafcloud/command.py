@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     inspecting = commands.add_parser(
         "inspect",
-        help="show what a GLB file holds, what it promises, and what engines make of it",
+        help="show levels, bytes and promises of a GLB file, and the parts that engines drop",
         description="Show the levels, bytes and promises of a GLB file, of this or another tool.",
     )
     inspecting.add_argument("file", type=Path, metavar="FILE.glb", help="the file")

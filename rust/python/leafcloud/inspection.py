@@ -329,7 +329,7 @@ def _distances(points: NDArray[np.float64], planes: NDArray[np.float64]) -> NDAr
 
 
 def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str, str]]:
-    """Yield the engines that lose something of the file, with what they lose."""
+    """Yield each engine that drops a part of the file, with that part."""
     custom = sorted({name for level in levels for name in level.attributes if name.startswith("_")})
     if custom:
         yield "Babylon.js, Godot, Unity, Unreal", f"drop {', '.join(custom)}: bake with --engine for them"

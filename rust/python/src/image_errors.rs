@@ -2,11 +2,12 @@
 
 use leafcloud::Image;
 use leafcloud::metrics::Comparison;
-use leafcloud_flip::{ImageErrors, crown_pixels};
+use leafcloud_flip::{ImageErrors, crown_pixels, image_error};
 use numpy::PyArray3;
 use pyo3::prelude::*;
 
 use crate::arrays::image_array;
+use crate::work::interruptible;
 
 #[pyclass(name = "ImageErrors", module = "leafcloud", frozen)]
 pub struct PyImageErrors(pub ImageErrors);
@@ -26,6 +27,17 @@ impl PyImageErrors {
     fn largest_size(&self, target: f64) -> Option<f64> {
         self.0.largest_size(target).map(crown_pixels)
     }
+}
+
+/// Measures the errors of pictures, for all sizes or up to the first error above `target`.
+pub fn measured(py: Python<'_>, pictures: Comparison, target: Option<f64>) -> PyResult<PyImageErrors> {
+    let target = target.unwrap_or(f64::INFINITY);
+    interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::up_to(&pictures, target))))
+}
+
+/// Measures the error that reports have.
+pub fn reported(py: Python<'_>, pictures: Comparison) -> PyResult<f64> {
+    interruptible(py, move |_| Ok(image_error(&pictures)))
 }
 
 /// Two images: of the leaves and of the level.

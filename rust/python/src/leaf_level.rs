@@ -6,7 +6,6 @@ use glam::DVec3;
 use leafcloud::Foliage;
 use leafcloud::geometry::Frame;
 use leafcloud_curve::LeafLevel;
-use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,7 +13,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{self, point_groups};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
-use crate::image_errors::{Pair, PyImageErrors, from_the_side};
+use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]
@@ -83,8 +82,7 @@ impl PyLeafLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let level = Arc::clone(&self.level);
-        interruptible(py, move |_| Ok(image_error(&level.pictures)))
+        reported(py, self.level.pictures.clone())
     }
 
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
@@ -93,10 +91,7 @@ impl PyLeafLevel {
 
     #[pyo3(signature = (target = None))]
     fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
-        let level = Arc::clone(&self.level);
-        interruptible(py, move |_| {
-            Ok(PyImageErrors(ImageErrors::up_to(&level.pictures, target.unwrap_or(f64::INFINITY))))
-        })
+        measured(py, self.level.pictures.clone(), target)
     }
 
     #[classattr]

@@ -7,7 +7,6 @@ use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, Octahedral, share_page};
 use leafcloud::{Cloud, Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
-use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -16,7 +15,7 @@ use crate::arrays::{self, image_array, image_or_none, point_groups, vector_rows}
 use crate::curve::offer_dict;
 use crate::errors::read;
 use crate::foliage::PyFoliage;
-use crate::image_errors::{Pair, PyImageErrors, from_the_side};
+use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
 use crate::ktx2;
 use crate::leaf_level::PyLeafLevel;
 use crate::octahedral_level::PyOctahedralLevel;
@@ -454,8 +453,7 @@ impl PyLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let pictures = self.level().pictures.clone();
-        interruptible(py, move |_| Ok(image_error(&pictures)))
+        reported(py, self.level().pictures.clone())
     }
 
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
@@ -464,8 +462,7 @@ impl PyLevel {
 
     #[pyo3(signature = (target = None))]
     fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
-        let pictures = self.level().pictures.clone();
-        interruptible(py, move |_| Ok(PyImageErrors(ImageErrors::up_to(&pictures, target.unwrap_or(f64::INFINITY)))))
+        measured(py, self.level().pictures.clone(), target)
     }
 
     #[getter]

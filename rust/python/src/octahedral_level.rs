@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use leafcloud::lod::Octahedral;
-use leafcloud_flip::{ImageErrors, image_error};
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::image_array;
 use crate::errors::read;
-use crate::image_errors::{Pair, PyImageErrors, from_the_side};
+use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
 use crate::levels::PyLevel;
 use crate::tools::{cost_dict, sun_direction, upright, view};
 use crate::work::interruptible;
@@ -125,8 +124,7 @@ impl PyOctahedralLevel {
 
     #[getter]
     fn image_error(&self, py: Python<'_>) -> PyResult<f64> {
-        let impostor = Arc::clone(&self.impostor);
-        interruptible(py, move |_| Ok(image_error(&impostor.pictures)))
+        reported(py, self.impostor.pictures.clone())
     }
 
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Pair<'py>> {
@@ -135,10 +133,7 @@ impl PyOctahedralLevel {
 
     #[pyo3(signature = (target = None))]
     fn image_errors(&self, py: Python<'_>, target: Option<f64>) -> PyResult<PyImageErrors> {
-        let impostor = Arc::clone(&self.impostor);
-        interruptible(py, move |_| {
-            Ok(PyImageErrors(ImageErrors::up_to(&impostor.pictures, target.unwrap_or(f64::INFINITY))))
-        })
+        measured(py, self.impostor.pictures.clone(), target)
     }
 
     #[getter]
