@@ -3,8 +3,8 @@
 usage: python bench/bake_time.py [TREE.glb …]      (default: the measured trees)
 
 For each tree and each quality: seconds on the main thread before the job, of the job, of each of its stages, and on the
-main thread after it; the level that took longest to make in one step. Prints a table in Markdown; for the default trees
-it also writes docs/bench/bake_time.md.
+main thread after it; of the longest step after it; from a cancel to the end of the job. Prints a table in Markdown; for
+the measured trees it also writes docs/bench/bake_time.md.
 """
 
 from __future__ import annotations

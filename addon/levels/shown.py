@@ -16,7 +16,6 @@ _KEY = "leafcloud_shown"
 _HIDDEN = "leafcloud_hidden"
 """The custom property of a level or trunk: whether views and renders hide it where the distance decides."""
 
-
 SOURCES = -2
 """Number in place of a level's: all levels are hidden, because the objects that the tree was baked from are shown."""
 
