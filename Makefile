@@ -24,7 +24,7 @@ PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
 RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
 VALIDATOR := tests/gltf_validator
-THREE := shaders/viewer
+THREE := engines/three
 
 .PHONY: help
 help: ## list the targets
@@ -145,9 +145,9 @@ bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the level
 	.venv/bin/python bench/three.py $(ARGS)
 
 .PHONY: viewer
-viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/viewer/
+viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/shaders/viewer/
 	@tools/prerequisites.sh python
-	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 --directory shaders 8000
+	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 8000
 
 .PHONY: bench-stability
 bench-stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md

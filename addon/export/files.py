@@ -32,6 +32,7 @@ from .blend_order import BlendOrders
 from .engine_pages import engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
+from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .pictures import film_name, write_pictures
 from .plain_materials import materials_of_meshes, untangled
@@ -54,7 +55,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         seconds: list[float] = []
         with ExitStack() as changes:
             load = GpuLoad()
-            edits = [*_edits(trees), load.read]
+            edits = [*_edits(trees), join_trunks, load.read]
             for tree in trees:
                 changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ExportError
+
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 FLOAT, ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 5126, 34962, 34963
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, FLOAT: np.float32}
@@ -35,8 +37,11 @@ class Glb:
         return Glb(document, bytearray(content[begin : begin + document["buffers"][0]["byteLength"]]))
 
     def write(self, path: Path) -> None:
-        """Write the file to `path`."""
-        path.write_bytes(self.content())
+        """Write the file to `path`. Raises `ExportError` if that fails."""
+        try:
+            path.write_bytes(self.content())
+        except OSError as error:
+            raise ExportError(f"{path.name}: {error.strerror or error}") from error
 
     def content(self) -> bytes:
         """Return the bytes of the file."""
@@ -89,6 +94,14 @@ class Glb:
         view = self.append_view(data.tobytes(), target=ARRAY_BUFFER)
         kind = next(name for name, width in _WIDTHS.items() if width == data.shape[1])
         accessor = {"bufferView": view, "componentType": FLOAT, "count": len(data), "type": kind}
+        self.document["accessors"].append(accessor)
+        return len(self.document["accessors"]) - 1
+
+    def append_indices(self, values: NDArray[Any]) -> int:
+        """Append indices in 16 or 32 bits, by the largest. Return the index of their accessor."""
+        kind, dtype = (5123, np.uint16) if values.max(initial=0) < 2**16 - 1 else (5125, np.uint32)
+        view = self.append_view(values.astype(dtype).tobytes(), target=ELEMENT_ARRAY_BUFFER)
+        accessor = {"bufferView": view, "componentType": kind, "count": values.size, "type": "SCALAR"}
         self.document["accessors"].append(accessor)
         return len(self.document["accessors"]) - 1
 

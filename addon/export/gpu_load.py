@@ -8,7 +8,7 @@ blocks. A texture counts whole, also if other trees share it. Triangles: as writ
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,14 +45,13 @@ class GpuLoad:
                 found = {index for each in materials for index in _textures(document["materials"][each])}
                 self.textures[node["name"]] = dict(_of_texture(glb, index) for index in found)
 
-    def bytes_of(self, names: Sequence[str]) -> int:
-        """Return the bytes of some nodes of one file together. A texture that several of them use counts once."""
-        textures = {index: size for name in names for index, size in self.textures.get(name, {}).items()}
-        return sum(self.geometry.get(name, 0) for name in names) + sum(textures.values())
+    def bytes_of(self, name: str) -> int:
+        """Return the bytes of a node: of its geometry and its textures, each once."""
+        return self.geometry.get(name, 0) + self.texture_bytes_of(name)
 
-    def triangles_of(self, names: Sequence[str]) -> int:
-        """Return the triangles of some nodes together."""
-        return sum(self.triangles.get(name, 0) for name in names)
+    def texture_bytes_of(self, name: str) -> int:
+        """Return the bytes of a node's textures, each once."""
+        return sum(self.textures.get(name, {}).values())
 
 
 def _textures(value: Any) -> Iterator[int]:

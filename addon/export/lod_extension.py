@@ -1,7 +1,7 @@
 """All levels in one GLB file by `MSFT_lod`. A viewer that ignores the extension shows the leaves only.
 
-The scene contains only the node of each tree's level 0, with its trunk. The extension on that node lists the nodes of
-the other levels. These are in no scene, and each has its own trunk as a child.
+The scene contains only the node of each tree's level 0. The extension on that node lists the nodes of the other levels,
+which are in no scene.
 
 `extras.MSFT_screencoverage` of the node has a number for each level: the fraction of the image height that the crown's
 bounding sphere covers at the distance where the next level takes over. The last level's is 0. The extension does not

@@ -43,11 +43,12 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
             row["trunk"] = None if row["method"] in ("cross", "octahedral") else _trunk(built)
     costs = drawing_costs(baked)
     for row, built, cost in zip(levels, baked.levels, costs, strict=True):
-        names = [obj.name for obj in (built.object, built.trunk) if obj is not None]
+        name = built.object.name
         row["drawing"] = {
             **_drawing(cost),
-            "gpu_bytes": load.bytes_of(names),
-            "written_triangles": load.triangles_of(names),
+            "gpu_bytes": load.bytes_of(name),
+            "texture_bytes": load.texture_bytes_of(name),
+            "written_triangles": load.triangles.get(name, 0),
         }
     return {
         "leafcloud": leafcloud.__version__,

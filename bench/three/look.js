@@ -11,7 +11,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
 const VIEWS = 8;
-const TRANSCODER = "/shaders/viewer/node_modules/three/examples/jsm/libs/basis/";
+const TRANSCODER = "/engines/three/node_modules/three/examples/jsm/libs/basis/";
 
 const renderer = new THREE.WebGLRenderer({ antialias: false });
 renderer.setClearColor(0x000000, 0);
@@ -31,8 +31,8 @@ async function load({ url, ktx2, mips, trunk }) {
   const loader = new GLTFLoader();
   // Without a KTX2 loader three.js uses the PNG, like any engine without the extension.
   if (ktx2) loader.setKTX2Loader(new KTX2Loader().setTranscoderPath(TRANSCODER).detectSupport(renderer));
-  const { scene } = await loader.loadAsync(url);
-  if (!trunk) objects(scene).filter(isTrunk).forEach((object) => object.removeFromParent());
+  const { scene, parser } = await loader.loadAsync(url);
+  if (!trunk) meshes(scene).filter((mesh) => isTrunk(mesh, parser)).forEach((mesh) => mesh.removeFromParent());
   for (const mesh of meshes(scene)) {
     mesh.material = unlit(mesh.material);
     // Nothing moves here, and morph targets are slow in software.
@@ -46,18 +46,16 @@ async function load({ url, ktx2, mips, trunk }) {
   return scene;
 }
 
-function objects(scene) {
+function meshes(scene) {
   const found = [];
-  scene.traverse((object) => found.push(object));
+  scene.traverse((object) => object.isMesh && found.push(object));
   return found;
 }
 
-function meshes(scene) {
-  return objects(scene).filter((object) => object.isMesh);
-}
-
-function isTrunk({ name }) {
-  return name.endsWith("_trunk");
+/** Returns whether a mesh is a trunk: its primitives follow those of the leaves. */
+function isTrunk(mesh, parser) {
+  const { meshes, primitives } = parser.associations.get(mesh);
+  return primitives >= (parser.json.meshes[meshes].extras?.leafcloud?.first_trunk_primitive ?? Infinity);
 }
 
 function unlit({ map, color, vertexColors, alphaTest, side }) {

@@ -5,7 +5,7 @@
 // {times: [[…]]} has for each case the milliseconds of every round. Cases take turns, so that other load on the machine
 // affects all of them. A picture is done when a pixel of it was read.
 import * as THREE from "three";
-import { Tree } from "/shaders/viewer/leafcloud.js";
+import { Tree } from "/engines/three/src/index.js";
 
 const WARM_UP = 2;
 

@@ -1,11 +1,11 @@
-// The viewer page: a tree, an orbiting camera, a read-out, and the settings of leafcloud.js.
+// The viewer page: a tree, an orbiting camera, a read-out, and the settings of leafcloud-three (engines/three).
 //
 // ?tree=URL opens a file on the server, &distance=D starts at that distance from its center, and &keep=λ with that
 // fraction of its leaves. Any name in SETTINGS works in the same way.
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import GUI from "three/addons/libs/lil-gui.module.min.js";
-import { SETTINGS, Tree } from "./leafcloud.js";
+import { SETTINGS, Tree } from "leafcloud-three";
 
 const FRONT = new THREE.Vector3(0.5, 0.15, 1);
 const wanted = new URLSearchParams(location.search);

@@ -100,20 +100,20 @@ def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -
     assert sorted(file.name for file in out.iterdir()) == report["files"]
 
 
-def test_every_level_has_its_node_with_the_trunk_below(baked: tuple[Path, dict[str, Any]]) -> None:
+def test_every_level_is_one_mesh_with_its_trunk(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     nodes = read_glb(out / "shrub.glb")
     clouds = [f"shrub_LOD{number}" for number in range(3)]
-    assert set(nodes) == {*clouds, *(f"{name}_trunk" for name in clouds), "shrub_LOD3"}
+    assert set(nodes) == {*clouds, "shrub_LOD3"}
     for level in report["levels"]:
         node = nodes[f"shrub_LOD{level['level']}"]
         written = level.get("plain", level)  # Files have a cross impostor in place of an octahedral one.
-        assert node.children == ([f"{node.name}_trunk"] if level["level"] < 3 else [])
+        assert len(node.trunk) == (1 if level["level"] < 3 else 0)
         assert node.extras["leafcloud"]["level"] == level["level"]
         assert node.extras["leafcloud"]["switch_distance"] == pytest.approx(written["switch_distance"])
         assert sum(len(primitive.indices) for primitive in node.primitives) == written["triangles"]
         alone = read_glb(out / f"{node.name}.glb")
-        assert set(alone) == {node.name, *node.children}
+        assert set(alone) == {node.name}
         assert np.array_equal(alone[node.name].primitives[0].indices, node.primitives[0].indices)
 
 
@@ -188,7 +188,8 @@ def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
 def test_the_blend_file_holds_the_levels_and_no_data_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(baked[0] / "shrub.blend"))
     objects = {obj.name for obj in bpy.context.scene.objects}
-    assert objects == {*read_glb(baked[0] / "shrub.glb"), "shrub_tree"}
+    trunks = {f"shrub_LOD{number}_trunk" for number in range(3)}
+    assert objects == {*read_glb(baked[0] / "shrub.glb"), *trunks, "shrub_tree"}
     assert {collection.name for collection in bpy.data.collections} == {"shrub"}
     leaves = bpy.data.objects["shrub_LOD0"]
     names = {attribute.name for attribute in leaves.data.attributes}

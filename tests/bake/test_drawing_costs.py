@@ -17,7 +17,7 @@ from addon.export.gpu_load import image_size
 
 KEYS = {
     "crown_pixels", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments", "layers", "area", "cheaper",
-    "gpu_bytes", "written_triangles",
+    "gpu_bytes", "texture_bytes", "written_triangles",
 }  # fmt: skip
 
 

@@ -50,8 +50,7 @@ def test_each_level_has_its_figures(folder: Path, capsys: pytest.CaptureFixture[
     assert status == 0
     nodes = read_glb(folder / "shrub.glb")
     for row in found["levels"]:
-        parts = [nodes[name] for name in (row["name"], f"{row['name']}_trunk") if name in nodes]
-        primitives = [primitive for part in parts for primitive in part.primitives]
+        primitives = [*nodes[row["name"]].primitives, *nodes[row["name"]].trunk]
         assert row["triangles"] == sum(len(primitive.indices) for primitive in primitives)
         assert row["vertices"] == sum(len(primitive.attributes["POSITION"]) for primitive in primitives)
     clouds = [row for row in found["levels"] if row["number"] in (1, 2)]

@@ -16,7 +16,7 @@ from command_line import QUICK, bake
 import leafcloud
 
 HERE = Path(__file__).parent
-THREE = HERE.parents[1] / "shaders" / "viewer" / "node_modules" / "three"
+THREE = HERE.parents[1] / "engines" / "three" / "node_modules" / "three"
 WORDS = ("format", "type_size", "width", "height", "depth", "layers", "faces", "levels", "scheme")
 
 

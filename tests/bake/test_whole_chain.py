@@ -54,12 +54,12 @@ def chains(path: Path) -> dict[str, list[str]]:
 
 
 def triangles(nodes: dict[str, Node]) -> int:
-    return sum(len(primitive.indices) for node in nodes.values() for primitive in node.primitives)
+    return sum(len(primitive.indices) for node in nodes.values() for primitive in (*node.primitives, *node.trunk))
 
 
 def test_a_plain_reader_sees_the_leaves_and_their_trunk_alone(baked: Path) -> None:
     seen, alone = read_scene(baked / "shrub.glb"), read_scene(baked / "shrub_LOD0.glb")
-    assert set(seen) == set(alone) == {"shrub_LOD0", "shrub_LOD0_trunk"}
+    assert set(seen) == set(alone) == {"shrub_LOD0"}
     level = report_of(baked)["levels"][0]
     assert triangles(seen) == triangles(alone) == level["triangles"] + level["trunk_triangles"]
 
@@ -73,8 +73,8 @@ def test_a_reader_of_the_extension_finds_the_other_levels_with_their_trunks(bake
     nodes = read_glb(path)
     for level in report_of(baked)["levels"]:
         node = nodes[f"shrub_LOD{level['level']}"]
-        assert node.children == ([f"{node.name}_trunk"] if level["level"] < 3 else [])
-        found = {name: nodes[name] for name in (node.name, *node.children)}
+        assert len(node.trunk) == (1 if level["level"] < 3 else 0)
+        found = {node.name: node}
         assert triangles(found) == triangles(read_scene(baked / f"{node.name}.glb"))
         assert triangles(found) == level["triangles"] + level["trunk_triangles"]
         assert np.array_equal(node.matrix, nodes["shrub_LOD0"].matrix)
@@ -113,8 +113,8 @@ def test_each_level_stores_the_crown_s_center_and_radius(baked: Path) -> None:
 def test_the_report_counts_the_trunk_beside_each_level(baked: Path) -> None:
     nodes = read_glb(baked / "shrub.glb")
     for level in report_of(baked)["levels"]:
-        trunk = nodes.get(f"shrub_LOD{level['level']}_trunk")
-        assert level["trunk_triangles"] == (0 if trunk is None else triangles({"trunk": trunk}))
+        trunk = nodes[f"shrub_LOD{level['level']}"].trunk
+        assert level["trunk_triangles"] == sum(len(primitive.indices) for primitive in trunk)
     counts = [level["trunk_triangles"] for level in report_of(baked)["levels"]]
     assert counts[0] > counts[1] >= counts[2] > counts[3] == 0
 
@@ -127,7 +127,7 @@ def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) ->
     path = tmp_path / "out" / "shrub_bush.glb"
     expected = {f"{tree}_LOD0": [f"{tree}_LOD1", f"{tree}_LOD2"] for tree in ("shrub", "bush")}
     assert chains(path) == expected
-    assert set(read_scene(path)) == {*expected, *(f"{name}_trunk" for name in expected)}
+    assert set(read_scene(path)) == set(expected)
 
 
 # Readers
@@ -136,7 +136,7 @@ def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) ->
 def test_loading_a_bake_gives_its_leaves_and_trunk(baked: Path) -> None:
     load(baked / "shrub.glb")
     level = report_of(baked)["levels"][0]
-    assert {obj.name for obj in bpy.data.objects} == {"shrub_LOD0", "shrub_LOD0_trunk"}
+    assert [obj.name for obj in bpy.data.objects] == ["shrub_LOD0"]
     tree = extract(bpy.context.evaluated_depsgraph_get(), None)
     assert tree.trunk is not None
     assert len(tree.leaves.triangles) == level["triangles"]
@@ -145,7 +145,7 @@ def test_loading_a_bake_gives_its_leaves_and_trunk(baked: Path) -> None:
 
 def test_loading_a_bake_beside_another_keeps_the_other_s_levels(baked: Path) -> None:
     load(baked / "shrub_LOD1.glb")
-    assert len(load_beside(baked / "shrub.glb")) == 2
+    assert len(load_beside(baked / "shrub.glb")) == 1
     assert {obj.name for obj in bpy.data.objects} >= {"shrub_LOD1", "shrub_LOD0"}
     assert not [obj.name for obj in bpy.data.objects if "LOD2" in obj.name]
 

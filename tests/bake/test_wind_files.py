@@ -208,9 +208,9 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
         moved = moved_by_nodes(obj)
         for seen, primitive in zip(view["meshes"], primitives(nodes, number), strict=True):
             assert apart(seen, primitive, moved) < 4e-4
-        for child in nodes[obj.name].children:
-            trunk = moved_by_nodes(bpy.data.objects[child])
-            for seen, primitive in zip(view["trunk"], nodes[child].primitives, strict=True):
+        for below in obj.children:
+            trunk = moved_by_nodes(below)
+            for seen, primitive in zip(view["trunk"], nodes[obj.name].trunk, strict=True):
                 assert apart(seen, primitive, trunk) < 4e-4
         still = {key: np.frombuffer(key, np.float32)[:3] for key in moved}
         assert max(float(np.linalg.norm(moved[key] - still[key])) for key in moved) > 0.01

@@ -151,7 +151,7 @@ def test_files_have_the_cross_impostor_and_the_data_of_the_octahedral_one(shrub:
     document, _ = read_chunks(tmp_path / "shrub.glb")
     names = [document["images"][document["textures"][textures[key]["index"]]["source"]]["name"] for key in textures]
     assert names == ["shrub_LOD2_octahedral", "shrub_LOD2_octahedral_normal"]
-    assert list(read_scene(tmp_path / "shrub.glb")) == ["shrub_LOD0", "shrub_LOD0_trunk"]
+    assert list(read_scene(tmp_path / "shrub.glb")) == ["shrub_LOD0"]
 
 
 def test_the_transform_in_files_is_that_of_gltfs_axes(shrub: Path) -> None:

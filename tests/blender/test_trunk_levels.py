@@ -376,8 +376,8 @@ def test_files_without_the_effect_and_lod_0_have_the_source_trunk(with_and_witho
     assert (simplified / "shrub_LOD0.glb").read_bytes() == (plain / "shrub_LOD0.glb").read_bytes()
 
     def triangles(out: Path, level: int) -> int:
-        node = read_glb(out / f"shrub_LOD{level}.glb")[f"shrub_LOD{level}_trunk"]
-        return sum(len(primitive.indices) for primitive in node.primitives)
+        node = read_glb(out / f"shrub_LOD{level}.glb")[f"shrub_LOD{level}"]
+        return sum(len(primitive.indices) for primitive in node.trunk)
 
     assert triangles(plain, 1) == triangles(plain, 0) == triangles(simplified, 0) > triangles(simplified, 1)
     report = json.loads((simplified / "report.json").read_text())

@@ -20,8 +20,9 @@
 // `side` × `side` × 4 floats, lowest row first, 0 in empty pixels. An image is a file of RGBA bytes, lowest row first,
 // sRGB if `encoded`. `samplers` map names to images, "" to white.
 import * as THREE from "three";
-import { LAWS, Tree, placing } from "/shaders/viewer/leafcloud.js";
-import { loadFile } from "/shaders/viewer/loading.js";
+import { LAWS, Tree } from "/engines/three/src/index.js";
+import { loadFile } from "/engines/three/src/loading.js";
+import { placing } from "/engines/three/src/materials.js";
 
 const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
 const HEADER = "#version 300 es\nprecision highp float;\nout vec4 result;\n";
@@ -105,8 +106,8 @@ function tabulated({ expression, rows }, shares) {
 
 function placed(geometry, uniforms) {
   const { position } = geometry.attributes;
-  const [declarations, place] = placing("lcRank" in geometry.attributes, "lcWind" in uniforms);
-  if (!declarations) return position.array;
+  const [declarations, place] = placing("lcTarget" in geometry.attributes, "lcWind" in uniforms);
+  if (place === "position") return position.array;
   const source = `${HEADER}${declarations}in vec3 position;
     void main() { result = vec4(${place}, 1.0); }`;
   const values = {
@@ -200,9 +201,8 @@ function encoded(values) {
   return btoa(text);
 }
 
-function meshesOf(level, trunk_object) {
-  const found = [];
-  level.object.traverse((object) => object.isMesh && object.name.endsWith("_trunk") === trunk_object && found.push(object));
+function meshesOf(level, isTrunk) {
+  const found = level.meshes.filter(({ userData }) => userData.isTrunk === isTrunk);
   return found.map(({ geometry, material }) => ({
     material: material.name,
     count: Math.min(geometry.drawRange.count, geometry.index.count),
@@ -253,8 +253,8 @@ async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
     const level = tree.levels[tree.level];
     const pixels = encoded(pictured(renderer, scene, camera));
     const { triangles } = renderer.info.render;
-    const [meshes, trunk] = [false, true].map((trunk_object) => meshesOf(level, trunk_object));
-    return { level: tree.level, share: level.uniforms.lcShare.value, triangles, pixels, meshes, trunk };
+    const [meshes, trunk] = [false, true].map((isTrunk) => meshesOf(level, isTrunk));
+    return { level: tree.level, share: tree.state.share, triangles, pixels, meshes, trunk };
   });
 }
 

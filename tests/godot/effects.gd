@@ -14,8 +14,8 @@ func _initialize() -> void:
 	Stage.light(root, Color(0.5, 0.5, 0.5), 1.0)
 	var camera := Stage.camera(root)
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
-	var numbers: Dictionary = levels[0][0].get_meta(LeafcloudTree.META)
-	var material: ShaderMaterial = levels[0][0].mesh.surface_get_material(0)
+	var numbers: Dictionary = levels[0].get_meta(LeafcloudTree.META)
+	var material: ShaderMaterial = levels[0].mesh.surface_get_material(0)
 	material.set_shader_parameter("wind_strength", 12.0)
 	camera.position = LeafcloudTree.common_box(levels).get_center() + Vector3(0, 0, 2.6) * numbers["radius"]
 	var first := await _picture()

@@ -13,10 +13,8 @@ func _initialize() -> void:
 	var scene: PackedScene = load("res://tree.glb")
 	var single: Node3D = scene.instantiate()
 	var levels: Array = LeafcloudTree.trees_of(single)[0]
-	var radius: float = levels[0][0].get_meta(LeafcloudTree.META)["radius"]
-	var full := 0
-	for part: MeshInstance3D in levels[0]:
-		full += _triangles(part.mesh)
+	var radius: float = levels[0].get_meta(LeafcloudTree.META)["radius"]
+	var full := _triangles(levels[0].mesh)
 	single.free()
 	var forest := LeafcloudForest.new()
 	forest.tree = scene
@@ -44,9 +42,9 @@ func _initialize() -> void:
 	var drawn := 0
 	var leaves := 0
 	for level in forest._levels:
-		leaves += level["drawings"][0].multimesh.visible_instance_count
-		for drawing: MultiMeshInstance3D in level["drawings"]:
-			drawn += drawing.multimesh.visible_instance_count * _triangles(drawing.multimesh.mesh)
+		var copies: MultiMesh = level["drawing"].multimesh
+		leaves += copies.visible_instance_count
+		drawn += copies.visible_instance_count * _triangles(copies.mesh)
 	Stage.write(folder + "/forest.json", {"trees": places.size(), "leaves": leaves, "drawn": drawn, "without_levels": full * places.size()})
 	quit()
 

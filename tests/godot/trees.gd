@@ -15,8 +15,8 @@ func _initialize() -> void:
 		await process_frame
 	var found := []
 	for levels in LeafcloudTree.trees_of(trees):
-		var ranges := levels.map(func(parts: Array) -> Array:
-			return [parts[0].visibility_range_begin, parts[0].visibility_range_end])
-		found.append({"name": String(levels[0][0].name).get_slice("_LOD", 0), "ranges": ranges})
+		var ranges := levels.map(func(part: MeshInstance3D) -> Array:
+			return [part.visibility_range_begin, part.visibility_range_end])
+		found.append({"name": String(levels[0].name).get_slice("_LOD", 0), "ranges": ranges})
 	Stage.write(folder + "/trees.json", found)
 	quit()

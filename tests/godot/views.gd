@@ -19,12 +19,12 @@ func _initialize() -> void:
 	Stage.light(root, Color(0.5, 0.5, 0.5), 1.0)
 	var camera := Stage.camera(root)
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
-	var centre: Vector3 = levels[0][0].global_transform * LeafcloudTree.common_box(levels).get_center()
+	var centre: Vector3 = levels[0].global_transform * LeafcloudTree.common_box(levels).get_center()
 	var drawn := []
 	for number in levels.size():
-		var level: Dictionary = levels[number][0].get_meta(LeafcloudTree.META)
+		var level: Dictionary = levels[number].get_meta(LeafcloudTree.META)
 		for share: float in SHARES:
-			var near: float = 2.0 * level["radius"] * levels[0][0].global_basis.x.length()
+			var near: float = 2.0 * level["radius"] * levels[0].global_basis.x.length()
 			var distance: float = share * (level["switch_distance"] if number > 0 else near)
 			await _look(camera, centre, distance)
 			drawn.append({"distance": distance, "levels": _drawn(levels, distance)})
@@ -55,7 +55,7 @@ func _save(path: String) -> void:
 func _drawn(levels: Array, distance: float) -> Array:
 	var found := []
 	for number in levels.size():
-		var part: MeshInstance3D = levels[number][0]
+		var part: MeshInstance3D = levels[number]
 		var end := part.visibility_range_end
 		if distance >= part.visibility_range_begin and (end == 0.0 or distance < end):
 			found.append(number)

@@ -30,13 +30,14 @@ class Primitive:
 
 @dataclass(frozen=True)
 class Node:
-    """A node with the primitives of its mesh. `matrix` (4, 4) transforms them to world space."""
+    """A node with the primitives of its mesh, leaves and trunk apart. `matrix` (4, 4) takes them to world space."""
 
     name: str
     matrix: NDArray[np.float64]
     extras: dict[str, Any]
     mesh_extras: dict[str, Any]
     primitives: list[Primitive]
+    trunk: list[Primitive] = field(default_factory=list)
     children: list[str] = field(default_factory=list)
 
     def to_world(self, points: NDArray[np.generic]) -> NDArray[np.float64]:
@@ -76,7 +77,9 @@ def _nodes(content: dict[str, Any], binary: bytes, roots: list[int]) -> dict[str
         primitives = [_primitive(content, binary, primitive) for primitive in mesh.get("primitives", ())]
         children = [content["nodes"][child]["name"] for child in node.get("children", ())]
         extras = node.get("extras", {})
-        nodes[node["name"]] = Node(node["name"], matrix, extras, mesh.get("extras", {}), primitives, children)
+        own = mesh.get("extras", {})
+        first = own.get("leafcloud", {}).get("first_trunk_primitive", len(primitives))
+        nodes[node["name"]] = Node(node["name"], matrix, extras, own, primitives[:first], primitives[first:], children)
         for child in node.get("children", ()):
             visit(child, matrix)
 
@@ -118,8 +121,8 @@ def _accessor(content: dict[str, Any], binary: bytes, index: int) -> NDArray[np.
     accessor = content["accessors"][index]
     view = content["bufferViews"][accessor["bufferView"]]
     assert "sparse" not in accessor
-    assert "byteStride" not in view
     width = _WIDTHS[accessor["type"]]
+    assert view.get("byteStride", 4 * width) == 4 * width
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     values = np.frombuffer(binary, _COMPONENTS[accessor["componentType"]], accessor["count"] * width, start)
     return values if width == 1 else values.reshape(-1, width)

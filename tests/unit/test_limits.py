@@ -121,7 +121,7 @@ def test_settings_cannot_be_changed() -> None:
     ("file", "constant", "value"),
     [
         ("shaders/leafcloud.glsl", "LC_RAMP", leafcloud.RAMP),
-        ("shaders/viewer/leafcloud.js", "HAND_OVER", leafcloud.HAND_OVER),
+        ("engines/three/src/laws.js", "HAND_OVER", leafcloud.HAND_OVER),
     ],
 )
 def test_shaders_have_the_constants_of_the_core(file: str, constant: str, value: float) -> None:

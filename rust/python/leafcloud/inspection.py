@@ -184,6 +184,11 @@ def _primitives(file: GlbFile, node: int) -> list[dict[str, Any]]:
     return [] if mesh is None else list(file.items("meshes")[mesh]["primitives"])
 
 
+def _leaves(file: GlbFile, node: int) -> list[dict[str, Any]]:
+    """Return the primitives of a level without those of its trunk, which follow them."""
+    return _primitives(file, node)[: _own(file, node).get("first_trunk_primitive")]
+
+
 def _extras(thing: dict[str, Any]) -> dict[str, Any]:
     extras = thing.get("extras", {})
     found = extras.get("leafcloud", {}) if isinstance(extras, dict) else {}
@@ -262,7 +267,7 @@ def _rank_orders(file: GlbFile, node: int) -> Iterator[Check]:
     Blended triangles are in the order in which they are drawn instead.
     """
     own = _own(file, node)
-    for primitive in _primitives(file, node) if "blend_order" not in own and "prefixes" in own else []:
+    for primitive in _leaves(file, node) if "blend_order" not in own and "prefixes" in own else []:
         ranks = _ranks(file, primitive, own.get("first_texcoord"))
         if ranks is not None:
             order = ranks[file.values(primitive["indices"])[::3, 0]] if "indices" in primitive else ranks[::3]
@@ -277,7 +282,7 @@ def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
     """
     extras = _extras(file.items("nodes")[before])
     keep, first = _kept_share(extras), _own(file, before).get("first_texcoord")
-    targets = np.concatenate([_targets(file, each, keep, first) for each in _primitives(file, before)])
+    targets = np.concatenate([_targets(file, each, keep, first) for each in _leaves(file, before)])
     planes = _planes(file, after)
     if len(targets) and len(planes):
         # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
@@ -305,7 +310,7 @@ def _targets(file: GlbFile, primitive: dict[str, Any], keep: float, first: int |
 def _planes(file: GlbFile, node: int) -> NDArray[np.float64]:
     """Return the planes (p, 4) of a level's triangles, without repetition: unit normal and distance."""
     rows = []
-    for primitive in _primitives(file, node):
+    for primitive in _leaves(file, node):
         places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
         corners = places[file.values(primitive["indices"])[:, 0].reshape(-1, 3)]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -5,8 +5,8 @@ extends GLTFDocumentExtension
 ## The morph targets become a vertex attribute (CUSTOM3), because a MultiMesh has no blend shapes. The materials become
 ## shaders that morph, fade, prune and blow the leaves by the distance of the camera.
 
-## Metadata of a level's node: its extras in the file, in "chain" the number of its tree, and in "shares" the area table
-## of its mesh.
+## Metadata of a level's node: its extras in the file, in "chain" the number of its tree, in "shares" the area table of
+## its mesh, and in "trunk" the number of the first surface of the trunk.
 const META := &"leafcloud"
 
 const LeafcloudTree := preload("leafcloud_tree.gd")
@@ -55,9 +55,10 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 		return OK
 	var level := extras.duplicate(true)
 	var mesh: Dictionary = state.json["meshes"][gltf_node.mesh]
-	var shares: Variant = mesh.get("extras", {}).get("leafcloud", {}).get("area_shares")
-	if shares != null:
-		level["shares"] = shares
+	var tables: Dictionary = mesh.get("extras", {}).get("leafcloud", {})
+	if tables.has("area_shares"):
+		level["shares"] = tables["area_shares"]
+	level["trunk"] = int(tables.get("first_trunk_primitive", mesh["primitives"].size()))
 	node.set_meta(META, level)
 	return OK
 
@@ -71,9 +72,8 @@ func _import_post(_state: GLTFState, root: Node) -> Error:
 			level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
 			level["fade_out"] = _fade(level, next)
 			levels[number].set_meta(META, level)
-			for part: Node in [levels[number]] + levels[number].get_children():
-				if part is ImporterMeshInstance3D:
-					_prepare(part, levels[number], own)
+			if levels[number] is ImporterMeshInstance3D:
+				_prepare(levels[number], own)
 	return OK
 
 
@@ -99,9 +99,9 @@ static func _textures(leaves: Node) -> Array[Texture2D]:
 	return found
 
 
-## Makes a mesh of a level, its leaves or its trunk, follow the camera. `own`: the leaves' own textures.
-func _prepare(part: ImporterMeshInstance3D, node: Node3D, own: Array[Texture2D]) -> void:
-	var old := part.mesh
+## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: the leaves' own textures.
+func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D]) -> void:
+	var old := node.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
 		var arrays := old.get_surface_arrays(i)
@@ -112,11 +112,12 @@ func _prepare(part: ImporterMeshInstance3D, node: Node3D, own: Array[Texture2D])
 			format |= TARGET_FORMAT
 		var material := _material(old.get_surface_material(i), own)
 		if material is ShaderMaterial:
+			var has_leaves: bool = i < node.get_meta(META)["trunk"]
 			var has_pivots: bool = arrays[Mesh.ARRAY_CUSTOM0] != null
-			_set_laws(material, part, node, has_pivots)
+			_set_laws(material, node, has_leaves, has_pivots)
 		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
 	mesh.resource_name = old.resource_name
-	part.mesh = mesh
+	node.mesh = mesh
 
 
 ## The shader with the numbers and textures of a material. Blended materials stay: shaders that discard cannot blend.
@@ -148,16 +149,11 @@ static func _material(from: Material, own: Array[Texture2D]) -> Material:
 
 
 ## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.
-static func _set_laws(material: ShaderMaterial, part: Node3D, node: Node3D, has_pivots: bool) -> void:
+static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, has_pivots: bool) -> void:
 	var level: Dictionary = node.get_meta(META)
-	var has_leaves := part == node
 	var scale := node.transform.basis.x.length()
-	var centre := _vector(level["centre"])
-	if not has_leaves:
-		scale *= part.transform.basis.x.length()
-		centre = part.transform.affine_inverse() * centre
 	_set_all(material, {
-		"centre": centre,
+		"centre": _vector(level["centre"]),
 		"fade_in": level["fade_in"] / scale,
 		"fade_out": level["fade_out"] / scale,
 		"is_first": level["level"] == 0,

@@ -1,7 +1,6 @@
 class_name LeafcloudForest
 extends Node3D
-## Many copies of one tree, each with the level for its own distance from the camera: one MultiMesh for each mesh of
-## each level.
+## Many copies of one tree, each with the level for its own distance from the camera: one MultiMesh for each level.
 ##
 ## Set `tree` and `places`, or call `plant`. Trees are sorted into levels again when the camera has moved, which takes
 ## some milliseconds for a thousand trees.
@@ -21,7 +20,7 @@ const Levels := preload("leafcloud_tree.gd")
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
-## One entry a level: its numbers in the file, the center of its leaves in the tree, and its drawings.
+## One entry a level: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
 var _levels: Array[Dictionary] = []
 var _sorted_from := Vector3.ZERO
 var _factor := 0.0
@@ -39,13 +38,14 @@ func plant(new_places: Array[Transform3D]) -> void:
 	var source: Node3D = tree.instantiate()
 	for levels in Levels.trees_of(source):
 		var box := Levels.common_box(levels)
-		for parts: Array in levels:
-			var place: Transform3D = parts[0].transform
-			var drawings: Array[MultiMeshInstance3D] = []
-			for part: MeshInstance3D in parts:
-				drawings.append(_drawing(part, place * part.transform if part != parts[0] else place, place * box))
-			var numbers: Dictionary = parts[0].get_meta(Levels.META)
-			_levels.append({"numbers": numbers, "centre": place * box.get_center(), "drawings": drawings})
+		for part: MeshInstance3D in levels:
+			var offset := part.transform
+			_levels.append({
+				"numbers": part.get_meta(Levels.META),
+				"centre": offset * box.get_center(),
+				"offset": offset,
+				"drawing": _drawing(part, offset * box),
+			})
 	source.free()
 
 
@@ -72,13 +72,12 @@ func _least_scale() -> float:
 
 func _clear() -> void:
 	for level in _levels:
-		for drawing: Node in level["drawings"]:
-			drawing.queue_free()
+		level["drawing"].queue_free()
 	_levels.clear()
 	_factor = 0.0
 
 
-func _drawing(part: MeshInstance3D, offset: Transform3D, box: AABB) -> MultiMeshInstance3D:
+func _drawing(part: MeshInstance3D, box: AABB) -> MultiMeshInstance3D:
 	var copies := MultiMesh.new()
 	copies.transform_format = MultiMesh.TRANSFORM_3D
 	copies.mesh = part.mesh
@@ -89,7 +88,6 @@ func _drawing(part: MeshInstance3D, offset: Transform3D, box: AABB) -> MultiMesh
 	drawing.multimesh = copies
 	drawing.cast_shadow = part.cast_shadow
 	drawing.lod_bias = part.lod_bias
-	drawing.set_meta("offset", offset)
 	add_child(drawing)
 	return drawing
 
@@ -115,10 +113,10 @@ func _sort(eye: Vector3, factor: float, patience: float) -> void:
 			var scale := place.basis.x.length() * factor
 			if distance >= range_in * scale - patience and distance < range_out * scale + patience:
 				chosen.append(place)
-		for drawing: MultiMeshInstance3D in level["drawings"]:
-			drawing.multimesh.visible_instance_count = chosen.size()
-			drawing.visible = not chosen.is_empty()
-			drawing.set_instance_shader_parameter("lod_factor", factor)
-			var offset: Transform3D = drawing.get_meta("offset")
-			for slot in chosen.size():
-				drawing.multimesh.set_instance_transform(slot, chosen[slot] * offset)
+		var drawing: MultiMeshInstance3D = level["drawing"]
+		drawing.multimesh.visible_instance_count = chosen.size()
+		drawing.visible = not chosen.is_empty()
+		drawing.set_instance_shader_parameter("lod_factor", factor)
+		var offset: Transform3D = level["offset"]
+		for slot in chosen.size():
+			drawing.multimesh.set_instance_transform(slot, chosen[slot] * offset)

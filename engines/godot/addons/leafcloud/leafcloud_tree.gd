@@ -33,13 +33,9 @@ static func chains_in(nodes: Array[Node]) -> Array[Array]:
 	return found
 
 
-## All trees below a node: arrays of levels, each an array of its mesh instances: leaves first, then the trunk.
+## All trees below a node: the mesh instances of their levels.
 static func trees_of(root: Node) -> Array[Array]:
-	var found: Array[Array] = []
-	for levels in chains_in(root.find_children("*", "MeshInstance3D", true, false)):
-		found.append(levels.map(func(level: Node) -> Array:
-			return [level] + level.find_children("*", "MeshInstance3D", false, false)))
-	return found
+	return chains_in(root.find_children("*", "MeshInstance3D", true, false))
 
 
 ## The factor on the file's distances for this view: levels keep their size in pixels.
@@ -64,24 +60,21 @@ func _process(_delta: float) -> void:
 func _set_ranges(factor: float) -> void:
 	for levels in trees_of(self):
 		var box := common_box(levels)
-		for parts: Array in levels:
-			var level: Dictionary = parts[0].get_meta(META)
-			for part: MeshInstance3D in parts:
-				# Godot measures from the middle of the box, so all levels have the same one.
-				part.custom_aabb = part.transform.affine_inverse() * box if part != parts[0] else box
-				part.visibility_range_begin = level["fade_in"].x * factor
-				part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
-				part.set_instance_shader_parameter("lod_factor", factor / global_basis.x.length())
+		for part: MeshInstance3D in levels:
+			var level: Dictionary = part.get_meta(META)
+			# Godot measures from the middle of the box, so all levels have the same one.
+			part.custom_aabb = box
+			part.visibility_range_begin = level["fade_in"].x * factor
+			part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
+			part.set_instance_shader_parameter("lod_factor", factor / global_basis.x.length())
 
 
 ## The smallest box around the center of the leaves that holds all levels, in the coordinates of the levels.
 static func common_box(levels: Array) -> AABB:
-	var numbers: Array = levels[0][0].get_meta(META)["centre"]
+	var numbers: Array = levels[0].get_meta(META)["centre"]
 	var centre := Vector3(numbers[0], numbers[1], numbers[2])
 	var half := Vector3.ZERO
-	for parts: Array in levels:
-		for part: MeshInstance3D in parts:
-			var own := part.mesh.get_aabb()
-			var box := part.transform * own if part != parts[0] else own
-			half = half.max((box.position - centre).abs()).max((box.end - centre).abs())
+	for part: MeshInstance3D in levels:
+		var box := part.mesh.get_aabb()
+		half = half.max((box.position - centre).abs()).max((box.end - centre).abs())
 	return AABB(centre - half, 2.0 * half)

@@ -12,8 +12,7 @@ const LeafcloudTree := preload("leafcloud_tree.gd")
 func _post_process(scene: Node) -> void:
 	var trees := LeafcloudTree.trees_of(scene)
 	for levels in trees:
-		for parts: Array in levels:
-			for part: MeshInstance3D in parts:
-				part.lod_bias = MOST_DETAIL
+		for part: MeshInstance3D in levels:
+			part.lod_bias = MOST_DETAIL
 	if not trees.is_empty():
 		scene.set_script(LeafcloudTree)

@@ -1,4 +1,4 @@
-// Self-shadowing clouds: multiplies each light at a texel by lc_sun_share of ../leafcloud.glsl.
+// Self-shadowing clouds: multiplies each light at a texel by lc_sun_share of leafcloud.glsl.
 //
 // A file baked with self-shadowing has bent-normal occlusion in its materials' extras, and occlusion in the red
 // channel of the roughness texture. three.js itself applies the occlusion to sky light.
@@ -40,7 +40,13 @@ export function addTangents(geometry) {
 /** Dims the lights in `shader` by `texture`. The shader must already include the laws. */
 export function shadeItself(shader, texture) {
   shader.uniforms.lcBentNormal = { value: texture };
-  const across = "lcAcross = vec4((modelViewMatrix * vec4(lcTangent.xyz, 0.0)).xyz, lcTangent.w);";
+  const across = `
+    vec4 lcAlong = vec4(lcTangent.xyz, 0.0);
+#ifdef USE_INSTANCING
+    lcAlong = instanceMatrix * lcAlong;
+#endif
+    lcAcross = vec4((modelViewMatrix * lcAlong).xyz, lcTangent.w);
+  `;
   shader.vertexShader = before("void main()", VERTEX, after("#include <project_vertex>", across, shader.vertexShader));
   const lights = ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);
   const lit = replaced(shader.fragmentShader, "#include <lights_fragment_begin>", PLACE + lights);

@@ -1,5 +1,6 @@
-// Octahedral impostors: replaces the cross impostor of the last level by a quad that ../octahedral.glsl draws.
+// Octahedral impostors: a quad in place of the cross impostor of the last level, by the law of octahedral.glsl.
 import * as THREE from "three";
+import { OCTAHEDRAL } from "./glsl.js";
 import { after, before, replaced } from "./patching.js";
 
 const VERTEX = `
@@ -11,11 +12,18 @@ out vec2 lcCorner;
 out mat3 lcNormalToView;
 `;
 const CORNER = `
-    vec3 lcCamera = (lcToLayout * (inverse(modelMatrix) * vec4(cameraPosition, 1.0))).xyz;
+#ifdef USE_INSTANCING
+    mat4 lcToWorld = modelMatrix * instanceMatrix;
+    mat3 lcToView = mat3(viewMatrix) * mat3(lcToWorld);
+#else
+    mat4 lcToWorld = modelMatrix;
+    mat3 lcToView = normalMatrix;
+#endif
+    vec3 lcCamera = (lcToLayout * (inverse(lcToWorld) * vec4(cameraPosition, 1.0))).xyz;
     lcEye = normalize(lcCamera);
     lcCorner = position.xy;
     lcPoint = lc_octahedral_corner(lcCorner, lcEye, lcImpostor);
-    lcNormalToView = normalMatrix * transpose(mat3(lcToLayout));
+    lcNormalToView = lcToView * transpose(mat3(lcToLayout));
     vec3 transformed = (inverse(lcToLayout) * vec4(lcPoint, 1.0)).xyz;
 `;
 const FRAGMENT = `
@@ -40,8 +48,6 @@ const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
 /** Alpha below which nothing is drawn. */
 const LEAST_ALPHA = 0.02;
 
-const LAW = await (await fetch(new URL("../octahedral.glsl", import.meta.url))).text();
-
 /** Returns a Map from the cross impostor's material to the textures {color, normalDepth} of the octahedral impostor. */
 export async function pagesOf(gltf) {
   const found = new Map();
@@ -62,8 +68,14 @@ export async function pagesOf(gltf) {
   return found;
 }
 
-/** Makes `mesh`, a cross impostor, an octahedral impostor. `numbers`: its extras. `patch` adds the fade to a shader. */
-export function replaceByOctahedral(mesh, numbers, { color, normalDepth }, patch) {
+/** The corners of a quad, for all octahedral impostors. */
+export const QUAD = new THREE.PlaneGeometry(2, 2);
+
+/**
+ * Returns the material of an octahedral impostor. `numbers`: its extras. `original`: the cross impostor's material. `patch`
+ * adds the fade to a shader.
+ */
+export function octahedralMaterial({ numbers, color, normalDepth }, original, patch) {
   const uniforms = {
     lcImpostor: {
       value: {
@@ -77,18 +89,17 @@ export function replaceByOctahedral(mesh, numbers, { color, normalDepth }, patch
     lcColorPage: { value: color },
     lcNormalPage: { value: normalDepth },
   };
-  const { roughness, metalness } = mesh.material;
-  mesh.material = new THREE.MeshStandardMaterial({ roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA });
-  mesh.material.customProgramCacheKey = () => "leafcloud octahedral";
-  mesh.material.onBeforeCompile = (shader) => {
+  const { roughness, metalness } = original;
+  const material = new THREE.MeshStandardMaterial({ roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA });
+  material.customProgramCacheKey = () => "leafcloud octahedral";
+  material.onBeforeCompile = (shader) => {
     patch(shader);
     Object.assign(shader.uniforms, uniforms);
     const cornered = replaced(shader.vertexShader, "#include <begin_vertex>", CORNER);
-    shader.vertexShader = before("void main()", LAW + VERTEX, cornered);
+    shader.vertexShader = before("void main()", OCTAHEDRAL + VERTEX, cornered);
     const colored = replaced(shader.fragmentShader, "#include <map_fragment>", COLOR);
     const shaded = after("#include <normal_fragment_maps>", NORMAL, colored);
-    shader.fragmentShader = before("void main()", LAW + FRAGMENT, shaded);
+    shader.fragmentShader = before("void main()", OCTAHEDRAL + FRAGMENT, shaded);
   };
-  mesh.geometry = new THREE.PlaneGeometry(2, 2);
-  mesh.frustumCulled = false; // Its corners are not where the geometry says.
+  return material;
 }

@@ -1,0 +1,75 @@
+import type { Camera, Group, Loader, LoadingManager, Matrix4, Vector3, WebGLRenderer } from "three";
+
+/** Settings of the drawing of a tree or of a forest. Distances are in the tree's own units. */
+export interface Settings {
+  /** Level to show at all distances; null: the level for the distance. */
+  level: number | null;
+  /** Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time. */
+  lodDistance: number;
+  /** Height of the picture in pixels; null: that of the loader's renderer, or else the file's distances. */
+  pixels: number | null;
+  /** Distance where leaves begin to be left out. Infinity: none are; null: as the tree was baked. */
+  pruneStart: number | null;
+  /** That distance divided by the distance where half of the leaves remain, in (0, 0.5]. */
+  pruneHalf: number;
+  /** Length of the fade into a level that no level morphs to, as a fraction of the distance. */
+  fade: number;
+  /** The same after a morph. */
+  fadeBehindMorph: number;
+  /** Fraction of the distance by which a level stays longer when the camera returns, without a fade. */
+  hysteresis: number;
+  /** Whether the colors of kept leaves move toward their mean. */
+  contrast: boolean;
+  /** Strength of the wind; 0: no motion; null: the file's. */
+  wind: number | null;
+  /** Numbers in place of those for the distance, both in [0, 1]. */
+  byHand: { transition: number; keep: number } | null;
+}
+
+export const SETTINGS: Readonly<Settings>;
+
+/** Source of the laws as GLSL functions, for shaders of your own. */
+export const LAWS: string;
+
+/** A tree that shows the level for the camera's distance. */
+export class Tree extends Group {
+  static load(url: string, options?: { renderer?: WebGLRenderer }): Promise<Tree>;
+  readonly settings: Settings;
+  /** Number of the drawn level; 0 has the leaves. */
+  readonly level: number;
+  /** Distance of the camera from the center of the leaves, in the tree's own units. */
+  readonly distance: number;
+  readonly centre: Vector3;
+  readonly radius: number;
+  readonly state: { level: number; transition: number; keep: number; share: number };
+  /** Call it before each picture. `seconds`: time of the wind. */
+  update(camera: Camera, seconds?: number): void;
+  /** Returns a tree with the same geometry and textures. */
+  clone(): this;
+  /** Frees the materials of this copy. */
+  dispose(): void;
+}
+
+/** Many copies of one tree, each with the level for its own distance. */
+export class Forest extends Group {
+  /** `places`: of the copies, in the forest's coordinates, scaled by the same factor in all directions. */
+  constructor(tree: Tree, places: Matrix4[]);
+  readonly settings: Settings;
+  readonly centre: Vector3;
+  readonly radius: number;
+  /** Trees that each level drew in the last picture. */
+  readonly counts: number[];
+  /** Whether trees outside of the picture are left out. They then cast no shadows into it. */
+  culling: boolean;
+  /** Moves the trees: at most as many as the constructor got. */
+  plant(places: Matrix4[]): void;
+  /** Call it before each picture. `seconds`: time of the wind. */
+  update(camera: Camera, seconds?: number): void;
+  dispose(): void;
+}
+
+/** Loads trees in the manner of three.js. */
+export class LeafcloudLoader extends Loader<Tree> {
+  /** `renderer`: draws the trees. Without one, PNG textures are read, and levels suit pictures of 1080 rows. */
+  constructor(renderer?: WebGLRenderer, manager?: LoadingManager);
+}

@@ -1,0 +1,192 @@
+// Materials of levels: three.js's own, with the laws in their shaders.
+import * as THREE from "three";
+import { LAWS } from "./glsl.js";
+import { NEVER } from "./laws.js";
+import { after, before, replaced } from "./patching.js";
+import { shadeItself } from "./self_shadowing.js";
+
+/**
+ * The distance by which the laws decide, in the file's units, and the fractions of the pixels in which the level has appeared
+ * and in which the next one has. For a single tree the processor computes them; for instances each one its own.
+ */
+const DISTANCE = `
+uniform vec3 lcTransitionAt; // distance, start, end
+uniform vec2 lcFade; // appeared, gone
+#ifdef USE_INSTANCING
+uniform vec3 lcEye; // in the world
+uniform vec3 lcCentre; // of the leaves, in the level's coordinates
+uniform float lcUnit; // the file's unit of distance in the level's coordinates, for the view
+uniform vec4 lcFadeAt; // distances: appears from, to; goes from, to
+#endif
+flat out vec2 lcFades;
+flat out float lcDistanceSeen;
+
+float lcDistance() {
+#ifdef USE_INSTANCING
+    mat4 place = modelMatrix * instanceMatrix;
+    return distance(lcEye, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
+#else
+    return lcTransitionAt.x;
+#endif
+}
+
+vec2 lcFadesHere() {
+#ifdef USE_INSTANCING
+    float d = lcDistance();
+    return vec2(lc_transition(d, lcFadeAt.x, lcFadeAt.y), lc_transition(d, lcFadeAt.z, lcFadeAt.w));
+#else
+    return lcFade;
+#endif
+}
+`;
+const LEAVES = `
+uniform vec2 lcKeepAt; // prune start, prune half
+uniform float lcShares[LC_SHARES];
+uniform vec2 lcGrowth;
+in vec3 lcTarget;
+in vec3 lcLeaf; // rank, phase, freedom
+in vec3 lcPivot;
+in vec3 lcPivotTarget;
+
+vec3 lcPlaced(vec3 point) {
+    float transition = lc_transition(lcDistance(), lcTransitionAt.y, lcTransitionAt.z);
+    float keep = lc_keep(lcDistance(), lcKeepAt.x, lcKeepAt.y);
+    float scale = lc_area_scale(keep, lcShares) * lc_trend(keep, lcGrowth);
+    float growth = lc_growth(lcLeaf.x, keep, scale);
+    return lc_place(point, lcTarget, lcPivot, lcPivotTarget, transition, growth);
+}
+`;
+/** The file's wind in the level's coordinates: a tree's own come from the processor, instances turn it in the shader. */
+const WIND = `
+uniform LcWind lcWind;
+
+LcWind lcWindHere() {
+    LcWind wind = lcWind;
+#ifdef USE_INSTANCING
+    mat4 place = modelMatrix * instanceMatrix;
+    wind.direction = normalize(inverse(mat3(place)) * lcWind.direction);
+    wind.turns += dot(LC_PLACE_TURNS, place[3].xyz);
+#endif
+    return wind;
+}
+`;
+const BLOWN_LEAVES = `
+in vec3 lcBillboardPivot;
+
+vec3 lcBlownLeaf(vec3 point) {
+    LcWind wind = lcWindHere();
+    float transition = lc_transition(lcDistance(), lcTransitionAt.y, lcTransitionAt.z);
+    vec3 pivot = mix(lcPivot, lcPivotTarget, transition);
+    vec3 turned = lc_flutter(lcPlaced(point), pivot, lcLeaf.y, lcLeaf.z, transition, wind);
+    return lc_blown(turned, lcPivot, lcBillboardPivot, transition, wind);
+}
+`;
+const BLOWN_TRUNK = `
+vec3 lcBlownTrunk(vec3 point) {
+    return lc_blown(point, point, point, 0.0, lcWindHere());
+}
+`;
+const PASS_ON = `
+    lcFades = lcFadesHere();
+    lcDistanceSeen = lcDistance();
+`;
+const FRAGMENT = `
+uniform vec2 lcKeepAt;
+uniform vec3 lcMean;
+uniform vec2 lcContrast;
+flat in vec2 lcFades;
+flat in float lcDistanceSeen;
+`;
+const FADE = `
+    if (!lc_shown(lcFades.x, gl_FragCoord.xy) || lc_shown(lcFades.y, gl_FragCoord.xy)) discard;
+`;
+const CONTRAST = `
+    float lcKept = lc_keep(lcDistanceSeen, lcKeepAt.x, lcKeepAt.y);
+    diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcContrast));
+`;
+
+/** Returns the uniforms of a level's shaders, for all of its materials. */
+export function newUniforms({ pruning, wind, centre }) {
+  return {
+    ...(wind && { lcWind: { value: newWind(wind) } }),
+    lcTransitionAt: { value: new THREE.Vector3(0, NEVER, NEVER) },
+    lcKeepAt: { value: new THREE.Vector2(NEVER, 0.5) },
+    lcShares: { value: Array.from({ length: 65 }, (_, i) => (i / 64) ** 2) },
+    lcGrowth: { value: new THREE.Vector2(...pruning.growth) },
+    lcContrast: { value: new THREE.Vector2() },
+    lcMean: { value: new THREE.Vector3(...pruning.mean) },
+    lcFade: { value: new THREE.Vector2(1, 0) },
+    lcEye: { value: new THREE.Vector3() },
+    lcCentre: { value: centre.clone() },
+    lcUnit: { value: 1 },
+    lcFadeAt: { value: new THREE.Vector4(-1, 0, NEVER, 2 * NEVER) },
+  };
+}
+
+/** Returns an LcWind of leafcloud.glsl without force. */
+function newWind({ up, foot, height, spread, gusts, sway, branches, flutter }) {
+  const [upward, standing] = [up, foot].map((vector) => new THREE.Vector3(...vector));
+  const shape = { up: upward, foot: standing, height, spread, gusts, sway, branches, flutter };
+  return { direction: new THREE.Vector3(1, 0, 0), ...shape, force: 0, turns: 0 };
+}
+
+/** Returns a copy of the material that includes the laws. `leaves`: of leaves, not of a trunk. `shading`: the texture of
+ * self-shadowing, or undefined. */
+export function patched(original, uniforms, leaves, shading) {
+  const material = original.clone();
+  material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
+  material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
+  const wind = "lcWind" in uniforms;
+  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)}`;
+  material.onBeforeCompile = (shader) => {
+    moveAndFade(shader, uniforms, leaves);
+    if (shading) shadeItself(shader, shading);
+  };
+  return material;
+}
+
+/** Returns the material for shadow maps, which move and fade like `material`. */
+export function shadowing(material, uniforms, leaves) {
+  const { map, alphaTest, side } = material;
+  const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, alphaTest, side });
+  made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms}`;
+  made.onBeforeCompile = (shader) => {
+    Object.assign(shader.uniforms, uniforms);
+    shader.vertexShader = movedVertices(shader.vertexShader, leaves, "lcWind" in uniforms);
+    shader.fragmentShader = faded(shader.fragmentShader);
+  };
+  return made;
+}
+
+/** Adds fades, and for leaves all laws of their vertices and colors, to a shader. */
+function moveAndFade(shader, uniforms, leaves) {
+  Object.assign(shader.uniforms, uniforms);
+  shader.vertexShader = movedVertices(shader.vertexShader, leaves, "lcWind" in uniforms);
+  const colored = leaves ? after("#include <color_fragment>", CONTRAST, shader.fragmentShader) : shader.fragmentShader;
+  shader.fragmentShader = faded(colored);
+}
+
+/** Adds the cross-fade alone to a shader whose vertices another patch places at `#include <begin_vertex>`. */
+export function addFade(shader, uniforms) {
+  Object.assign(shader.uniforms, uniforms);
+  shader.vertexShader = before("void main()", LAWS + DISTANCE, after("#include <begin_vertex>", PASS_ON, shader.vertexShader));
+  shader.fragmentShader = faded(shader.fragmentShader);
+}
+
+/** Returns the declarations of a vertex shader for leaves or for the trunk, and the expression of the moved point. */
+export function placing(leaves, wind) {
+  const declared = LAWS + DISTANCE + (leaves ? LEAVES : "") + (wind ? WIND : "");
+  if (leaves && wind) return [declared + BLOWN_LEAVES, "lcBlownLeaf(position)"];
+  if (leaves) return [declared, "lcPlaced(position)"];
+  return wind ? [declared + BLOWN_TRUNK, "lcBlownTrunk(position)"] : [declared, "position"];
+}
+
+function movedVertices(source, leaves, wind) {
+  const [declarations, place] = placing(leaves, wind);
+  const moved = replaced(source, "#include <begin_vertex>", `vec3 transformed = ${place};${PASS_ON}`);
+  return before("void main()", declarations, moved);
+}
+
+function faded(source) {
+  return before("void main()", LAWS + FRAGMENT, after("#include <clipping_planes_fragment>", FADE, source));
+}

@@ -1,0 +1,38 @@
+"""Copies the laws into the packages for engines: an add-on or package is installed without this repository.
+
+`python tools/copy_laws.py` writes the copies. tests/unit compare them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SHADERS = ROOT / "shaders"
+ENGINES = ROOT / "engines"
+
+
+def copies() -> dict[Path, str]:
+    """Return the content of each copy by its path."""
+    laws, octahedral = ((SHADERS / f"{name}.glsl").read_text(encoding="utf-8") for name in ("leafcloud", "octahedral"))
+    return {
+        ENGINES / "godot" / "addons" / "leafcloud" / "leafcloud.gdshaderinc": laws,
+        ENGINES / "three" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
+        ENGINES / "babylon" / "src" / "glsl.js": _module({"LAWS": laws}),
+        ENGINES / "babylon" / "src" / "laws.js": (ENGINES / "three" / "src" / "laws.js").read_text(encoding="utf-8"),
+    }
+
+
+def _module(sources: dict[str, str]) -> str:
+    """Return a JavaScript module that exports the sources as strings."""
+    head = "// Copies of the laws in shaders/, made by tools/copy_laws.py.\n"
+    return head + "".join(f"\nexport const {name} = `{_escaped(text)}`;\n" for name, text in sources.items())
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("`", "\\`").replace("${", "\\${")
+
+
+if __name__ == "__main__":
+    for path, content in copies().items():
+        path.write_text(content, encoding="utf-8")
