@@ -25,6 +25,7 @@ WHEELS := target/wheels
 RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
 VALIDATOR := tests/gltf_validator
 THREE := engines/three
+NODE_MODULES := $(foreach folder,$(VALIDATOR) $(THREE) engines/babylon,$(folder)/node_modules/.package-lock.json)
 
 .PHONY: help
 help: ## list the targets
@@ -38,7 +39,7 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: setup .venv/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
+test: setup .venv/.test $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
 	cargo test --workspace --release --lib --tests
 	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
 
@@ -56,7 +57,7 @@ test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## ru
 	$(if $(GODOT),$(MAKE) test-godot)
 
 .PHONY: environments
-environments: .venv-4.2/.test .venv-5.0/.test $(VALIDATOR)/node_modules/.package-lock.json $(THREE)/node_modules/.package-lock.json ## download the other environments and packages of the tests
+environments: .venv-4.2/.test .venv-5.0/.test $(NODE_MODULES) ## download the other environments and packages of the tests
 	@tools/prerequisites.sh chromium
 
 .PHONY: bench
@@ -222,7 +223,7 @@ docs-godot: test-godot ## make the picture of docs/engines.md
 
 .PHONY: clean
 clean: ## remove all build outputs and environments
-	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(VALIDATOR)/node_modules $(THREE)/node_modules .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(dir $(NODE_MODULES)) .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Rules of one environment. $(1): its folder, $(2): its Blender version

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import base64
-import itertools
 import json
 import math
-import re
 import subprocess
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import QUICK, bake
-from glb import Node, read_glb
-from laws import Floats
+from engine_views import code_of, hand_overs, levels_of, pictures, triangles, views_of_all_levels
 
-from bench.browser import ask
 from tools.copy_laws import copies
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "engines" / "three"
-PAGE = "tests/browser/three.html"
 SIDE = 256
 
 
@@ -35,66 +27,14 @@ def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def code_of(heading: str) -> str:
-    """Return the code of a section of the package's README."""
-    section = (PACKAGE / "README.md").read_text().split(f"## {heading}\n")[1]
-    return re.findall(r"```js\n(.*?)```", section, re.DOTALL)[0]
-
-
-def levels_of(folder: Path) -> list[Node]:
-    nodes = read_glb(folder / "shrub.glb").values()
-    levels = [node for node in nodes if "level" in node.extras.get("leafcloud", {})]
-    return sorted(levels, key=lambda node: node.extras["leafcloud"]["level"])
-
-
-def pictures(folder: Path, **question: Any) -> list[dict[str, Any]]:
-    answer = ask(PAGE, {"file": "/files/shrub.glb", "side": SIDE, **question}, patience=120.0, files=folder)
-    for picture in answer["pictures"]:
-        pixels = np.frombuffer(base64.b64decode(picture["pixels"]), np.uint8)
-        picture["pixels"] = pixels.reshape(SIDE, SIDE, 4)[::-1].astype(float)
-    return list(answer["pictures"])
-
-
-def seen_from(distance: float, centre: Floats, fov: float = 50.0) -> dict[str, Any]:
-    eye = centre + distance * np.array([0.36, 0.48, 0.8])
-    return {"eye": eye.tolist(), "target": centre.tolist(), "fov": fov}
-
-
-def hand_overs(levels: Sequence[Node]) -> list[float]:
-    extras = [level.extras["leafcloud"] for level in levels]
-    return [
-        each["transition_start"] + 0.998 * (each["transition_end"] - each["transition_start"])
-        if "transition_end" in each
-        else following["switch_distance"]
-        for each, following in itertools.pairwise(extras)
-    ]
-
-
-def triangles(level: Node) -> int:
-    return sum(len(primitive.indices) for primitive in (*level.primitives, *level.trunk))
-
-
 def test_each_level_is_drawn_at_its_distances(folder: Path) -> None:
-    """Six distances for each hand-over, from 0.5 to 4 times it. The file's are for 1080 rows; the picture has 256."""
-    levels = levels_of(folder)
-    extras = levels[0].extras["leafcloud"]
-    ends = hand_overs(levels)
-    shares = (0.5, 0.8, 0.99, 1.3, 2.0, 4.0)
-    distances = [share * end for end in ends for share in shares]
-    factor = SIDE / 1080.0
-    views = [seen_from(factor * distance, np.array(extras["centre"])) for distance in distances]
-    assert len(code_of("A tree").strip().splitlines()) <= 5 + 1, "five lines besides the blank one"
-    found = pictures(folder, code=code_of("A tree"), views=views)
-    for distance, picture in zip(distances, found, strict=True):
-        number = sum(distance >= end for end in ends)
-        fades = number > 0 and distance < ends[number - 1] * (1.1 if number < 3 else 1.25)
-        drawn = levels[number - 1 : number + 1] if fades else [levels[number]]
-        most = sum(triangles(level) for level in drawn)
-        assert picture["triangles"] <= most
-        if number > 0 and not fades:
-            assert picture["triangles"] == most
-        if number == 0 and distance < extras.get("prune_start", math.inf):
-            assert picture["triangles"] == most
+    levels = levels_of(folder / "shrub.glb")
+    drawn, views = views_of_all_levels(levels)
+    assert len([line for line in code_of("three").splitlines() if line]) <= 5
+    for numbers, picture in zip(drawn, pictures("three", folder / "shrub.glb", views=views), strict=True):
+        most = sum(triangles(levels[number]) for number in numbers)
+        # Pruned leaves are not drawn.
+        assert picture["triangles"] == most or (0 in numbers and picture["triangles"] < most)
         assert (picture["pixels"][..., 3] > 0).any()
 
 
@@ -114,7 +54,7 @@ def forest_of(radius: float, count: int) -> list[list[float]]:
 
 def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
     """All levels are in view. Trees are turned, scaled and blown; the fades of levels and the pruning agree, too."""
-    extras = levels_of(folder)[0].extras["leafcloud"]
+    extras = levels_of(folder / "shrub.glb")[0].extras["leafcloud"]
     radius, centre = extras["radius"], np.array(extras["centre"])
     places = forest_of(radius, 64)
     views = [
@@ -122,8 +62,8 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
         for dx, up, dz, fov in ((0.0, 2.0, 6.0, 60.0), (9.0, 1.0, 15.0, 60.0), (-4.0, 12.0, 60.0, 25.0))
     ]
     common = {"places": places, "views": views, "seconds": 3.7}
-    forest = pictures(folder, code=code_of("A forest"), **common)
-    single = pictures(folder, copies=True, **common)
+    forest = pictures("three", folder / "shrub.glb", code=code_of("three", 1), **common)
+    single = pictures("three", folder / "shrub.glb", copies=True, **common)
     for one, other in zip(forest, single, strict=True):
         covered = (other["pixels"][..., 3] > 0).mean()
         assert covered > 0.01
@@ -133,23 +73,23 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
 
 
 def test_trees_behind_the_camera_are_not_drawn(folder: Path) -> None:
-    extras = levels_of(folder)[0].extras["leafcloud"]
+    extras = levels_of(folder / "shrub.glb")[0].extras["leafcloud"]
     radius = extras["radius"]
     view = {"eye": [0.0, radius, 5.0 * radius], "target": [0.0, radius, 100.0 * radius], "fov": 50.0}
-    [picture] = pictures(folder, code=code_of("A forest"), places=forest_of(radius, 16), views=[view])
+    [picture] = pictures("three", folder / "shrub.glb", code=code_of("three", 1), places=forest_of(radius, 16), views=[view])
     assert picture["triangles"] == 0
 
 
 def test_a_copy_keeps_its_own_level(folder: Path) -> None:
     """Two copies at different distances in one picture are in different levels."""
-    levels = levels_of(folder)
+    levels = levels_of(folder / "shrub.glb")
     extras = levels[0].extras["leafcloud"]
     far = 3.0 * hand_overs(levels)[-1] * SIDE / 1080.0
     places = [np.eye(4).ravel().tolist(), np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -far], [0, 0, 0, 1]])]
     view = {"eye": [0.0, 0.0, 3.0 * extras["radius"]], "target": [0.0, 0.0, 0.0], "fov": 50.0}
     common = {"copies": True, "views": [view]}
-    [both] = pictures(folder, places=[places[0], places[1].ravel().tolist()], **common)
-    [near] = pictures(folder, places=places[:1], **common)
+    [both] = pictures("three", folder / "shrub.glb", places=[places[0], places[1].ravel().tolist()], **common)
+    [near] = pictures("three", folder / "shrub.glb", places=places[:1], **common)
     assert both["triangles"] == near["triangles"] + triangles(levels[-1])
 
 
@@ -172,12 +112,12 @@ const places = [new Matrix4()];
 """
 
 
-@pytest.mark.parametrize("heading", ["A tree", "A forest"])
-def test_the_code_of_its_readme_has_the_declared_types(tmp_path: Path, heading: str) -> None:
-    example = PACKAGE / f"example_{heading.split()[1]}.ts"
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_code_of_its_readme_has_the_declared_types(number: int) -> None:
+    example = PACKAGE / f"example_{number}.ts"
     options = ("--noEmit", "--strict", "--module", "nodenext", "--target", "es2022", "--skipLibCheck")
     try:
-        example.write_text(EXAMPLE + code_of(heading) + "\nexport {};\n")
+        example.write_text(EXAMPLE + code_of("three", number) + "\nexport {};\n")
         done = subprocess.run(
             ["node_modules/.bin/tsc", *options, example.name], cwd=PACKAGE, capture_output=True, text=True, check=False
         )

@@ -1,0 +1,41 @@
+import type { Camera, Scene, TransformNode, Vector3 } from "@babylonjs/core";
+
+/** Settings of the drawing of a tree. Distances are in the tree's own units. */
+export interface Settings {
+  /** Level to show at all distances; null: the level for the distance. */
+  level: number | null;
+  /** Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time. */
+  lodDistance: number;
+  /** Height of the picture in pixels; null: that of the engine. */
+  pixels: number | null;
+  /** Length of the fade into a level that no level morphs to, as a fraction of the distance. */
+  fade: number;
+  /** The same after a morph. */
+  fadeBehindMorph: number;
+}
+
+export const SETTINGS: Readonly<Settings>;
+
+/** A tree that shows the level for the active camera's distance before each picture of its scene. */
+export class Tree {
+  /** Node to place the tree by. */
+  readonly root: TransformNode;
+  settings: Settings;
+  /** Number of the drawn level; 0 has the leaves. */
+  readonly level: number;
+  /** Distance of the camera from the center of the leaves, in the tree's own units. */
+  readonly distance: number;
+  readonly centre: Vector3;
+  readonly radius: number;
+  /** Shows the level for this camera; null: the leaves. */
+  update(camera: Camera | null): void;
+  /** Returns a tree with the same geometry and textures. */
+  clone(): Tree;
+  dispose(): void;
+}
+
+/**
+ * Loads a tree from the GLB file at `url`. `ktx2`: read KTX2 textures, which needs Babylon.js's transcoder. Rejects with an
+ * error for a file without levels.
+ */
+export function loadTree(url: string, scene: Scene, options?: { ktx2?: boolean }): Promise<Tree>;

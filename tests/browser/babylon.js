@@ -1,0 +1,72 @@
+// Runs code of the documentation with Babylon.js, and answers with pictures.
+//
+// The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. The answer has for
+// each view its `pixels`, the number of drawn `triangles` and the names of the `shown` levels.
+import { Color3, Color4, Engine, FreeCamera, HemisphericLight, Scene, Vector3 } from "@babylonjs/core";
+
+/** Runs a module's text and returns its `tree`. */
+async function treeOf(code, scene) {
+  Object.assign(globalThis, { scene });
+  const text = `${code}\nexport { tree };`;
+  return (await import(URL.createObjectURL(new Blob([text], { type: "text/javascript" })))).tree;
+}
+
+function newScene(engine) {
+  const scene = new Scene(engine);
+  scene.useRightHandedSystem = true;
+  scene.clearColor = new Color4(0, 0, 0, 0);
+  // Light from all sides.
+  const light = new HemisphericLight("light", Vector3.Up(), scene);
+  light.groundColor = Color3.White();
+  light.intensity = Math.PI;
+  light.specular = Color3.Black();
+  return scene;
+}
+
+function look(camera, { eye, target, fov }) {
+  camera.position = Vector3.FromArray(eye);
+  camera.setTarget(Vector3.FromArray(target));
+  camera.fov = (fov * Math.PI) / 180;
+  const away = Vector3.Distance(camera.position, Vector3.FromArray(target));
+  Object.assign(camera, { minZ: away / 100, maxZ: 100 * away });
+}
+
+function encoded(pixels) {
+  let text = "";
+  for (let i = 0; i < pixels.length; i += 1 << 15) text += String.fromCharCode(...pixels.subarray(i, i + (1 << 15)));
+  return btoa(text);
+}
+
+async function answerTo({ code, file, side, views, settings = {} }) {
+  const canvas = document.querySelector("#canvas");
+  Object.assign(canvas, { width: side, height: side });
+  const engine = new Engine(canvas, false, { preserveDrawingBuffer: true, premultipliedAlpha: false, alpha: true }, false);
+  const scene = newScene(engine);
+  const camera = new FreeCamera("camera", Vector3.Zero(), scene);
+  const tree = await treeOf(code.replaceAll("pine.glb", file), scene);
+  Object.assign(tree.settings, settings);
+  await scene.whenReadyAsync();
+  const pictures = [];
+  for (const view of views) {
+    look(camera, view);
+    // Effects of materials that were not shown before are compiled meanwhile.
+    for (let frame = 0; frame < 100; frame++) {
+      scene.render();
+      const waits = scene.getActiveMeshes().data.slice(0, scene.getActiveMeshes().length).some((mesh) => !mesh.isReady(true));
+      if (!waits && frame > 1) break;
+      await new Promise((done) => setTimeout(done, 20));
+    }
+    scene.render();
+    const shown = scene.meshes.filter((mesh) => mesh.isEnabled() && mesh.getTotalVertices()).map((mesh) => mesh.name);
+    const pixels = await engine.readPixels(0, 0, side, side);
+    pictures.push({ pixels: encoded(new Uint8Array(pixels.buffer)), triangles: scene.getActiveIndices() / 3, shown });
+  }
+  return pictures;
+}
+
+const answer = (content) => fetch("/answer", { method: "POST", body: JSON.stringify(content) });
+try {
+  await answer({ pictures: await answerTo(await (await fetch("/question")).json()) });
+} catch (error) {
+  await answer({ error: `${error}\n${error.stack}` });
+}

@@ -1,0 +1,86 @@
+"""The package for Babylon.js: the code of its README draws a tree that switches its levels, and its types are right."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import QUICK, bake
+from engine_views import (
+    ENGINES,
+    ROOT,
+    bundle,
+    code_of,
+    hand_overs,
+    levels_of,
+    pictures,
+    seen_from,
+    triangles,
+    views_of_all_levels,
+)
+
+PACKAGE = ENGINES / "babylon"
+
+
+@pytest.fixture(scope="module")
+def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("babylon")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--effects=+transitions,+pruning")
+    bundle(out)
+    return out / "shrub.glb"
+
+
+def test_each_level_is_drawn_at_its_distances(tree: Path) -> None:
+    levels = levels_of(tree)
+    drawn, views = views_of_all_levels(levels)
+    assert len([line for line in code_of("babylon").splitlines() if line]) <= 5
+    for numbers, picture in zip(drawn, pictures("babylon", tree, views=views), strict=True):
+        assert {name.split("_primitive")[0] for name in picture["shown"]} == {f"shrub_LOD{n}" for n in numbers}
+        most = sum(triangles(levels[number]) for number in numbers)
+        # Pruned leaves are not drawn.
+        assert picture["triangles"] == most or (0 in numbers and picture["triangles"] < most)
+        assert (picture["pixels"][..., 3] > 0).any()
+
+
+def test_the_leaves_lie_on_level_1_at_the_hand_over(tree: Path) -> None:
+    """Both levels cover the same pixels from there, but for leaves of the rest that the crown hides."""
+    levels = levels_of(tree)
+    extras = levels[0].extras["leafcloud"]
+    view = seen_from(hand_overs(levels)[0], extras["centre"], 256)
+    away = float(np.linalg.norm(np.array(view["eye"]) - extras["centre"]))
+    # The camera stays there and zooms in; fewer pixels make up for it, so that the levels stay where they are.
+    half = 1.1 * extras["radius"] / away
+    view["fov"] = math.degrees(2.0 * math.atan(half))
+    zoomed = 256.0 * half / math.tan(math.radians(25.0))
+    covered = [
+        pictures("babylon", tree, views=[view], settings={"level": number, "pixels": zoomed})[0]["pixels"][..., 3] > 0
+        for number in (0, 1)
+    ]
+    both, either = (covered[0] & covered[1]).sum(), (covered[0] | covered[1]).sum()
+    assert either > 2000
+    assert both > 0.85 * either
+
+
+def test_it_has_the_version_of_the_project() -> None:
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
+    assert json.loads((PACKAGE / "package.json").read_text())["version"] == version
+
+
+def test_the_code_of_its_readme_has_the_declared_types() -> None:
+    example = PACKAGE / "example.ts"
+    text = 'import { NullEngine, Scene } from "@babylonjs/core";\nconst scene = new Scene(new NullEngine());\n'
+    options = ("--noEmit", "--strict", "--module", "nodenext", "--target", "es2022", "--skipLibCheck")
+    try:
+        example.write_text(text + code_of("babylon") + "\ntree.settings.level = 1;\nexport {};\n")
+        compiler = ENGINES / "three" / "node_modules" / ".bin" / "tsc"
+        done = subprocess.run(
+            [compiler, *options, example.name], cwd=PACKAGE, capture_output=True, text=True, check=False
+        )
+    finally:
+        example.unlink()
+    assert done.returncode == 0, done.stdout

@@ -1,0 +1,97 @@
+"""Pictures of a baked tree from a package for an engine, drawn in Chromium by the code of the package's README."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import re
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from glb import Node, read_glb
+from laws import Floats
+
+from bench.browser import ask
+
+ROOT = Path(__file__).resolve().parents[2]
+ENGINES = ROOT / "engines"
+ROWS = 1080.0
+"""Height in pixels of the picture that a file's distances are for."""
+DIRECTION = np.array([0.36, 0.48, 0.8])
+"""From the tree to the eye."""
+
+
+def code_of(engine: str, number: int = 0) -> str:
+    """Return one of the examples in the README of a package: 0 draws a tree, 1 a forest."""
+    readme = (ENGINES / engine / "README.md").read_text()
+    return re.findall(r"```js\n(.*?)```", readme, re.DOTALL)[number]
+
+
+def bundle(folder: Path) -> None:
+    """Write the package for Babylon.js and Babylon.js itself as one module, folder/bundle.js."""
+    source = 'export * from "@babylonjs/core"; export * from "./src/index.js";'
+    command = ["node_modules/.bin/esbuild", "--bundle", "--format=esm", "--log-level=warning"]
+    subprocess.run(
+        [*command, f"--outfile={folder}/bundle.js"], input=source, cwd=ENGINES / "babylon", text=True, check=True
+    )
+
+
+def pictures(engine: str, file: Path, **question: Any) -> list[dict[str, Any]]:
+    """Return the page's answer for each view, with `pixels` as (side, side, 4) in [0, 255], the top row first."""
+    asked = {"file": f"/files/{file.name}", "side": 256, "code": code_of(engine), **question}
+    answer = ask(f"tests/browser/{engine}.html", asked, patience=200.0, files=file.parent)
+    side = asked["side"]
+    for picture in answer["pictures"]:
+        pixels = np.frombuffer(base64.b64decode(picture["pixels"]), np.uint8)
+        picture["pixels"] = pixels.reshape(side, side, 4)[::-1].astype(float)
+    return list(answer["pictures"])
+
+
+def levels_of(file: Path) -> list[Node]:
+    """Return the nodes of the levels, the leaves first."""
+    levels = [node for node in read_glb(file).values() if "level" in node.extras.get("leafcloud", {})]
+    return sorted(levels, key=lambda node: node.extras["leafcloud"]["level"])
+
+
+def hand_overs(levels: Sequence[Node]) -> list[float]:
+    """Return the distance at which each level but the last begins to fade, for a picture of `ROWS`."""
+    extras = [level.extras["leafcloud"] for level in levels]
+    return [
+        each["transition_start"] + 0.998 * (each["transition_end"] - each["transition_start"])
+        if "transition_end" in each
+        else following["switch_distance"]
+        for each, following in itertools.pairwise(extras)
+    ]
+
+
+def seen_from(distance: float, centre: Floats, side: int = 256) -> dict[str, Any]:
+    """Return a view for a page, at a distance for `ROWS` rows: the tree is as large in pixels as there."""
+    eye = np.asarray(centre) + distance * side / ROWS * DIRECTION
+    return {"eye": eye.tolist(), "target": list(centre), "fov": 50.0}
+
+
+def triangles(level: Node) -> int:
+    """Return the triangles of a level with its trunk."""
+    return sum(len(primitive.indices) for primitive in (*level.primitives, *level.trunk))
+
+
+def drawn_levels(distance: float, ends: Sequence[float], morphs: Sequence[bool]) -> list[int]:
+    """Return the levels that are drawn at a distance: two while they fade, over a tenth of the distance after a morph,
+    else over a quarter.
+    """
+    number = sum(distance >= end for end in ends)
+    fades = number > 0 and distance < ends[number - 1] * (1.1 if morphs[number - 1] else 1.25)
+    return [number - 1, number] if fades else [number]
+
+
+def views_of_all_levels(levels: Sequence[Node], side: int = 256) -> tuple[list[list[int]], list[dict[str, Any]]]:
+    """Return the levels to draw and the view for six distances of each hand-over, from 0.5 to 4 times it."""
+    extras = levels[0].extras["leafcloud"]
+    ends = hand_overs(levels)
+    distances = [share * end for end in ends for share in (0.5, 0.8, 0.99, 1.3, 2.0, 4.0)]
+    morphs = ["transition_end" in level.extras["leafcloud"] for level in levels]
+    drawn = [drawn_levels(distance, ends, morphs) for distance in distances]
+    return drawn, [seen_from(distance, extras["centre"], side) for distance in distances]
