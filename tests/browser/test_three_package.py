@@ -27,6 +27,13 @@ def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def octahedral(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("octahedral")
+    bake(shrub, out, *QUICK, "--engine", "three", "--last", "octahedral", "--effects=+transitions")
+    return out
+
+
 def test_each_level_is_drawn_at_its_distances(folder: Path) -> None:
     levels = levels_of(folder / "shrub.glb")
     drawn, views = views_of_all_levels(levels)
@@ -70,6 +77,22 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
         differs = np.abs(one["pixels"] - other["pixels"]).max(axis=-1) > 8.0
         assert differs.mean() < 0.02 * covered
         assert one["calls"] < other["calls"]
+
+
+def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral: Path) -> None:
+    """All trees are far away. They are sorted from back to front in the forest's order, so that blended edges agree."""
+    extras = levels_of(octahedral / "shrub.glb")[-1].extras["leafcloud"]
+    away = 2.0 * extras["octahedral"]["switch_distance"] * SIDE / 1080.0
+    places = forest_of(0.6 * extras["radius"], 24)[::-1]
+    view = {"eye": [0.2 * away, 0.4 * away, 0.9 * away], "target": [0.0, 0.0, -2.0 * extras["radius"]], "fov": 12.0}
+    common = {"places": places, "views": [view], "settings": {"level": 3}}
+    file = octahedral / "shrub.glb"
+    [forest] = pictures("three", file, code=code_of("three", 1), **common)
+    [single] = pictures("three", file, copies=True, **common)
+    shown = single["pixels"][..., 3] > 128
+    assert shown.sum() > 300
+    differs = np.abs(forest["pixels"] - single["pixels"]).max(axis=-1) > 24.0
+    assert differs.sum() < 0.1 * shown.sum()
 
 
 def test_trees_behind_the_camera_are_not_drawn(folder: Path) -> None:

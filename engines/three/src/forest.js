@@ -121,7 +121,7 @@ export class Forest extends THREE.Group {
   #set({ level, count }, { eye, range, factor, settings, seconds, nearest }) {
     if (count === 0) return;
     const { uniforms } = level;
-    uniforms.lcEye.value.copy(eye);
+    uniforms.lcViewer.value.copy(eye);
     uniforms.lcUnit.value = factor / level.scale;
     uniforms.lcFadeAt.value.fromArray(range);
     // The nearest tree decides how many leaves are drawn at all; those of farther trees shrink to points.

@@ -13,7 +13,7 @@ const DISTANCE = `
 uniform vec3 lcTransitionAt; // distance, start, end
 uniform vec2 lcFade; // appeared, gone
 #ifdef USE_INSTANCING
-uniform vec3 lcEye; // in the world
+uniform vec3 lcViewer; // in the world
 uniform vec3 lcCentre; // of the leaves, in the level's coordinates
 uniform float lcUnit; // the file's unit of distance in the level's coordinates, for the view
 uniform vec4 lcFadeAt; // distances: appears from, to; goes from, to
@@ -24,7 +24,7 @@ flat out float lcDistanceSeen;
 float lcDistance() {
 #ifdef USE_INSTANCING
     mat4 place = modelMatrix * instanceMatrix;
-    return distance(lcEye, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
+    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
 #else
     return lcTransitionAt.x;
 #endif
@@ -116,7 +116,7 @@ export function newUniforms({ pruning, wind, centre }) {
     lcContrast: { value: new THREE.Vector2() },
     lcMean: { value: new THREE.Vector3(...pruning.mean) },
     lcFade: { value: new THREE.Vector2(1, 0) },
-    lcEye: { value: new THREE.Vector3() },
+    lcViewer: { value: new THREE.Vector3() },
     lcCentre: { value: centre.clone() },
     lcUnit: { value: 1 },
     lcFadeAt: { value: new THREE.Vector4(-1, 0, NEVER, 2 * NEVER) },
