@@ -145,6 +145,12 @@ bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the level
 	@tools/prerequisites.sh chromium
 	.venv/bin/python bench/three.py $(ARGS)
 
+.PHONY: bench-engines
+bench-engines: setup $(NODE_MODULES) ## measure hand-overs, files and forests in three.js and Babylon.js (half an hour)
+	@tools/prerequisites.sh chromium
+	@mkdir -p docs/bench
+	.venv/bin/python bench/engines.py $(ARGS)
+
 .PHONY: viewer
 viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/shaders/viewer/
 	@tools/prerequisites.sh python

@@ -2,11 +2,12 @@
 
 usage: python flat_views.py OUT.npz SIZE VIEWS GRID MODEL …
 
-A MODEL is FILE.glb, or FILE.glb:NODE for one of its nodes, or FILE.glb:NODE@1 with its morph target set. @half moves
-the samples by half their distance, to measure the sampling error. The bounding sphere of the first model frames all
-pictures, or that of the model with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4) per model:
-linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel. That converges faster
-than random samples under a wide filter. Independent of the project's own renderer: Blender imports, Cycles renders.
+A MODEL is FILE.glb, or FILE.glb:NODE for one of its levels without the trunk, or FILE.glb:NODE@1 with its morph target
+set. @half moves the samples by half their distance, to measure the sampling error. The bounding sphere of the first
+model frames all pictures, or that of the model with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4)
+per model: linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel. That converges
+faster than random samples under a wide filter. Independent of the project's own renderer: Blender imports, Cycles
+renders.
 """
 
 from __future__ import annotations
@@ -67,9 +68,23 @@ def visible_meshes(model: str) -> list[bpy.types.Object]:
     meshes = [obj for obj in bpy.data.objects if obj.type == "MESH"]
     for obj in meshes:
         obj.hide_render = name not in ("", obj.name)
+        if obj.name == name:
+            remove_trunk(obj.data)
         for block in obj.data.shape_keys.key_blocks[1:] if obj.data.shape_keys else ():
             block.value = float(state == "1")
     return [obj for obj in meshes if not obj.hide_render]
+
+
+def remove_trunk(mesh: bpy.types.Mesh) -> None:
+    """Remove the trunk's triangles. The importer makes a material slot of each primitive, and the trunk's come last."""
+    import bmesh  # It is there only after bpy.
+
+    first = mesh.get("leafcloud", {}).get("first_trunk_primitive", len(mesh.materials))
+    trunk = bmesh.new()
+    trunk.from_mesh(mesh)
+    bmesh.ops.delete(trunk, geom=[face for face in trunk.faces if face.material_index >= first], context="FACES")
+    trunk.to_mesh(mesh)
+    trunk.free()
 
 
 def places_of(objects: list[bpy.types.Object]) -> NDArray[np.float64]:

@@ -18,6 +18,8 @@ export interface Settings {
   fadeBehindMorph: number;
   /** Fraction of the distance by which a level stays longer when the camera returns, without a fade. */
   hysteresis: number;
+  /** Whether the trees get shadows, also from themselves; null: as the loader's renderer. */
+  shadows: boolean | null;
   /** Whether the colors of kept leaves move toward their mean. */
   contrast: boolean;
   /** Strength of the wind; 0: no motion; null: the file's. */

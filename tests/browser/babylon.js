@@ -18,7 +18,7 @@ function newScene(engine) {
   // Light from all sides.
   const light = new HemisphericLight("light", Vector3.Up(), scene);
   light.groundColor = Color3.White();
-  light.intensity = Math.PI;
+  light.intensity = 1; // Babylon.js leaves out the π.
   light.specular = Color3.Black();
   return scene;
 }

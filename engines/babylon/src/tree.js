@@ -1,5 +1,5 @@
 // A tree with levels of detail in Babylon.js.
-import { BoundingInfo, Camera, LoadAssetContainerAsync, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
+import { BaseTexture, BoundingInfo, Camera, LoadAssetContainerAsync, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
 import "@babylonjs/loaders/glTF/index.js";
 import { joined, levelsIn, split, withLevels } from "./glb.js";
 import { areaScale, HAND_OVER, keepAt, NEVER, transitionAt, trend, viewFactor } from "./laws.js";
@@ -33,6 +33,8 @@ export async function loadTree(url, scene, { ktx2 = false } = {}) {
   const levels = levelsIn(document);
   const content = joined(withLevels(document, { ktx2 }), rest);
   const container = await LoadAssetContainerAsync(content, scene, { pluginExtension: ".glb", name: url });
+  // A texture that arrives later would get the sampling of its file again.
+  await new Promise((done) => BaseTexture.WhenAllReady(container.textures, done));
   prepare(container, levels);
   return new Tree({ container, levels }, scene);
 }
@@ -40,14 +42,21 @@ export async function loadTree(url, scene, { ktx2 = false } = {}) {
 /** Gives the meshes of leaves the vertex data of the plug-in. */
 function prepare(container, levels) {
   for (const { name, tables, primitives, extras } of levels) {
-    meshesOf(container.getNodes().find((node) => node.name === name)).forEach((mesh, number) => {
-      if (number >= (tables.first_trunk_primitive ?? primitives)) mesh.morphTargetManager = null;
-      else if (tables.first_texcoord) nameNumbers(mesh);
-      const map = mesh.material?.albedoTexture;
-      // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
-      if (extras.level === 0 && map && mesh.isVerticesDataPresent(LEAF)) map.updateSamplingMode(Texture.BILINEAR_SAMPLINGMODE);
-    });
+    const meshes = meshesOf(container.getNodes().find((node) => node.name === name));
+    const firstTrunk = tables.first_trunk_primitive ?? primitives;
+    meshes.slice(firstTrunk).forEach((mesh) => (mesh.morphTargetManager = null));
+    for (const mesh of meshes.slice(0, firstTrunk)) {
+      if (tables.first_texcoord) nameNumbers(mesh);
+      if (mesh.material?.albedoTexture) sharpen(mesh.material.albedoTexture, extras.level);
+    }
   }
+}
+
+/** Wide filters would mix the leaves with the empty texels around them. */
+function sharpen(texture, level) {
+  texture.anisotropicFilteringLevel = 1;
+  // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
+  if (level === 0) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
 }
 
 function nameNumbers(mesh) {

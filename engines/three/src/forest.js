@@ -125,7 +125,7 @@ export class Forest extends THREE.Group {
     uniforms.lcUnit.value = factor / level.scale;
     uniforms.lcFadeAt.value.fromArray(range);
     // The nearest tree decides how many leaves are drawn at all; those of farther trees shrink to points.
-    level.move(nearest, level, level.keepLaw(settings), settings.contrast);
+    level.move(nearest, level, level.keepLaw(settings), settings);
     // The shader turns the wind into each tree's coordinates.
     level.blow(settings.wind, seconds, WORLD, ORIGIN);
   }

@@ -161,11 +161,12 @@ export class Level {
   }
 
   /** Sets the laws for a camera at `distance`: `transition` is {start, end}, `keep` is [start, half]. */
-  move(distance, transition, keep, contrast) {
-    const { lcTransitionAt, lcKeepAt, lcContrast } = this.uniforms;
+  move(distance, transition, keep, { contrast, shadows }) {
+    const { lcTransitionAt, lcKeepAt, lcContrast, lcShadows } = this.uniforms;
     lcTransitionAt.value.set(distance, transition.start, transition.end);
     lcKeepAt.value.fromArray(keep);
     lcContrast.value.fromArray(contrast ? this.pruning.contrast : [0, 0]);
+    lcShadows.value = Number(shadows);
     for (const { geometry, prefixes } of this.pruned) {
       const step = Math.min(Math.ceil(keepAt(distance, ...keep) * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
       geometry.setDrawRange(0, 3 * prefixes[step]);

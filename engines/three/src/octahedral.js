@@ -28,6 +28,7 @@ const CORNER = `
 `;
 const FRAGMENT = `
 uniform LcOctahedral lcImpostor;
+uniform float lcShadows; // 1 if trees get shadows
 uniform sampler2D lcColorPage;
 uniform sampler2D lcNormalPage;
 in vec3 lcPoint;
@@ -42,7 +43,7 @@ const COLOR = `
     float lcTexels = 0.5 * lcImpostor.texels * max(length(dFdx(lcCorner)), length(dFdy(lcCorner)));
     float lcLod = log2(lcTexels);
     lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), lcLod, lcImpostor, lcSeen, lcNormal, lcLight);
-    diffuseColor *= vec4(lcSeen.rgb * lcLight, lcSeen.a);
+    diffuseColor *= vec4(lcSeen.rgb * mix(1.0, lcLight, lcShadows), lcSeen.a);
 `;
 const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
 /** Alpha below which nothing is drawn. */

@@ -16,6 +16,8 @@
  *   that levels do not flicker. A forest has none.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
  *   wind ignore it.
+ * shadows: true if the trees get shadows, also from themselves. The octahedral impostor is then darker where the crown is
+ *   dense: no shadow falls into it. null: as the loader's renderer, and false without one.
  * contrast: true to move the colors of kept leaves toward their mean, if the file has the numbers.
  * byHand: {transition, keep} to replace the numbers for the camera's distance. The level still follows the distance. A
  *   forest ignores it.
@@ -29,15 +31,17 @@ export const SETTINGS = {
   fade: 0.25,
   fadeBehindMorph: 0.1,
   hysteresis: 0.02,
+  shadows: null,
   contrast: true,
   wind: null,
   byHand: null,
 };
 
-/** Returns the settings with the height of the renderer's picture in place of a missing one. */
+/** Returns the settings with the renderer's height and shadows in place of missing ones. */
 export function forPicture(settings, renderer) {
   const pixels = settings.pixels ?? renderer?.domElement.height ?? null;
-  return { ...settings, pixels };
+  const shadows = settings.shadows ?? renderer?.shadowMap.enabled ?? false;
+  return { ...settings, pixels, shadows };
 }
 
 /** Returns the camera's vertical field of view in radians; null for one without perspective. */

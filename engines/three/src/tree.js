@@ -73,7 +73,7 @@ export class Tree extends THREE.Group {
       level.object.visible = number === this.level || (next && share > 0);
       if (!level.object.visible) return;
       level.uniforms.lcFade.value.fromArray(next ? [share, 0] : [1, share]);
-      this.#move(level);
+      level.move(...this.#laws(level), settings);
       level.blended.forEach((order) => order.update(eye));
       this.#blow(level, seconds);
     });
@@ -115,10 +115,6 @@ export class Tree extends THREE.Group {
     // Distances at which the laws have the numbers by hand: λ(1) with h = ½ is its d₀.
     if (byHand) return [1, { start: 1 - byHand.transition, end: 2 - byHand.transition }, [byHand.keep, 0.5]];
     return [this.#seenFrom, level, level.keepLaw(this.settings)];
-  }
-
-  #move(level) {
-    level.move(...this.#laws(level), this.settings.contrast);
   }
 
   #blow(level, seconds) {

@@ -1,0 +1,370 @@
+"""Measures what engines draw of a bake, and the files for them: `make bench-engines`.
+
+usage: python bench/engines.py [--quick] [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+
+- Hand-overs in three.js and Babylon.js, by the code of the packages' READMEs, in Chromium without a display: the next
+  level beside the one before, from the same places. Also the tree at each of these distances, twice and four times as
+  far, beside the leaves with 4 × 4 samples a pixel.
+- A level in the engine beside the same file in Cycles, from the same camera, without shading, with 4 × 4 samples.
+- Bytes of the files for each engine, with the validator's errors and warnings, for planned and for all effects.
+- Milliseconds of a picture in three.js for 1, 100 and 1,000 trees.
+
+Writes docs/bench/engines.md for all trees. `--quick` leaves out the files and the milliseconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from flat_views import make_flat
+from mathutils import Vector
+from numpy.typing import NDArray
+
+import leafcloud
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT)]
+from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures  # noqa: E402
+
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+LARGEST_FILE = 10_000_000
+BAKED = ROOT / "target" / "engines"
+ENGINES = ("three", "babylon")
+PROFILES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
+SAMPLES = 4
+"""Samples along a pixel's side of the leaves in the tables of distances."""
+COUNTS = (1, 100, 1000)
+DIRECTIONS = [
+    (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
+    for i, up in enumerate(np.linspace(-0.1, 0.8, 8).tolist())
+]
+"""From the tree to the eyes, Y-up."""
+
+Picture = NDArray[np.float64]
+
+INTRODUCTION = """# Engines
+
+Made by `make bench-engines` in Chromium without a graphics card: three.js and Babylon.js with the packages of this
+repository, by the code of their READMEs. Pictures have 1,080 rows and a field of view of 50°, light from all sides, no
+antialiasing.
+
+## Hand-overs
+
+Each level beside the one before it, from the same eight places. *Pixels*: covered by the level before. *FLIP*: mean
+within 4 pixels of the tree. Limits: coverage 0.95 to 1.05, luminance 0.97 to 1.03. *There*, *2 ×*, *4 ×*: coverage of
+the tree as it is drawn behind the hand-over, and so many times as far away, over that of the leaves with 4 × 4 samples
+a pixel; limits 0.9 to 1.1.
+"""
+CYCLES = """## Beside Cycles
+
+The file of one level from the same cameras, without shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the
+tree; limit 0.08. *Crown*: its height in pixels. The file of the last level has a cross impostor; three.js draws the
+octahedral impostor in its place where a tree has one.
+"""
+FILES = """## Files
+
+Kilobytes of the leaves' own file, of each level's file, and of all levels in one file.
+"""
+FORESTS = """## Forests
+
+Milliseconds of a picture of 720² pixels in three.js, drawn by the processor, and the triangles that are drawn.
+*Pruned*: leaves are left out from 10 R on.
+"""
+
+
+@dataclass(frozen=True)
+class View:
+    """Views of a tree from `distance`, with as many pixels for the tree as in a picture of `ROWS`.
+
+    side: of the picture in pixels. fov: its field of view in degrees.
+    """
+
+    distance: float
+    centre: NDArray[np.float64]
+    side: int
+    fov: float
+
+    @staticmethod
+    def of(distance: float, extras: dict[str, Any], samples: int = 1) -> View:
+        rows = ROWS * samples
+        tangent = math.tan(math.radians(25.0))
+        needed = 2.3 * extras["radius"] / distance / tangent / 2.0 * rows
+        side = min(max(64, 2 ** math.ceil(math.log2(needed))), 4096)
+        half = tangent * side / rows
+        return View(distance, np.array(extras["centre"]), side, math.degrees(2.0 * math.atan(half)))
+
+    @property
+    def question(self) -> dict[str, Any]:
+        eyes = [self.centre + self.distance * np.array(direction) for direction in DIRECTIONS]
+        views = [{"eye": eye.tolist(), "target": self.centre.tolist(), "fov": self.fov} for eye in eyes]
+        return {"side": self.side, "views": views}
+
+
+@cache
+def bake(tree: Path, engine: str, effects: str = "auto") -> Path:
+    """Return the whole chain of a bake for an engine."""
+    out = BAKED / f"{tree.stem}_{engine}_{effects}"
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--engine", engine]
+    subprocess.run([*command, "--effects", effects], check=True, capture_output=True)
+    if engine == "babylon":
+        bundle(out)
+    return out / f"{tree.stem}.glb"
+
+
+def drawn(engine: str, file: Path, view: View, **settings: Any) -> Picture:
+    """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1]."""
+    asked = {**view.question, "settings": {"pixels": zoomed(view), **settings}}
+    found: Picture = np.stack([picture["pixels"] for picture in pictures(engine, file, **asked)]) / 255.0
+    colors, alpha = found[..., :3], found[..., 3:]
+    if engine == "babylon":  # Its alpha is that of the texture, not premultiplied; nothing blends here.
+        alpha = (alpha > 0.0).astype(float)
+    else:
+        colors = (colors / np.maximum(alpha, 1e-6)).clip(0.0, 1.0)
+    return np.concatenate([linear(colors) * alpha, alpha], axis=-1)
+
+
+def zoomed(view: View) -> float:
+    """Return the height for which a field of view of `view.fov` sees the levels of 50° over `ROWS`."""
+    return ROWS * math.tan(math.radians(view.fov / 2.0)) / math.tan(math.radians(25.0))
+
+
+def linear(colors: Picture) -> Picture:
+    return np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
+
+
+def coverage(picture: Picture) -> float:
+    return float(picture[..., 3].mean())
+
+
+def luminance(picture: Picture) -> float:
+    """Return the mean luminance of the covered pixels."""
+    light = picture[..., :3] @ np.array([0.2126, 0.7152, 0.0722])
+    return float(light.sum() / picture[..., 3].sum())
+
+
+def flip(base: Picture, other: Picture) -> float:
+    """Return the mean FLIP within 4 pixels of the silhouettes, over all pairs of pictures."""
+    return float(np.mean([flip_of(*pair) for pair in zip(base, other, strict=True)]))
+
+
+def flip_of(base: Picture, other: Picture) -> float:
+    near = (base[..., 3] > 0.5) | (other[..., 3] > 0.5)
+    for _ in range(4):
+        grown = near.copy()
+        grown[1:] |= near[:-1]
+        grown[:-1] |= near[1:]
+        grown[:, 1:] |= near[:, :-1]
+        grown[:, :-1] |= near[:, 1:]
+        near = grown
+    return float(leafcloud.flip_map(encoded(base), encoded(other))[near].mean())
+
+
+def encoded(picture: Picture) -> NDArray[np.uint8]:
+    """Return sRGB bytes with straight alpha."""
+    colors = picture[..., :3] / np.maximum(picture[..., 3:], 1e-6)
+    srgb = np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * np.maximum(colors, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * np.concatenate([srgb, picture[..., 3:]], axis=-1)).clip(0, 255).astype(np.uint8)
+
+
+def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
+    """Yield a row of the table for each hand-over of a tree in an engine."""
+    file = bake(tree, engine)
+    levels = levels_of(file)
+    extras = levels[0].extras["leafcloud"]
+    for number, distance in enumerate(hand_overs(levels)):
+        view = View.of(distance, extras)
+        before, after = (drawn(engine, file, view, level=level) for level in (number, number + 1))
+        far = [coverage_at(tree, engine, file, times * distance) for times in (1.26, 2.0, 4.0)]
+        yield [
+            *(tree.stem, engine, f"{number} → {number + 1}", f"{(before[..., 3] > 0.5).sum() / len(before):,.0f}"),
+            f"{coverage(after) / coverage(before):.2f}",
+            f"{luminance(after) / luminance(before):.2f}",
+            f"{flip(before, after):.3f}",
+            *(f"{each:.2f}" for each in far),
+        ]
+
+
+@cache
+def leaves_from(tree: Path, distance: float) -> float:
+    """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side."""
+    base = bake(tree, "three")
+    extras = levels_of(base)[0].extras["leafcloud"]
+    fine = View.of(distance, extras, SAMPLES)
+    leaves = drawn("three", base, fine, level=0, byHand={"transition": 0.0, "keep": 1.0})
+    return coverage(leaves) * (fine.side / SAMPLES) ** 2
+
+
+def coverage_at(tree: Path, engine: str, file: Path, distance: float) -> float:
+    """Return the coverage of the tree as it is drawn from a distance, over that of its leaves."""
+    view = View.of(distance, levels_of(file)[0].extras["leafcloud"])
+    return coverage(drawn(engine, file, view)) * view.side**2 / leaves_from(tree, distance)
+
+
+def cycles_rows(tree: Path) -> Iterator[list[str]]:
+    """Yield for each level its FLIP in engines beside the same file in Cycles."""
+    base = levels_of(bake(tree, "three"))
+    extras = base[0].extras["leafcloud"]
+    places = [0.5 * hand_overs(base)[0], *hand_overs(base)]
+    for number, distance in enumerate(places):
+        view = View.of(distance, extras, SAMPLES)
+        row = [
+            tree.stem,
+            str(number),
+            f"{2.0 * extras['radius'] * ROWS / (2.0 * distance * math.tan(math.radians(25.0))):.0f}",
+        ]
+        for engine in ENGINES:
+            file = bake(tree, engine)
+            cycles = in_cycles(file.with_name(f"{tree.stem}_LOD{number}.glb"), view)
+            seen = drawn(engine, file, view, level=number)
+            row.append(f"{flip(reduced(cycles), reduced(seen)):.3f}")
+        yield row
+
+
+def in_cycles(file: Path, view: View) -> Picture:
+    """Return pictures of a file in Cycles without shading, one sample a pixel, as from `drawn`."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(file))
+    for material in bpy.data.materials:
+        if material.use_nodes and any(node.type == "BSDF_PRINCIPLED" for node in material.node_tree.nodes):
+            make_flat(material)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.transparent_max_bounces = 1, 1024
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    scene.render.film_transparent = True
+    scene.render.resolution_x = scene.render.resolution_y = view.side
+    image = scene.render.image_settings
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.angle, camera.data.clip_end = math.radians(view.fov), 10.0 * view.distance
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, (x, y, z) in enumerate(DIRECTIONS):
+            direction = Vector((x, -z, y))
+            middle = Vector((view.centre[0], -view.centre[2], view.centre[1]))
+            camera.location = middle + view.distance * direction
+            camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+            scene.render.filepath = str(Path(folder) / f"{number}.exr")
+            bpy.ops.render.render(write_still=True)
+            loaded = bpy.data.images.load(scene.render.filepath)
+            light = np.empty(4 * view.side**2, np.float32)
+            loaded.pixels.foreach_get(light)
+            found.append(light.reshape(view.side, view.side, 4)[::-1].astype(np.float64))
+    return np.stack(found)
+
+
+def reduced(pictures_of: Picture) -> Picture:
+    """Return the means of the samples of each pixel."""
+    views, side = pictures_of.shape[0], pictures_of.shape[1] // SAMPLES
+    means: Picture = pictures_of.reshape(views, side, SAMPLES, side, SAMPLES, 4).mean(axis=(2, 4))
+    return means
+
+
+def file_rows(tree: Path) -> Iterator[list[str]]:
+    """Yield for each profile the bytes of its files and what the validator says."""
+    for engine in PROFILES:
+        for effects in ("auto", "all"):
+            folder = bake(tree, engine, effects).parent
+            files = sorted(folder.glob("*.glb"))
+            levels = [file for file in files if "_LOD" in file.name]
+            sizes = [file.stat().st_size / 1e3 for file in (*levels, folder / f"{tree.stem}.glb")]
+            yield [
+                *(tree.stem, engine, effects, f"{tree.stat().st_size / 1e3:,.0f}"),
+                ", ".join(f"{size:,.0f}" for size in sizes[:-1]),
+                f"{sizes[-1]:,.0f}",
+                str(issues(files)),
+            ]
+
+
+def issues(files: Sequence[Path]) -> int:
+    """Return the number of errors and warnings of the Khronos validator."""
+    command = ["node", "validate.mjs", *(str(file) for file in files)]
+    run = subprocess.run(command, cwd=ROOT / "tests" / "gltf_validator", capture_output=True, text=True, check=True)
+    return sum(issue["severity"] < 2 for found in json.loads(run.stdout).values() for issue in found)
+
+
+def forest_rows(tree: Path) -> Iterator[list[str]]:
+    """Yield the milliseconds of pictures of forests."""
+    file = bake(tree, "three")
+    extras = levels_of(file)[0].extras["leafcloud"]
+    radius, centre = extras["radius"], np.array(extras["centre"])
+    for count in COUNTS:
+        places = grid(count, 2.6 * radius)
+        away = np.array([0.0, 2.0, 3.0]) * radius
+        view = {"eye": (centre + away).tolist(), "target": (centre - [0.0, 0.0, 8.0 * radius]).tolist(), "fov": 50.0}
+        asked = {"code": code_of("three", 1), "places": places, "views": [view], "side": 720}
+        row = [tree.stem, f"{count:,}"]
+        for settings in ({"level": 0, "byHand": None}, {}, {"pruneStart": 10.0 * radius, "pruneHalf": 0.5}):
+            [found] = pictures("three", file, settings=settings, **asked)
+            row.append(f"{found['milliseconds']:,.0f} ({found['triangles']:,})")
+        yield row
+
+
+def grid(count: int, step: float) -> list[list[float]]:
+    """Return matrices, as rows, of trees in front of the camera."""
+    side = math.ceil(math.sqrt(count))
+    places = []
+    for i in range(count):
+        place = np.eye(4)
+        place[:3, 3] = (i % side - side // 2) * step, 0.0, -(i // side) * step
+        places.append(place.ravel().tolist())
+    return places
+
+
+def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+
+
+def report(trees: Sequence[Path], *, quick: bool) -> Iterator[str]:
+    """Yield the sections of the document, each when it is measured."""
+    names = ["tree", "engine", "levels", "pixels", "coverage", "luminance", "FLIP", "there", "2 ×", "4 ×"]
+    yield INTRODUCTION
+    yield table(names, [row for tree in trees for engine in ENGINES for row in hand_over_rows(tree, engine)])
+    yield CYCLES
+    yield table(["tree", "level", "crown", *ENGINES], [row for tree in trees for row in cycles_rows(tree)])
+    if quick:
+        return
+    yield FILES
+    names = ["tree", "engine", "effects", "leaves", "levels", "whole chain", "errors and warnings"]
+    yield table(names, [row for tree in trees for row in file_rows(tree)])
+    yield FORESTS
+    yield table(
+        ["tree", "trees", "leaves only", "levels", "levels, pruned"],
+        [row for tree in trees[:2] for row in forest_rows(tree)],
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Measure what engines draw of a bake, and the files for them.")
+    parser.add_argument(
+        "trees", nargs="*", type=Path, help="GLB files (default: those of ../shared/foliage up to 10 MB)"
+    )
+    parser.add_argument("--quick", action="store_true", help="leave out the files and the milliseconds")
+    arguments = parser.parse_args()
+    small = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
+    sections = []
+    for section in report(arguments.trees or small, quick=arguments.quick):
+        print(section, flush=True)
+        sections.append(section)
+    if not arguments.trees and not arguments.quick:
+        (ROOT / "docs" / "bench" / "engines.md").write_text("\n".join(sections), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
