@@ -21,6 +21,12 @@ from ..settings.bake import BakeSettings
 from .gpu_load import GpuLoad
 
 
+HEAVY = 4.0
+"""The levels' textures may take this many times the leaves' bytes on a graphics card without a warning."""
+FEW_BYTES = 4_000_000
+"""Textures up to these bytes cause no warning."""
+
+
 def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], load: GpuLoad) -> dict[str, Any]:
     """Return the content of report.json for one tree.
 
@@ -69,8 +75,23 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
         "predicted": _predicted(baked),
         "effects": [_effect(effect, baked) for effect in baked.effects],
         "files": list(files),
-        "warnings": list(prepared.warnings),
+        "warnings": [*prepared.warnings, *_texture_warnings(levels)],
     }
+
+
+def _texture_warnings(levels: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a warning if the levels' textures take far more room on a graphics card than the leaves themselves."""
+    leaves, *others = (level["drawing"] for level in levels)
+    textures = sum(level["texture_bytes"] for level in others)
+    if textures <= max(HEAVY * leaves["gpu_bytes"], FEW_BYTES):
+        return []
+    largest = max(levels[1:], key=lambda level: level["drawing"]["texture_bytes"])
+    remedy = "`last=cross`" if largest["method"] == "octahedral" else "a smaller `texture_size`"
+    return [
+        f"the levels' textures take {textures / 1e6:.1f} MB on a graphics card, "
+        f"{textures / leaves['gpu_bytes']:.0f} times as much as the leaves with theirs "
+        f"({leaves['gpu_bytes'] / 1e6:.1f} MB), most of it for level {largest['level']}: set {remedy}"
+    ]
 
 
 def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:

@@ -129,3 +129,15 @@ def test_the_size_of_images(tmp_path: Path) -> None:
     image.save(filepath=str(tmp_path / "sized.jpg"))
     assert image_size((tmp_path / "sized.jpg").read_bytes()) == (37, 21)
     assert image_size(b"") == image_size(b"\xff\xd8\xff\xe0") == image_size(b"RIFF0000WEBP") == (0, 0)
+
+
+def test_textures_that_outweigh_the_leaves_are_told(shrub: Path, tmp_path: Path) -> None:
+    """The pages of an octahedral impostor take 2 × 1024² × 4 bytes and a third for mip levels, 11.2 MB."""
+    quick = ("--epsilon", 0.1, "--texture-size", 128, "--levels", 1)
+    report = bake(shrub, tmp_path, *quick, "--last", "octahedral")
+    [warning] = [warning for warning in report["warnings"] if "textures" in warning]
+    assert "11." in warning
+    assert f"({report['levels'][0]['drawing']['gpu_bytes'] / 1e6:.1f} MB)" in warning
+    assert "`last=cross`" in warning
+    light = bake(shrub, tmp_path, *quick, "--last", "cross")
+    assert not [warning for warning in light["warnings"] if "textures" in warning]

@@ -99,7 +99,9 @@ def test_trees_behind_the_camera_are_not_drawn(folder: Path) -> None:
     extras = levels_of(folder / "shrub.glb")[0].extras["leafcloud"]
     radius = extras["radius"]
     view = {"eye": [0.0, radius, 5.0 * radius], "target": [0.0, radius, 100.0 * radius], "fov": 50.0}
-    [picture] = pictures("three", folder / "shrub.glb", code=code_of("three", 1), places=forest_of(radius, 16), views=[view])
+    [picture] = pictures(
+        "three", folder / "shrub.glb", code=code_of("three", 1), places=forest_of(radius, 16), views=[view]
+    )
     assert picture["triangles"] == 0
 
 

@@ -54,7 +54,11 @@ def test_the_viewer_draws_it_by_the_law(folder: Path) -> None:
     # Far beyond the fade, where the crown fills the picture, which is then as sharp as the pages.
     distance = 3.0 * max(numbers["switch_distance"], extras["switch_distance"])
     eyes = [middle + distance * unit(np.array(eye)) for eye in EYES]
-    question = {"tree": "/files/shrub.glb", "settings": {"hysteresis": 0.0, "shadows": True}, "eyes": [eye.tolist() for eye in eyes]}
+    question = {
+        "tree": "/files/shrub.glb",
+        "settings": {"hysteresis": 0.0, "shadows": True},
+        "eyes": [eye.tolist() for eye in eyes],
+    }
     answers = ask(PAGE, question, patience=PATIENCE, files=folder)["seen"]
     rows = np.array(numbers["to_layout"]).reshape(3, 4)
     for eye, answer in zip(eyes, answers, strict=True):

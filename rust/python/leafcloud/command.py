@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -42,12 +43,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"leafcloud: {error}", file=sys.stderr)
         return 1
     if options.json:
-        print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
+        _print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
     else:
-        # A terminal may lack letters of a name.
-        encoding = sys.stdout.encoding or "utf-8"
-        print("\n".join(_lines(found, scores)).encode(encoding, "replace").decode(encoding))
+        _print("\n".join(_lines(found, scores)))
     return 0 if all(check.holds for check in found.checks) else 1
+
+
+def _print(text: str) -> None:
+    """Print text, with ? for letters that the terminal lacks, as far as its reader wants it."""
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        print(text.encode(encoding, "replace").decode(encoding), flush=True)
+    except BrokenPipeError:
+        # Python flushes again at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:

@@ -1,0 +1,113 @@
+// Makes a prefab with a LODGroup of each tree of Leafcloud that is imported into a Unity project.
+//
+// Copy this file into a folder named Editor, and all GLB files of a bake (--engine unity) into one folder of the project. It needs
+// an importer of GLB files such as glTFast or UnityGLTF. NAME.prefab has all levels under one parent; they take over at the
+// heights that NAME.glb gives, and cross-fade.
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Text;
+using UnityEditor;
+using UnityEngine;
+
+namespace Leafcloud
+{
+    public class LeafcloudTrees : AssetPostprocessor
+    {
+        const string First = "_LOD0.glb";
+
+        static void OnPostprocessAllAssets(
+            string[] importedAssets, string[] deletedAssets, string[] movedAssets, string[] movedFromAssetPaths)
+        {
+            foreach (string path in importedAssets)
+            {
+                string stem = path.EndsWith(First) ? path.Substring(0, path.Length - First.Length) : null;
+                if (stem != null && File.Exists(stem + ".glb"))
+                    MakePrefab(stem);
+            }
+        }
+
+        /// Makes NAME.prefab from NAME.glb and its levels. `stem`: their path without ".glb".
+        static void MakePrefab(string stem)
+        {
+            Node first = Array.Find(Read(stem + ".glb").nodes, node => node.extras.MSFT_screencoverage.Length > 0);
+            if (first == null)
+                return;
+            float[] heights = first.extras.MSFT_screencoverage;
+            var root = new GameObject(Path.GetFileName(stem));
+            try
+            {
+                var levels = new List<LOD>();
+                for (int number = 0; number < heights.Length; number++)
+                {
+                    var asset = AssetDatabase.LoadAssetAtPath<GameObject>(stem + "_LOD" + number + ".glb");
+                    if (asset == null)
+                    {
+                        Debug.LogError("Leafcloud: " + stem + "_LOD" + number + ".glb is missing: copy all files of the bake.");
+                        return;
+                    }
+                    var level = (GameObject)PrefabUtility.InstantiatePrefab(asset);
+                    level.transform.SetParent(root.transform, false);
+                    levels.Add(new LOD(heights[number], level.GetComponentsInChildren<Renderer>()));
+                }
+                AddGroup(root, levels.ToArray(), 2f * first.extras.leafcloud.radius * Scale(first));
+                PrefabUtility.SaveAsPrefabAsset(root, stem + ".prefab");
+            }
+            finally
+            {
+                UnityEngine.Object.DestroyImmediate(root);
+            }
+        }
+
+        /// Adds a LODGroup whose heights are those of a sphere with this diameter.
+        static void AddGroup(GameObject root, LOD[] levels, float diameter)
+        {
+            var group = root.AddComponent<LODGroup>();
+            group.fadeMode = LODFadeMode.CrossFade;
+            group.animateCrossFading = true;
+            group.SetLODs(levels);
+            group.RecalculateBounds();
+            group.size = diameter;
+        }
+
+        static float Scale(Node node)
+        {
+            return node.scale.Length == 3 ? Mathf.Max(node.scale) : 1f;
+        }
+
+        /// Reads the JSON document of a GLB file.
+        static Document Read(string path)
+        {
+            byte[] content = File.ReadAllBytes(path);
+            int size = BitConverter.ToInt32(content, 12);
+            return JsonUtility.FromJson<Document>(Encoding.UTF8.GetString(content, 20, size));
+        }
+
+        // The parts of a file that are read. JsonUtility needs the names of the JSON.
+        [Serializable]
+        class Document
+        {
+            public Node[] nodes = new Node[0];
+        }
+
+        [Serializable]
+        class Node
+        {
+            public float[] scale = new float[0];
+            public Extras extras = new Extras();
+        }
+
+        [Serializable]
+        class Extras
+        {
+            public Numbers leafcloud = new Numbers();
+            public float[] MSFT_screencoverage = new float[0];
+        }
+
+        [Serializable]
+        class Numbers
+        {
+            public float radius = 1f;
+        }
+    }
+}
