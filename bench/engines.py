@@ -36,7 +36,8 @@ import leafcloud
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT)]
-from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures  # noqa: E402
+from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures, sphere_of  # noqa: E402
+from glb import Node  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 LARGEST_FILE = 10_000_000
@@ -97,13 +98,14 @@ class View:
     fov: float
 
     @staticmethod
-    def of(distance: float, extras: dict[str, Any], samples: int = 1) -> View:
+    def of(distance: float, level: Node, samples: int = 1) -> View:
+        centre, radius = sphere_of(level)
         rows = ROWS * samples
         tangent = math.tan(math.radians(25.0))
-        needed = 2.3 * extras["radius"] / distance / tangent / 2.0 * rows
+        needed = 2.3 * radius / distance / tangent / 2.0 * rows
         side = min(max(64, 2 ** math.ceil(math.log2(needed))), 4096)
         half = tangent * side / rows
-        return View(distance, np.array(extras["centre"]), side, math.degrees(2.0 * math.atan(half)))
+        return View(distance, centre, side, math.degrees(2.0 * math.atan(half)))
 
     @property
     def question(self) -> dict[str, Any]:
@@ -182,9 +184,8 @@ def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
     """Yield a row of the table for each hand-over of a tree in an engine."""
     file = bake(tree, engine)
     levels = levels_of(file)
-    extras = levels[0].extras["leafcloud"]
     for number, distance in enumerate(hand_overs(levels)):
-        view = View.of(distance, extras)
+        view = View.of(distance, levels[0])
         before, after = (drawn(engine, file, view, level=level) for level in (number, number + 1))
         far = [coverage_at(tree, engine, file, times * distance) for times in (1.26, 2.0, 4.0)]
         yield [
@@ -200,29 +201,28 @@ def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
 def leaves_from(tree: Path, distance: float) -> float:
     """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side."""
     base = bake(tree, "three")
-    extras = levels_of(base)[0].extras["leafcloud"]
-    fine = View.of(distance, extras, SAMPLES)
+    fine = View.of(distance, levels_of(base)[0], SAMPLES)
     leaves = drawn("three", base, fine, level=0, byHand={"transition": 0.0, "keep": 1.0})
     return coverage(leaves) * (fine.side / SAMPLES) ** 2
 
 
 def coverage_at(tree: Path, engine: str, file: Path, distance: float) -> float:
     """Return the coverage of the tree as it is drawn from a distance, over that of its leaves."""
-    view = View.of(distance, levels_of(file)[0].extras["leafcloud"])
+    view = View.of(distance, levels_of(file)[0])
     return coverage(drawn(engine, file, view)) * view.side**2 / leaves_from(tree, distance)
 
 
 def cycles_rows(tree: Path) -> Iterator[list[str]]:
     """Yield for each level its FLIP in engines beside the same file in Cycles."""
     base = levels_of(bake(tree, "three"))
-    extras = base[0].extras["leafcloud"]
+    _, radius = sphere_of(base[0])
     places = [0.5 * hand_overs(base)[0], *hand_overs(base)]
     for number, distance in enumerate(places):
-        view = View.of(distance, extras, SAMPLES)
+        view = View.of(distance, base[0], SAMPLES)
         row = [
             tree.stem,
             str(number),
-            f"{2.0 * extras['radius'] * ROWS / (2.0 * distance * math.tan(math.radians(25.0))):.0f}",
+            f"{2.0 * radius * ROWS / (2.0 * distance * math.tan(math.radians(25.0))):.0f}",
         ]
         for engine in ENGINES:
             file = bake(tree, engine)
@@ -301,8 +301,7 @@ def issues(files: Sequence[Path]) -> int:
 def forest_rows(tree: Path) -> Iterator[list[str]]:
     """Yield the milliseconds of pictures of forests."""
     file = bake(tree, "three")
-    extras = levels_of(file)[0].extras["leafcloud"]
-    radius, centre = extras["radius"], np.array(extras["centre"])
+    centre, radius = sphere_of(levels_of(file)[0])
     for count in COUNTS:
         places = grid(count, 2.6 * radius)
         away = np.array([0.0, 2.0, 3.0]) * radius

@@ -20,7 +20,6 @@ from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
 from .gpu_load import GpuLoad
 
-
 HEAVY = 4.0
 """The levels' textures may take this many times the leaves' bytes on a graphics card without a warning."""
 FEW_BYTES = 4_000_000

@@ -56,6 +56,13 @@ def levels_of(file: Path) -> list[Node]:
     return sorted(levels, key=lambda node: node.extras["leafcloud"]["level"])
 
 
+def sphere_of(level: Node) -> tuple[Floats, float]:
+    """Return center and radius of the crown in the file's world."""
+    extras = level.extras["leafcloud"]
+    scale = abs(float(np.linalg.det(level.matrix[:3, :3]))) ** (1.0 / 3.0)
+    return level.to_world(np.array([extras["centre"]]))[0], scale * float(extras["radius"])
+
+
 def hand_overs(levels: Sequence[Node]) -> list[float]:
     """Return the distance at which each level but the last begins to fade, for a picture of `ROWS`."""
     extras = [level.extras["leafcloud"] for level in levels]
@@ -70,7 +77,7 @@ def hand_overs(levels: Sequence[Node]) -> list[float]:
 def seen_from(distance: float, centre: Floats, side: int = 256) -> dict[str, Any]:
     """Return a view for a page, at a distance for `ROWS` rows: the tree is as large in pixels as there."""
     eye = np.asarray(centre) + distance * side / ROWS * DIRECTION
-    return {"eye": eye.tolist(), "target": list(centre), "fov": 50.0}
+    return {"eye": eye.tolist(), "target": np.asarray(centre).tolist(), "fov": 50.0}
 
 
 def triangles(level: Node) -> int:
@@ -89,9 +96,9 @@ def drawn_levels(distance: float, ends: Sequence[float], morphs: Sequence[bool])
 
 def views_of_all_levels(levels: Sequence[Node], side: int = 256) -> tuple[list[list[int]], list[dict[str, Any]]]:
     """Return the levels to draw and the view for six distances of each hand-over, from 0.5 to 4 times it."""
-    extras = levels[0].extras["leafcloud"]
+    centre, _ = sphere_of(levels[0])
     ends = hand_overs(levels)
     distances = [share * end for end in ends for share in (0.5, 0.8, 0.99, 1.3, 2.0, 4.0)]
     morphs = ["transition_end" in level.extras["leafcloud"] for level in levels]
     drawn = [drawn_levels(distance, ends, morphs) for distance in distances]
-    return drawn, [seen_from(distance, extras["centre"], side) for distance in distances]
+    return drawn, [seen_from(distance, centre, side) for distance in distances]

@@ -69,6 +69,7 @@ pub fn axes(normal: DVec3) -> (DVec3, DVec3) {
 
 /// Returns the eigenvector of the least eigenvalue of a symmetric positive semi-definite matrix, by inverse iteration from `start`.
 #[must_use]
+#[inline(never)] // Inlined into the refits, rustc 1.95 with link-time optimisation gives other last bits than without (tools/same_bytes.sh).
 pub fn least_direction(matrix: DMat3, start: DVec3) -> DVec3 {
     let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
     let shifted = matrix + DMat3::from_diagonal(DVec3::splat(1e-9 * trace.max(f64::MIN_POSITIVE)));

@@ -12,8 +12,8 @@
 //!
 //! Gutters are too narrow for small levels: a texel there would be a mean of adjacent regions, so each texel averages only its own region.
 //! A renderer's filter mixes regions there, too. So texels on a region's rim have either no alpha or less than twice the cutoff: the mean
-//! of two of them reaches the cutoff only if both do, and no billboard shows the rim of another. Regions of few texels keep box-filtered
-//! alpha: billboards seen edge-on show these, and raised alpha would draw a line along their whole length.
+//! of two of them reaches the cutoff only if both do, and no billboard shows the rim of another. Regions of few texels keep their area
+//! together (`few`), but in the levels that tight polygons are made for, box-filtered alpha.
 
 use std::collections::HashMap;
 
@@ -21,6 +21,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::channels::Channel;
+use super::few::{Few, drawn_texels, scattered};
 use super::halves::{Owned, half_size, halved, smaller, texels};
 use super::raster::Canvas;
 use super::{dilate, plain};
@@ -40,13 +41,15 @@ pub struct PagePart {
     pub gutter: usize,
     /// Alpha cutoff, greater than 0.
     pub alpha_cutoff: f32,
+    /// For each texel of the page the share that polygons cover.
+    pub drawn: Vec<f32>,
 }
 
 impl PagePart {
     /// Returns the part with all regions of an atlas layout.
     #[must_use]
     pub fn of(atlas: &Atlas, alpha_cutoff: f32) -> Self {
-        Self { regions: atlas.regions().collect(), gutter: atlas.gutter, alpha_cutoff }
+        Self { regions: atlas.regions().collect(), gutter: atlas.gutter, alpha_cutoff, drawn: drawn_texels(atlas) }
     }
 
     /// Returns the regions with their gutters.
@@ -58,14 +61,14 @@ impl PagePart {
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
 #[must_use]
 pub fn of_parts(image: &Image, parts: &[PagePart]) -> Levels {
-    if let [PagePart { regions, alpha_cutoff, .. }] = parts {
-        return of_color(image, regions, *alpha_cutoff);
+    if let [part] = parts {
+        return of_part(image, part);
     }
     let owned: Vec<Vec<Region>> = parts.iter().map(PagePart::owned).collect();
     let alone = |(part, owned): (&PagePart, &Vec<Region>)| {
         let mut pixels: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b, _]| [r, g, b, 0]).collect();
         owned.iter().flat_map(|region| texels(*region, image.width())).for_each(|i| pixels[i] = image.pixels()[i]);
-        of_color(&as_large(image, pixels), &part.regions, part.alpha_cutoff)
+        of_part(&as_large(image, pixels), part)
     };
     let mut levels: Vec<Levels> = parts.iter().zip(&owned).map(alone).collect();
     let mut together = levels.remove(0);
@@ -99,17 +102,32 @@ fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
     Image::new(image.width(), image.height(), pixels).expect("as many texels as before")
 }
 
-/// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff.
+/// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff. Polygons cover the regions.
 #[must_use]
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
-    first_of_color(image, regions, alpha_cutoff, usize::MAX)
+    let mut drawn = vec![0.0; image.pixels().len()];
+    regions.iter().flat_map(|region| texels(*region, image.width())).for_each(|texel| drawn[texel] = 1.0);
+    of_part(image, &PagePart { regions: regions.to_vec(), gutter: 0, alpha_cutoff, drawn })
 }
 
-/// Returns the image and its first `most` mip levels, as [`of_color`] does; fewer for a small image.
+/// Returns the mip levels of one tree's part of a page.
+fn of_part(image: &Image, part: &PagePart) -> Levels {
+    let few = Few::new(image, part.drawn.clone());
+    levels_of_color(image, &part.regions, part.alpha_cutoff, usize::MAX, Some(few))
+}
+
+/// Returns the image and its first `most` mip levels, as [`of_color`] does, with box-filtered alpha in regions of few texels; fewer levels
+/// for a small image.
 pub(crate) fn first_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: usize) -> Levels {
+    levels_of_color(image, regions, alpha_cutoff, most, None)
+}
+
+/// Without `few` regions of few texels keep box-filtered alpha.
+fn levels_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: usize, mut few: Option<Few>) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
     let area = area(image, alpha_cutoff);
+    let on_polygons = few.as_ref().map_or(0.0, |few| few.visible(&image.alpha(), image.width(), cutoff));
     let mut owned = Owned::new(Canvas::of_color(image), regions);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
@@ -118,14 +136,44 @@ pub(crate) fn first_of_color(image: &Image, regions: &[Region], alpha_cutoff: f3
         let (width, height) = half_size(&owned.means);
         let at_level: Vec<Region> = regions.iter().map(|region| smaller(*region, scale, width, height)).collect();
         owned = owned.halved(&at_level);
-        let level = filled(&owned.means);
-        let regions: Vec<(Region, f64)> = at_level.into_iter().zip(shares.iter().copied()).collect();
-        let order = |&(region, share): &(Region, f64)| Order::of(&level, region, share);
-        let large = regions.par_iter().filter(|(region, _)| region.width.min(region.height) >= FEW);
-        let orders: Vec<Order> = large.map(order).collect();
-        levels.push(lifted(&level, &orders, cutoff, area));
+        let is_large = |number: &usize| at_level[*number].width.min(at_level[*number].height) >= FEW;
+        let (large, small): (Vec<usize>, Vec<usize>) = (0..regions.len()).partition(is_large);
+        let order = |level: &Image, number: usize| Order::of(level, at_level[number], shares[number]);
+        let orders = |level: &Image| large.par_iter().map(|&number| order(level, number)).collect::<Vec<Order>>();
+        let Some(few) = &mut few else {
+            let level = filled(&owned.means);
+            levels.push(lifted(&level, &orders(&level), cutoff, area));
+            continue;
+        };
+        few.halve();
+        let texels = few.texels(&picked(&at_level, &small), &picked(&at_level, &large));
+        let level = filled(&few.mixed(&owned.means, &texels));
+        let visible = |numbers: &[usize]| -> f64 { numbers.iter().map(|&i| shares[i] * size(regions[i])).sum() };
+        let of_small = visible(&small) / (visible(&small) + visible(&large)).max(f64::MIN_POSITIVE);
+        let passing = few.passing(&level, &texels, of_small * area * (width * height) as f64);
+        let orders = orders(&level);
+        let large = lifted(&cleared(level, &texels), &orders, cutoff, (1.0 - of_small) * area);
+        levels.push(few.lifted(large, &passing, on_polygons, cutoff));
     }
     levels
+}
+
+fn picked(regions: &[Region], numbers: &[usize]) -> Vec<Region> {
+    numbers.iter().map(|&number| regions[number]).collect()
+}
+
+/// Returns the number of a region's texels.
+fn size(region: Region) -> f64 {
+    (region.width * region.height) as f64
+}
+
+/// Returns the image without alpha in some texels.
+fn cleared(image: Image, texels: &[usize]) -> Image {
+    let mut alpha = image.alpha();
+    for &texel in texels {
+        alpha[texel] = 0;
+    }
+    image.with_alpha(alpha)
 }
 
 /// Returns box-filtered mip levels of base color, as engines make them: means of alpha, and of color weighted by alpha.
@@ -198,7 +246,7 @@ pub fn area(image: &Image, cutoff: f32) -> f64 {
 #[must_use]
 pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     let passing = texels(region, image.width()).filter(|&i| image.pixels()[i][3] >= cutoff).count();
-    passing as f64 / (region.width * region.height) as f64
+    passing as f64 / size(region)
 }
 
 /// Regions with fewer texels along a side keep box-filtered alpha.
@@ -237,10 +285,9 @@ impl Order {
     /// Returns the order with which this share of the region passes. Texels with the same alpha are sorted by a hash of their position.
     fn of(level: &Image, region: Region, share: f64) -> Self {
         let alpha = |texel: usize| level.pixels()[texel][3];
-        let scatter = |texel: usize| (texel as u32).wrapping_mul(0x9E37_79B1).rotate_left(13).wrapping_mul(0x85EB_CA6B);
         let mut order: Vec<usize> = texels(region, level.width()).filter(|&texel| alpha(texel) > 0).collect();
-        order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scatter(texel), texel));
-        let wanted = share * (region.width * region.height) as f64;
+        order.sort_unstable_by_key(|&texel| (std::cmp::Reverse(alpha(texel)), scattered(texel), texel));
+        let wanted = share * size(region);
         // A visible region does not vanish.
         let passing = if share > 0.0 { (wanted.round() as usize).clamp(1, order.len().max(1)) } else { 0 };
         let code = |rank: usize| order.get(rank).or(order.first()).map_or(0, |&texel| alpha(texel));
@@ -368,8 +415,12 @@ mod tests {
         let thin = image(64, 64, |x, y| [0, 40, 200, if (x + 2 * y) % 5 == 0 { 230 } else { 120 }]);
         let page =
             image(128, 64, |x, y| if x < 64 { dense.pixels()[y * 64 + x] } else { thin.pixels()[y * 64 + x - 64] });
-        let part =
-            |x: usize, alpha_cutoff: f32| PagePart { regions: vec![Region { x, ..region }], gutter: 4, alpha_cutoff };
+        let part = |x: usize, alpha_cutoff: f32| PagePart {
+            regions: vec![Region { x, ..region }],
+            gutter: 4,
+            alpha_cutoff,
+            drawn: vec![1.0; 128 * 64],
+        };
         let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)]);
         for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {
             let alone = of_color(own, &[region], alpha_cutoff);
@@ -415,6 +466,47 @@ mod tests {
         for (number, level) in of_color(&faint, &[left, right], 0.5).iter().enumerate().take(5) {
             let at = |region: Region| share(level, smaller(region, 1 << number, level.width(), level.height()), 128);
             assert_eq!((at(left), at(right)), (0.0, 1.0), "level {number}");
+        }
+    }
+
+    #[test]
+    fn many_small_regions_keep_their_area_together() {
+        // 256 regions of 6 × 6 texels, each with a leaf of 2 × 4. From level 2 on no region has four texels along a side.
+        let regions: Vec<Region> =
+            (0..256).map(|i| Region { x: i % 16 * 8 + 1, y: i / 16 * 8 + 1, width: 6, height: 6 }).collect();
+        let page = image(128, 128, |x, y| {
+            let leaf = (3..5).contains(&(x % 8)) && (2..6).contains(&(y % 8));
+            [50, 120, 30, if leaf { 255 } else { 0 }]
+        });
+        let seen = |level: &Image| {
+            let scale = 128 / level.width();
+            let alpha = |x: f64, y: f64| {
+                let place = |at: f64| ((at / scale as f64 - 0.5).max(0.0), level.width() - 1);
+                let ((x, last), (y, _)) = (place(x), place(y));
+                let at = |x: f64, y: f64| {
+                    f64::from(level.pixels()[(y as usize).min(last) * level.width() + (x as usize).min(last)][3])
+                };
+                let (i, j, u, v) = (x.floor(), y.floor(), x.fract(), y.fract());
+                (at(i, j) * (1.0 - u) + at(i + 1.0, j) * u) * (1.0 - v)
+                    + (at(i, j + 1.0) * (1.0 - u) + at(i + 1.0, j + 1.0) * u) * v
+            };
+            // Four places along each side of the regions' texels.
+            let places = regions.iter().flat_map(|region| {
+                (0..24 * 24).map(move |i| {
+                    (
+                        region.x as f64 + f64::from(i % 24) / 4.0 + 0.125,
+                        region.y as f64 + f64::from(i / 24) / 4.0 + 0.125,
+                    )
+                })
+            });
+            let (count, shown) =
+                places.fold((0, 0), |(count, shown), (x, y)| (count + 1, shown + i32::from(alpha(x, y) >= 64.0)));
+            f64::from(shown) / f64::from(count)
+        };
+        let first = seen(&page);
+        for (number, level) in of_color(&page, &regions, 0.25).iter().enumerate().take(6).skip(1) {
+            let off = seen(level) / first - 1.0;
+            assert!(off.abs() < 0.1, "level {number}: {off}");
         }
     }
 

@@ -4,6 +4,7 @@ pub mod animation;
 mod cascade;
 mod channels;
 mod dilate;
+mod few;
 mod halves;
 pub mod image;
 mod labels;
