@@ -227,6 +227,12 @@ docs-godot: test-godot ## make the picture of docs/engines.md
 	@mkdir -p docs/engines
 	convert out/godot/forest.png -resize 60% +dither -colors 96 -define png:compression-level=9 docs/engines/godot_forest.png
 
+.PHONY: docs-three
+docs-three: setup .venv/.test $(NODE_MODULES) ## make the picture of three.js in docs/engines.md
+	@tools/prerequisites.sh chromium
+	@mkdir -p docs/engines
+	.venv/bin/python tools/forest_picture.py "$(INPUT)" docs/engines/three_forest.png
+
 .PHONY: clean
 clean: ## remove all build outputs and environments
 	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(dir $(NODE_MODULES)) .mypy_cache .pytest_cache .ruff_cache

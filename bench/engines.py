@@ -1,6 +1,6 @@
 """Measures what engines draw of a bake, and the files for them: `make bench-engines`.
 
-usage: python bench/engines.py [--quick] [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+usage: python bench/engines.py [--quick] [TREE.glb …]      (default: pine, oak and fir of ../shared/foliage)
 
 - Hand-overs in three.js and Babylon.js, by the code of the packages' READMEs, in Chromium without a display: the next
   level beside the one before, from the same places. Also the tree at each of these distances, twice and four times as
@@ -40,7 +40,7 @@ from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures,
 from glb import Node  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
-LARGEST_FILE = 10_000_000
+TREES = ("pine_cards_20k", "oak_cards_11k", "douglas_fir_105k")
 BAKED = ROOT / "target" / "engines"
 ENGINES = ("three", "babylon")
 PROFILES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
@@ -345,20 +345,20 @@ def report(trees: Sequence[Path], *, quick: bool) -> Iterator[str]:
     yield FORESTS
     yield table(
         ["tree", "trees", "leaves only", "levels", "levels, pruned"],
-        [row for tree in trees[:2] for row in forest_rows(tree)],
+        list(forest_rows(trees[0])),
     )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Measure what engines draw of a bake, and the files for them.")
     parser.add_argument(
-        "trees", nargs="*", type=Path, help="GLB files (default: those of ../shared/foliage up to 10 MB)"
+        "trees", nargs="*", type=Path, help="GLB files (default: pine, oak and fir of ../shared/foliage)"
     )
     parser.add_argument("--quick", action="store_true", help="leave out the files and the milliseconds")
     arguments = parser.parse_args()
-    small = [tree for tree in sorted(FOLIAGE.glob("*.glb")) if tree.stat().st_size <= LARGEST_FILE]
+    usual = [FOLIAGE / f"{name}.glb" for name in TREES]
     sections = []
-    for section in report(arguments.trees or small, quick=arguments.quick):
+    for section in report(arguments.trees or usual, quick=arguments.quick):
         print(section, flush=True)
         sections.append(section)
     if not arguments.trees and not arguments.quick:
