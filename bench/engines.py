@@ -153,7 +153,7 @@ def coverage(picture: Picture) -> float:
 def luminance(picture: Picture) -> float:
     """Return the mean luminance of the covered pixels."""
     light = picture[..., :3] @ np.array([0.2126, 0.7152, 0.0722])
-    return float(light.sum() / picture[..., 3].sum())
+    return float(light.sum() / max(picture[..., 3].sum(), 1.0))
 
 
 def flip(base: Picture, other: Picture) -> float:
@@ -180,6 +180,11 @@ def encoded(picture: Picture) -> NDArray[np.uint8]:
     return np.rint(255.0 * np.concatenate([srgb, picture[..., 3:]], axis=-1)).clip(0, 255).astype(np.uint8)
 
 
+def ratio(after: float, before: float) -> str:
+    """Return a cell: how many times as much, or that nothing was drawn before."""
+    return f"{after / before:.2f}" if before > 0.0 else "from nothing"
+
+
 def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
     """Yield a row of the table for each hand-over of a tree in an engine."""
     file = bake(tree, engine)
@@ -190,8 +195,8 @@ def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
         far = [coverage_at(tree, engine, file, times * distance) for times in (1.26, 2.0, 4.0)]
         yield [
             *(tree.stem, engine, f"{number} → {number + 1}", f"{(before[..., 3] > 0.5).sum() / len(before):,.0f}"),
-            f"{coverage(after) / coverage(before):.2f}",
-            f"{luminance(after) / luminance(before):.2f}",
+            ratio(coverage(after), coverage(before)),
+            ratio(luminance(after), luminance(before)),
             f"{flip(before, after):.3f}",
             *(f"{each:.2f}" for each in far),
         ]

@@ -7,7 +7,7 @@ space partition (BSP) for each primitive:
 
     leafcloud.blend_order[i] = {planes: [nx, ny, nz, d, …], children: [front, back, …], ranges: [first, behind, …]}
 
-`shaders/viewer/blending.js` traverses it. An engine that ignores it draws the order for an eye in front of the tree.
+`engines/three/src/blending.js` traverses it. An engine that ignores it draws the order for an eye in front of the tree.
 Known limits: a cloud that morphs keeps the order of its rest positions; pruned billboards shrink to nothing, but
 stay in the indices.
 """

@@ -18,6 +18,7 @@ export const SETTINGS: Readonly<Settings>;
 
 /** A tree that shows the level for the active camera's distance before each picture of its scene. */
 export class Tree {
+  private constructor();
   /** Node to place the tree by. */
   readonly root: TransformNode;
   settings: Settings;
@@ -31,11 +32,12 @@ export class Tree {
   update(camera: Camera | null): void;
   /** Returns a tree with the same geometry and textures. */
   clone(): Tree;
+  /** Frees this copy. Geometry and textures of the file stay with the scene. */
   dispose(): void;
 }
 
 /**
- * Loads a tree from the GLB file at `url`. `ktx2`: read KTX2 textures, which needs Babylon.js's transcoder. Rejects with an
- * error for a file without levels.
+ * Loads a tree from the GLB file at `url`. `ktx2`: read KTX2 textures, which needs Babylon.js's transcoder. `tree`: its number,
+ * in a file of several. Rejects with an error for a file without levels.
  */
-export function loadTree(url: string, scene: Scene, options?: { ktx2?: boolean }): Promise<Tree>;
+export function loadTree(url: string, scene: Scene, options?: { ktx2?: boolean; tree?: number }): Promise<Tree>;

@@ -16,7 +16,7 @@ export interface Settings {
   fade: number;
   /** The same after a morph. */
   fadeBehindMorph: number;
-  /** Fraction of the distance by which a level stays longer when the camera returns, without a fade. */
+  /** Fraction of the distance by which a level stays longer when the camera returns, without a fade. A forest has none. */
   hysteresis: number;
   /** Whether the trees get shadows, also from themselves; null: as the loader's renderer. */
   shadows: boolean | null;
@@ -24,7 +24,7 @@ export interface Settings {
   contrast: boolean;
   /** Strength of the wind; 0: no motion; null: the file's. */
   wind: number | null;
-  /** Numbers in place of those for the distance, both in [0, 1]. */
+  /** Numbers in place of those for the distance, both in [0, 1]. A forest ignores them. */
   byHand: { transition: number; keep: number } | null;
 }
 
@@ -33,9 +33,23 @@ export const SETTINGS: Readonly<Settings>;
 /** Source of the laws as GLSL functions, for shaders of your own. */
 export const LAWS: string;
 
+export interface LoadOptions {
+  /** Draws the tree. Without one, PNG textures are read, and levels suit pictures of 1080 rows. */
+  renderer?: WebGLRenderer;
+  /** Number of the tree, in a file of several; 0 by default. */
+  tree?: number;
+  /** Address of the folder of three.js's transcoder for KTX2, if an import map does not tell it. */
+  transcoder?: string;
+  manager?: LoadingManager;
+  onProgress?: (event: ProgressEvent) => void;
+}
+
 /** A tree that shows the level for the camera's distance. */
 export class Tree extends Group {
-  static load(url: string, options?: { renderer?: WebGLRenderer }): Promise<Tree>;
+  static load(url: string, options?: LoadOptions): Promise<Tree>;
+  private constructor();
+  /** Number of trees in the file. */
+  readonly trees: number;
   readonly settings: Settings;
   /** Number of the drawn level; 0 has the leaves. */
   readonly level: number;
@@ -48,7 +62,7 @@ export class Tree extends Group {
   update(camera: Camera, seconds?: number): void;
   /** Returns a tree with the same geometry and textures. */
   clone(): this;
-  /** Frees the materials of this copy. */
+  /** Frees the materials and geometries of this copy. */
   dispose(): void;
 }
 
@@ -67,6 +81,9 @@ export class Forest extends Group {
   plant(places: Matrix4[]): void;
   /** Call it before each picture. `seconds`: time of the wind. */
   update(camera: Camera, seconds?: number): void;
+  /** Returns a forest of the same trees. */
+  clone(): this;
+  /** Frees the materials and geometries of this forest. */
   dispose(): void;
 }
 
@@ -74,4 +91,6 @@ export class Forest extends Group {
 export class LeafcloudLoader extends Loader<Tree> {
   /** `renderer`: draws the trees. Without one, PNG textures are read, and levels suit pictures of 1080 rows. */
   constructor(renderer?: WebGLRenderer, manager?: LoadingManager);
+  /** Address of the folder of three.js's transcoder for KTX2: bundlers do not know it. */
+  setTranscoderPath(path: string): this;
 }

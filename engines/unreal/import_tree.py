@@ -34,14 +34,16 @@ def read_document(path: Path) -> dict[str, Any]:
 
 def coverages_and_radius(document: dict[str, Any]) -> tuple[list[float], float]:
     """Return for each level the share of the picture's height at which the next one takes over, and the radius of the
-    crown in meters. Raise `ValueError` for a file without levels.
+    crown in meters. Raise `ValueError` for a file without levels, and for one of several trees.
     """
-    for node in document.get("nodes", []):
-        extras = node.get("extras", {})
-        if "MSFT_screencoverage" in extras and "leafcloud" in extras:
-            scale = max(abs(each) for each in node.get("scale", [1.0]))
-            return extras["MSFT_screencoverage"], extras["leafcloud"]["radius"] * scale
-    raise ValueError("the file has no levels: choose a NAME.glb that Leafcloud wrote")
+    trees = [node for node in document.get("nodes", []) if "MSFT_screencoverage" in node.get("extras", {})]
+    if not trees:
+        raise ValueError("the file has no levels: choose a NAME.glb that Leafcloud wrote")
+    if len(trees) > 1:
+        raise ValueError(f"the file has {len(trees)} trees: bake each one by itself")
+    [node] = trees
+    scale = max(abs(each) for each in node.get("scale", [1.0]))
+    return node["extras"]["MSFT_screencoverage"], node["extras"]["leafcloud"]["radius"] * scale
 
 
 def screen_sizes(coverages: list[float], radius: float, bounds: float) -> list[float]:

@@ -41,6 +41,10 @@ class Model extends THREE.Group {
   clone() {
     return new Model(this.children[0].clone());
   }
+
+  dispose() {
+    this.traverse(({ geometry, material }) => [geometry, material].forEach((each) => each?.dispose()));
+  }
 }
 
 export class Stand extends THREE.Group {
@@ -53,6 +57,11 @@ export class Stand extends THREE.Group {
     this.add(tree);
   }
 
+  /** Frees all copies. */
+  dispose() {
+    [this.tree, this.#beside, this.#forest].forEach((each) => each?.dispose());
+  }
+
   /** Whether the full tree stands beside the tree. */
   get beside() {
     return this.#beside !== null;
@@ -60,6 +69,7 @@ export class Stand extends THREE.Group {
 
   set beside(wanted) {
     this.#beside?.removeFromParent();
+    this.#beside?.dispose();
     this.#beside = null;
     if (!wanted) return;
     this.#beside = this.tree.clone();

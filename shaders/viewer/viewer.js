@@ -81,7 +81,7 @@ async function open(url, name) {
     const loaded = await load(url, renderer);
     if (number !== opened) return; // Another file was opened meanwhile.
     show(loaded);
-    tell(loaded.tree.levels.length ? "" : `${name} has no levels of Leafcloud. It is shown as it is.`, READING);
+    tell(wordsAbout(loaded.tree, name), READING);
   } catch (error) {
     console.error(error);
     if (number === opened) tell(wordsFor(error, name), READING);
@@ -93,6 +93,12 @@ function tell(words, milliseconds = 0) {
   message.textContent = words;
   message.classList.toggle("beside", stand !== null);
   if (stand && milliseconds) setTimeout(() => message.textContent === words && tell(""), milliseconds);
+}
+
+/** Returns what a user should know of a file that was read. */
+function wordsAbout({ levels, trees }, name) {
+  if (levels.length === 0) return `${name} has no levels of Leafcloud. It is shown as it is.`;
+  return trees > 1 ? `${name} has ${trees} trees. The first one is shown.` : "";
 }
 
 /** Returns the error of a file and its remedy in words. */
@@ -111,6 +117,7 @@ function moveSun() {
 
 function show(loaded) {
   stand?.removeFromParent();
+  stand?.dispose();
   stand = loaded;
   scene.add(stand);
   const { tree } = stand;

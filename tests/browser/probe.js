@@ -259,7 +259,7 @@ async function seen({ tree: url, settings, eyes, seconds = 0, suns = [] }) {
 }
 
 async function texturesIn({ textures: url, transcoder }) {
-  const gltf = await loadFile(url, newRenderer(), transcoder);
+  const gltf = await loadFile(url, newRenderer(), { transcoder });
   const maps = new Set();
   const materials = await gltf.parser.getDependencies("material");
   materials.forEach(({ map }) => map && maps.add(map));

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
-from engine_views import code_of, hand_overs, levels_of, pictures, triangles, views_of_all_levels
+from command_line import QUICK, bake, run
+from engine_views import code_of, hand_overs, levels_of, pictures, sphere_of, triangles, views_of_all_levels
 
+from bench.browser import BrowserError
 from tools.copy_laws import copies
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,19 +81,62 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
 
 
 def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral: Path) -> None:
-    """All trees are far away. They are sorted from back to front in the forest's order, so that blended edges agree."""
-    extras = levels_of(octahedral / "shrub.glb")[-1].extras["leafcloud"]
+    """All trees are far away. Single ones are blended; in the forest they are cut out: their order does not matter."""
+    level = levels_of(octahedral / "shrub.glb")[-1]
+    extras = level.extras["leafcloud"]
     away = 2.0 * extras["octahedral"]["switch_distance"] * SIDE / 1080.0
-    places = forest_of(0.6 * extras["radius"], 24)[::-1]
+    places = forest_of(0.6 * extras["radius"], 24)
     view = {"eye": [0.2 * away, 0.4 * away, 0.9 * away], "target": [0.0, 0.0, -2.0 * extras["radius"]], "fov": 12.0}
-    common = {"places": places, "views": [view], "settings": {"level": 3}}
+    common = {"places": places, "views": [view], "settings": {"level": level.extras["leafcloud"]["level"]}}
     file = octahedral / "shrub.glb"
-    [forest] = pictures("three", file, code=code_of("three", 1), **common)
-    [single] = pictures("three", file, copies=True, **common)
-    shown = single["pixels"][..., 3] > 128
-    assert shown.sum() > 300
-    differs = np.abs(forest["pixels"] - single["pixels"]).max(axis=-1) > 24.0
-    assert differs.sum() < 0.1 * shown.sum()
+    pixels = [
+        pictures("three", file, **common, **way)[0]["pixels"] / 255.0
+        for way in ({"code": code_of("three", 1)}, {"copies": True})
+    ]
+    areas = [each[..., 3].sum() for each in pixels]
+    assert areas[1] > 300
+    assert areas[0] == pytest.approx(areas[1], rel=0.15)
+    colors = [each[..., :3].sum(axis=(0, 1)) / each[..., 3].sum() for each in pixels]
+    assert colors[0] == pytest.approx(colors[1], rel=0.1)
+
+
+def test_a_forest_shows_a_trunk_whose_crown_is_outside_of_the_picture(folder: Path) -> None:
+    """The camera looks at the foot of the stem, which lies below the sphere of the crown."""
+    [level, *_] = levels_of(folder / "shrub.glb")
+    radius = level.extras["leafcloud"]["radius"]
+    points = np.concatenate([level.to_world(trunk.attributes["POSITION"]) for trunk in level.trunk])
+    foot = points[points[:, 1].argmin()]
+    view = {"eye": (foot + np.array([0.0, 0.0, 0.3 * radius])).tolist(), "target": foot.tolist(), "fov": 10.0}
+    common = {"places": [np.eye(4).ravel().tolist()], "views": [view]}
+    [forest] = pictures("three", folder / "shrub.glb", code=code_of("three", 1), **common)
+    [single] = pictures("three", folder / "shrub.glb", copies=True, **common)
+    assert single["triangles"] > 0
+    assert forest["triangles"] == single["triangles"]
+
+
+NUMBERED = """
+import { Tree } from "leafcloud-three";
+const tree = await Tree.load("pine.glb", { renderer, tree: NUMBER });
+scene.add(tree);
+renderer.setAnimationLoop(() => (tree.update(camera), renderer.render(scene, camera)));
+"""
+
+
+def test_one_of_several_trees_is_read(shrub: Path, tmp_path: Path) -> None:
+    (tmp_path / "bush.glb").write_bytes(shrub.read_bytes())
+    out = tmp_path / "out"
+    done = run("--input", shrub, tmp_path / "bush.glb", "--out", out, *QUICK, "--engine", "three", "--last", "cross")
+    assert done.returncode == 0, done.stderr
+    file = out / "shrub_bush.glb"
+    levels = [level for level in levels_of(file) if level.extras["leafcloud"]["level"] == 0]
+    assert len(levels) == 2
+    centre, radius = sphere_of(levels[0])
+    view = {"eye": (centre + np.array([0.0, 0.0, 3.0 * radius])).tolist(), "target": centre.tolist(), "fov": 50.0}
+    for number, level in enumerate(levels):
+        [picture] = pictures("three", file, code=NUMBERED.replace("NUMBER", str(number)), views=[view])
+        assert picture["triangles"] == triangles(level)
+    with pytest.raises(BrowserError, match="2 trees, and no tree 2"):
+        pictures("three", file, code=NUMBERED.replace("NUMBER", "2"), views=[view])
 
 
 def test_trees_behind_the_camera_are_not_drawn(folder: Path) -> None:

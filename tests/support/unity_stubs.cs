@@ -26,7 +26,7 @@ namespace UnityEngine
     }
     public static class Debug { public static void LogError(object message) { } }
     public static class JsonUtility { public static T FromJson<T>(string json) { return default(T); } }
-    public static class Mathf { public static float Max(params float[] values) { return 0f; } }
+    public static class Mathf { public static float Max(params float[] values) { return 0f; } public static float Abs(float f) { return 0f; } }
 }
 
 namespace UnityEditor

@@ -25,23 +25,34 @@ export function joined(document, rest) {
   return bytes;
 }
 
+/** Returns the numbers of the nodes of each tree's levels. A file of one level has one for each tree. */
+function chainsIn({ nodes }) {
+  const hasLevel = (node) => node.extras?.leafcloud?.level !== undefined;
+  const behind = nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
+  const firsts = nodes.map((_, number) => number).filter((number) => hasLevel(nodes[number]) && !behind.includes(number));
+  return firsts.map((number) => [number, ...(nodes[number].extensions?.MSFT_lod?.ids ?? [])]);
+}
+
 /**
- * Shows all levels of MSFT_lod in the scene: Babylon.js reads the extension as steps of loading. Without `ktx2` the PNG
+ * Shows all levels of tree number `tree` in the scene: Babylon.js reads MSFT_lod as steps of loading. Without `ktx2` the PNG
  * textures are read: Babylon.js waits for ever for a transcoder that it cannot reach.
  */
-export function withLevels(document, { ktx2 }) {
-  const ids = document.nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
-  document.scenes[document.scene ?? 0].nodes.push(...ids);
+export function withLevels(document, { ktx2, tree }) {
+  const chains = chainsIn(document);
+  const { nodes } = document.scenes[document.scene ?? 0];
+  document.scenes[document.scene ?? 0].nodes = [...nodes.filter((node) => !chains.flat().includes(node)), ...chains[tree]];
   document.nodes.forEach(({ extensions }) => delete extensions?.MSFT_lod);
   if (!ktx2) document.textures?.forEach(({ extensions }) => delete extensions?.KHR_texture_basisu);
   return document;
 }
 
-/** Returns the level of each node that has one: its name, extras and the tables of its mesh. */
-export function levelsIn(document) {
-  const found = document.nodes.filter(({ extras }) => extras?.leafcloud?.level !== undefined);
-  if (found.length === 0) throw new Error("No levels in this file: load a NAME.glb that Leafcloud wrote.");
-  return found
+/** Returns the levels of tree number `tree`: their nodes' names and extras, and the tables of their meshes. */
+export function levelsIn(document, tree) {
+  const chains = chainsIn(document);
+  if (chains.length === 0) throw new Error("No levels in this file: load a NAME.glb that Leafcloud wrote.");
+  if (!chains[tree]) throw new Error(`The file has ${chains.length} trees, and no tree ${tree}: choose a smaller number.`);
+  return chains[tree]
+    .map((number) => document.nodes[number])
     .map(({ name, mesh, extras }) => {
       const { primitives, extras: own } = document.meshes[mesh];
       const tables = own?.leafcloud ?? {};

@@ -23,15 +23,16 @@ const REACH = 1.2;
 const NUMBERS = [VertexBuffer.UV3Kind, VertexBuffer.UV4Kind, VertexBuffer.UV5Kind, VertexBuffer.UV6Kind];
 
 /**
- * Loads the tree from the GLB file at `url` into `scene`. It switches by itself before each picture. `ktx2`: read KTX2
- * textures, which needs Babylon.js's transcoder. The file must be baked with `--engine babylon`.
+ * Loads a tree from the GLB file at `url` into `scene`. It switches by itself before each picture. `ktx2`: read KTX2
+ * textures, which needs Babylon.js's transcoder. `tree`: its number, in a file of several. The file must be baked with
+ * `--engine babylon`.
  */
-export async function loadTree(url, scene, { ktx2 = false } = {}) {
+export async function loadTree(url, scene, { ktx2 = false, tree = 0 } = {}) {
   const response = await fetch(url);
   if (!response.ok) throw new Error(`${url}: ${response.status}`);
   const { document, rest } = split(await response.arrayBuffer());
-  const levels = levelsIn(document);
-  const content = joined(withLevels(document, { ktx2 }), rest);
+  const levels = levelsIn(document, tree);
+  const content = joined(withLevels(document, { ktx2, tree }), rest);
   const container = await LoadAssetContainerAsync(content, scene, { pluginExtension: ".glb", name: url });
   // A texture that arrives later would get the sampling of its file again.
   await new Promise((done) => BaseTexture.WhenAllReady(container.textures, done));
@@ -47,6 +48,7 @@ function prepare(container, levels) {
     meshes.slice(firstTrunk).forEach((mesh) => (mesh.morphTargetManager = null));
     for (const mesh of meshes.slice(0, firstTrunk)) {
       if (tables.first_texcoord) nameNumbers(mesh);
+      else if (tables.prefixes) throw new Error("The file has numbers that Babylon.js drops: bake with --engine babylon.");
       if (mesh.material?.albedoTexture) sharpen(mesh.material.albedoTexture, extras.level);
     }
   }
@@ -94,7 +96,7 @@ export class Tree {
     this.#levels = source.levels.map((each) => newLevel(each, this.root));
     this.#levels.forEach((level, i) => {
       const next = this.#levels[i + 1]?.switchDistance ?? Infinity;
-      level.handOver = level.morphs ? level.start + HAND_OVER * (level.end - level.start) : next;
+      level.handOver = level.isMorphing ? level.start + HAND_OVER * (level.end - level.start) : next;
     });
     this.centre = Vector3.FromArray(source.levels[0].extras.centre);
     this.radius = source.levels[0].extras.radius;
@@ -109,6 +111,7 @@ export class Tree {
 
   dispose() {
     this.#scene.onBeforeRenderObservable.remove(this.#observer);
+    this.#levels.forEach(({ materials, morphs }) => [...materials, ...morphs].forEach((each) => each.dispose()));
     this.root.dispose(false, false);
   }
 
@@ -150,7 +153,7 @@ export class Tree {
   }
 
   #fade(level) {
-    return level.morphs ? this.settings.fadeBehindMorph : this.settings.fade;
+    return level.isMorphing ? this.settings.fadeBehindMorph : this.settings.fade;
   }
 
   #goneAt(level) {
@@ -167,17 +170,18 @@ export class Tree {
 /** Returns a level below `root`, with materials of its own. */
 function newLevel({ name, extras, tables, primitives }, root) {
   const node = root.getDescendants(false).find((each) => each.name === name);
-  const morphs = Number.isFinite(extras.transition_end);
+  const isMorphing = Number.isFinite(extras.transition_end);
   const level = {
     node,
-    morphs,
-    start: morphs ? extras.transition_start : NEVER,
-    end: morphs ? extras.transition_end : NEVER,
+    isMorphing,
+    start: isMorphing ? extras.transition_start : NEVER,
+    end: isMorphing ? extras.transition_end : NEVER,
     switchDistance: extras.switch_distance,
     extras,
     shares: tables.area_shares,
     plugins: [],
-    morphTargets: [],
+    materials: [],
+    morphs: [],
     pruned: [],
   };
   const firstTrunk = tables.first_trunk_primitive ?? primitives;
@@ -188,6 +192,9 @@ function newLevel({ name, extras, tables, primitives }, root) {
 function dress(level, mesh, prefixes) {
   const { centre, radius, mean_color: mean } = level.extras;
   mesh.material = mesh.material.clone(mesh.material.name);
+  level.materials.push(mesh.material);
+  // Levels with baked light store colors above 1 with this factor.
+  mesh.material.albedoColor?.scaleInPlace(mesh.material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
   const plugin = new LevelPlugin(mesh.material, mesh.isVerticesDataPresent(LEAF));
   if (mean) plugin.mean = mean;
   level.plugins.push(plugin);
@@ -197,7 +204,7 @@ function dress(level, mesh, prefixes) {
   mesh.setBoundingInfo(new BoundingInfo(Vector3.Minimize(box.minimum, least), Vector3.Maximize(box.maximum, most)));
   if (mesh.morphTargetManager) {
     mesh.morphTargetManager = mesh.morphTargetManager.clone();
-    level.morphTargets.push(mesh.morphTargetManager.getTarget(0));
+    level.morphs.push(mesh.morphTargetManager);
   }
   if (prefixes) level.pruned.push({ part: mesh.subMeshes[0], prefixes });
 }
@@ -210,7 +217,7 @@ function move(level, distance, fade) {
   const scale = shares ? areaScale(keep, shares) * trend(keep, extras.growth ?? [0, 0]) : 1;
   const contrast = Math.min(trend(keep, extras.contrast ?? [0, 0]), 1);
   level.plugins.forEach((plugin) => Object.assign(plugin, { fade, numbers: [transition, keep, scale, contrast] }));
-  level.morphTargets.forEach((target) => (target.influence = transition));
+  level.morphs.forEach((morph) => (morph.getTarget(0).influence = transition));
   for (const { part, prefixes } of level.pruned) {
     const step = Math.min(Math.ceil(keep * (prefixes.length - 1) + 1e-6), prefixes.length - 1);
     part.indexCount = 3 * prefixes[step];

@@ -4,22 +4,28 @@ import { NEVER, viewFactor } from "./laws.js";
 import { Level, objectsOf } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
+/** Reach of the leaves in crown radii, when few are left and grow, and in wind. */
+const GROWN = 1.2;
+
 /**
  * A forest: one instanced mesh for each material of each level. Before each picture the trees in view are sorted into
  * levels; the shader morphs, fades and prunes each tree by its own distance. Cost of the sorting: linear in the trees.
  *
- * Blended leaves are drawn cut out by a pattern of pixels, because instances cannot be sorted from back to front.
+ * Blended leaves are cut out by a pattern of pixels, because instances are not sorted from back to front.
  */
 export class Forest extends THREE.Group {
+  #tree;
   #layers;
   #source;
   #places;
   #spheres;
   #capacity;
+  #reach;
 
   /** `tree`: a loaded `Tree`; it can be drawn beside the forest. `places`: Matrix4 of each copy, in the forest's coordinates. */
   constructor(tree, places) {
     super();
+    this.#tree = tree;
     this.#source = tree.source;
     this.#capacity = places.length;
     this.settings = { ...SETTINGS };
@@ -27,6 +33,7 @@ export class Forest extends THREE.Group {
     this.culling = true;
     this.centre = tree.centre.clone();
     this.radius = tree.radius;
+    this.#reach = reachOf(this.#source.levels[0]) / this.radius;
     this.#layers = this.#source.levels.map((source) => this.#newLayer(source, places.length));
     this.plant(places);
   }
@@ -38,6 +45,17 @@ export class Forest extends THREE.Group {
     }
     this.#places = places.map((place) => place.clone());
     this.#spheres = places.map((place) => new THREE.Sphere(this.centre.clone(), this.radius).applyMatrix4(place));
+  }
+
+  clone() {
+    return new Forest(this.#tree, this.#places).copy(this);
+  }
+
+  copy(other) {
+    super.copy(other, false);
+    Object.assign(this.settings, other.settings);
+    this.culling = other.culling;
+    return this;
   }
 
   /** Numbers of trees that each level drew in the last picture. Trees that fade count in both levels. */
@@ -77,6 +95,7 @@ export class Forest extends THREE.Group {
       const instanced = new THREE.InstancedMesh(mesh.geometry, cutOut(mesh.material), capacity);
       instanced.customDepthMaterial = mesh.customDepthMaterial;
       instanced.frustumCulled = false; // The forest leaves out the trees that the camera does not see.
+      Object.assign(instanced, { count: 0, visible: false });
       this.add(instanced);
       return { mesh: instanced, offset: offsetOf(object, mesh, source.object.matrixWorld) };
     });
@@ -91,7 +110,8 @@ export class Forest extends THREE.Group {
   #inView(camera) {
     const view = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     const frustum = new THREE.Frustum().setFromProjectionMatrix(view.multiply(this.matrixWorld), camera.coordinateSystem);
-    return this.#spheres.map((sphere) => frustum.intersectsSphere(sphere));
+    const whole = new THREE.Sphere();
+    return this.#spheres.map(({ center, radius }) => frustum.intersectsSphere(whole.set(center, this.#reach * radius)));
   }
 
   /** Distances at which a level appears (from, to) and goes (from, to). */
@@ -113,7 +133,10 @@ export class Forest extends THREE.Group {
     for (const { mesh, offset } of layer.meshes) {
       mesh.count = places.length;
       mesh.visible = places.length > 0;
+      if (!mesh.visible) continue;
       places.forEach((place, slot) => mesh.setMatrixAt(slot, matrix.multiplyMatrices(place, offset)));
+      mesh.instanceMatrix.clearUpdateRanges();
+      mesh.instanceMatrix.addUpdateRange(0, 16 * places.length);
       mesh.instanceMatrix.needsUpdate = true;
     }
   }
@@ -148,8 +171,21 @@ function offsetOf(object, mesh, toTree) {
   return offset.premultiply(toTree);
 }
 
-/** Instances are not sorted: blended materials are cut out by a pattern instead. */
+/** Instances are not sorted: impostors are cut out at their cutoff, blended materials by a pattern. */
 function cutOut(material) {
-  if (material.transparent && !material.alphaTest) Object.assign(material, { transparent: false, alphaHash: true });
+  const { cutoff } = material.userData;
+  if (material.transparent) Object.assign(material, { transparent: false, ...(cutoff ? { alphaTest: cutoff } : { alphaHash: true }) });
   return material;
+}
+
+/** Radius of a sphere around the center of the leaves that holds the tree, also in wind and with grown leaves. */
+function reachOf({ centre, radius, parts, object }) {
+  const own = new THREE.Box3();
+  parts.forEach(({ geometry }) => {
+    geometry.computeBoundingBox();
+    own.union(geometry.boundingBox);
+  });
+  const corners = [own.min, own.max].flatMap(({ x }) => [own.min, own.max].flatMap(({ y }) => [own.min, own.max].map(({ z }) => new THREE.Vector3(x, y, z))));
+  const scale = object.matrixWorld.getMaxScaleOnAxis();
+  return scale * Math.max(GROWN * radius, ...corners.map((corner) => corner.distanceTo(centre)));
 }

@@ -8,13 +8,14 @@ import { octahedralMaterial, pagesOf, QUAD } from "./octahedral.js";
 import { addTangents, bentNormalOf } from "./self_shadowing.js";
 
 /**
- * Reads the levels of a file that GLTFLoader loaded, the leaves first. The file's meshes become the sources of all trees.
+ * Reads the levels of tree number `tree` of a file that GLTFLoader loaded, the leaves first. The file's meshes become the sources
+ * of all copies; its scene has only this tree's levels afterwards.
  *
  * Each source has `object`, its node; `parts`, its meshes; the distances `start` and `end` of its morph, and `handOver`,
  * where the next level begins to appear; `pruning` and `wind`, their numbers.
  */
-export async function sourcesOf(gltf) {
-  await addLevels(gltf);
+export async function sourcesOf(gltf, tree) {
+  await keepLevels(gltf, tree);
   const textures = { bentNormal: await bentNormalOf(gltf), octahedral: await pagesOf(gltf) };
   const found = objectsOf(gltf.scene).filter(({ userData }) => userData.leafcloud?.level !== undefined);
   if (found.length === 0) throw new Error("No levels in this file: open a NAME.glb that Leafcloud wrote.");
@@ -28,11 +29,28 @@ export async function sourcesOf(gltf) {
   return sources;
 }
 
-/** Adds the levels that `MSFT_lod` names to the scene, because no scene of the file has them. */
-async function addLevels({ scene, parser }) {
-  const ids = parser.json.nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
-  const behind = await Promise.all(ids.map((id) => parser.getDependency("node", id)));
+/** Adds the levels that `MSFT_lod` names to the scene, because no scene of the file has them, and removes the other trees. */
+async function keepLevels({ scene, parser }, tree) {
+  const chains = chainsIn(parser.json);
+  if (chains.length > 0 && !chains[tree]) {
+    throw new Error(`The file has ${chains.length} trees, and no tree ${tree}: choose a number below ${chains.length}.`);
+  }
+  const own = chains[tree] ?? [];
+  const others = objectsOf(scene).filter((object) => {
+    const { nodes } = parser.associations.get(object) ?? {};
+    return chains.flat().includes(nodes) && !own.includes(nodes) && object.userData.leafcloud;
+  });
+  others.forEach((object) => object.removeFromParent());
+  const behind = await Promise.all(own.slice(1).map((id) => parser.getDependency("node", id)));
   behind.forEach((level) => scene.add(level));
+}
+
+/** Returns the numbers of the nodes of each tree's levels. A file of one level has one for each tree. */
+export function chainsIn({ nodes }) {
+  const hasLevel = (node) => node.extras?.leafcloud?.level !== undefined;
+  const behind = nodes.flatMap(({ extensions }) => extensions?.MSFT_lod?.ids ?? []);
+  const firsts = nodes.map((_, number) => number).filter((number) => hasLevel(nodes[number]) && !behind.includes(number));
+  return firsts.map((number) => [number, ...(nodes[number].extensions?.MSFT_lod?.ids ?? [])]);
 }
 
 function newSource(object, parser, textures) {
@@ -48,7 +66,8 @@ function newSource(object, parser, textures) {
     switchDistance: (octahedral ?? extras).switch_distance,
     centre: new THREE.Vector3(...extras.centre),
     radius: extras.radius,
-    scale: object.matrixWorld.getMaxScaleOnAxis(),
+    // The shader measures the scale of a place along the same axis.
+    scale: new THREE.Vector3().setFromMatrixColumn(object.matrixWorld, 0).length(),
     pruning: pruningOf(extras),
     wind,
     parts: partsOf(object, parser, textures, { wind, impostor: octahedral }),
@@ -125,6 +144,7 @@ export class Level {
     if (part.impostor) {
       mesh.material = octahedralMaterial(part.impostor, part.material, (shader) => addFade(shader, uniforms));
       mesh.frustumCulled = false; // Its corners are not where the geometry says.
+      mesh.customDepthMaterial = mesh.customDistanceMaterial = NO_SHADOW;
       return;
     }
     mesh.material = patched(part.material, uniforms, part.leaves, part.shading);
@@ -139,9 +159,15 @@ export class Level {
     if (part.leaves && this.number === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
   }
 
-  /** Frees the materials on the graphics card. Geometry and textures belong to all copies of the tree. */
+  /** Frees the level's own materials and geometries. Attributes and textures belong to all copies of the tree. */
   dispose() {
-    this.meshes.forEach(({ material, customDepthMaterial }) => [material, customDepthMaterial].forEach((each) => each?.dispose()));
+    for (const { geometry, material, customDepthMaterial } of this.meshes) {
+      Object.keys(geometry.attributes).forEach((name) => geometry.deleteAttribute(name));
+      if (this.blended.length === 0) geometry.setIndex(null);
+      geometry.dispose();
+      material.dispose();
+      if (customDepthMaterial !== NO_SHADOW) customDepthMaterial.dispose();
+    }
   }
 
   /** Length of the fade to the next level, as a fraction of the distance. */
@@ -187,3 +213,6 @@ export class Level {
 }
 
 const PLACE = new THREE.Vector3(...PLACE_TURNS);
+
+/** A quad that turns to the camera has no shadow of the tree. */
+const NO_SHADOW = new THREE.MeshDepthMaterial({ colorWrite: false, depthWrite: false });

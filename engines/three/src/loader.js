@@ -8,12 +8,20 @@ export class LeafcloudLoader extends Loader {
   constructor(renderer, manager) {
     super(manager);
     this.renderer = renderer;
+    this.transcoder = undefined;
+  }
+
+  /** Address of the folder of three.js's transcoder for KTX2: bundlers do not know it. */
+  setTranscoderPath(path) {
+    this.transcoder = path;
+    return this;
   }
 
   load(url, onLoad, onProgress, onError) {
     const address = this.manager.resolveURL(this.path + url);
     this.manager.itemStart(address);
-    Tree.load(address, { renderer: this.renderer })
+    const { renderer, transcoder, manager } = this;
+    Tree.load(address, { renderer, transcoder, manager, onProgress })
       .then(onLoad)
       .catch((error) => {
         if (!onError) console.error(error);

@@ -12,8 +12,8 @@ const textureLoaders = new WeakMap();
  * Loads the glTF file at `url`. Without a renderer, or if the transcoder cannot be loaded, the file's PNG textures are
  * read: three.js makes their mip levels itself, and thin leaves dissolve in them.
  */
-export async function loadFile(url, renderer, transcoder) {
-  const loader = new GLTFLoader();
+export async function loadFile(url, renderer, { transcoder, manager, onProgress } = {}) {
+  const loader = new GLTFLoader(manager);
   if (renderer) {
     try {
       loader.setKTX2Loader(await textureLoader(renderer, transcoder ?? import.meta.resolve(TRANSCODER)));
@@ -21,7 +21,7 @@ export async function loadFile(url, renderer, transcoder) {
       console.warn(`PNG textures are drawn in place of KTX2, because its transcoder cannot be read: ${error.message}`);
     }
   }
-  return loader.loadAsync(url);
+  return loader.loadAsync(url, onProgress);
 }
 
 /** Returns a loader after its transcoder has been read: without one GLTFLoader draws no texture at all. */

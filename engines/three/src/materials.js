@@ -6,8 +6,8 @@ import { after, before, replaced } from "./patching.js";
 import { shadeItself } from "./self_shadowing.js";
 
 /**
- * The distance by which the laws decide, in the file's units, and the fractions of the pixels in which the level has appeared
- * and in which the next one has. For a single tree the processor computes them; for instances each one its own.
+ * The distance by which the laws decide, in the file's units. The fraction of the pixels that this level draws, and the fraction
+ * that the next one draws. The processor computes them for a single tree, the shader for each instance.
  */
 const DISTANCE = `
 uniform vec3 lcTransitionAt; // distance, start, end
@@ -148,8 +148,9 @@ export function patched(original, uniforms, leaves, shading) {
 
 /** Returns the material for shadow maps, which move and fade like `material`. */
 export function shadowing(material, uniforms, leaves) {
-  const { map, alphaTest, side } = material;
-  const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, alphaTest, side });
+  const { map, alphaTest, side, transparent } = material;
+  const cut = { alphaTest, alphaHash: transparent };
+  const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, side, ...cut });
   made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms}`;
   made.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);

@@ -92,6 +92,7 @@ export function octahedralMaterial({ numbers, color, normalDepth }, original, pa
   };
   const { roughness, metalness } = original;
   const material = new THREE.MeshStandardMaterial({ roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA });
+  material.userData.cutoff = numbers.alpha_cutoff;
   material.customProgramCacheKey = () => "leafcloud octahedral";
   material.onBeforeCompile = (shader) => {
     patch(shader);

@@ -1,7 +1,7 @@
 // One tree with levels of detail.
 import * as THREE from "three";
 import { keepAt, transitionAt, viewFactor } from "./laws.js";
-import { Level, objectsOf, sourcesOf } from "./levels.js";
+import { chainsIn, Level, objectsOf, sourcesOf } from "./levels.js";
 import { loadFile } from "./loading.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
@@ -12,15 +12,20 @@ export class Tree extends THREE.Group {
   #source;
 
   /**
-   * Loads the tree from the GLB file at `url`. It is at rest until the first update. With the `renderer` that draws it,
-   * the file's KTX2 textures are read, else its PNG textures.
+   * Loads a tree from the GLB file at `url`. It is at rest until the first update.
+   *
+   * renderer: draws the tree. With it the file's KTX2 textures are read, else its PNG textures.
+   * tree: number of the tree, in a file of several.
+   * transcoder: address of the folder of three.js's transcoder for KTX2, if an import map does not tell it.
+   * manager, onProgress: those of three.js's loaders.
    */
-  static async load(url, { renderer } = {}) {
-    const gltf = await loadFile(url, renderer);
-    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf), renderer });
+  static async load(url, { renderer, tree = 0, ...more } = {}) {
+    const gltf = await loadFile(url, renderer, more);
+    const trees = chainsIn(gltf.parser.json).length;
+    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees });
   }
 
-  /** `source`: {scene, levels, renderer} of a loaded file. */
+  /** `source`: {scene, levels, renderer, trees} of a loaded file. */
   constructor(source) {
     super();
     this.#source = source;
@@ -45,6 +50,11 @@ export class Tree extends THREE.Group {
     return this.#source;
   }
 
+  /** Number of trees in the file. */
+  get trees() {
+    return this.#source.trees;
+  }
+
   clone() {
     return new Tree(this.#source).copy(this);
   }
@@ -52,6 +62,12 @@ export class Tree extends THREE.Group {
   copy(other) {
     super.copy(other, false);
     Object.assign(this.settings, other.settings);
+    this.levels.forEach(({ meshes }, number) => {
+      meshes.forEach((mesh, i) => {
+        const { castShadow, receiveShadow } = other.levels[number].meshes[i];
+        Object.assign(mesh, { castShadow, receiveShadow });
+      });
+    });
     return this;
   }
 

@@ -30,9 +30,12 @@ namespace Leafcloud
         /// Makes NAME.prefab from NAME.glb and its levels. `stem`: their path without ".glb".
         static void MakePrefab(string stem)
         {
-            Node first = Array.Find(Read(stem + ".glb").nodes, node => node.extras.MSFT_screencoverage.Length > 0);
-            if (first == null)
+            Node[] trees = Array.FindAll(Read(stem + ".glb").nodes, node => node.extras.MSFT_screencoverage.Length > 0);
+            if (trees.Length > 1)
+                Debug.LogError("Leafcloud: " + stem + ".glb has several trees: bake each one by itself.");
+            if (trees.Length != 1)
                 return;
+            Node first = trees[0];
             float[] heights = first.extras.MSFT_screencoverage;
             var root = new GameObject(Path.GetFileName(stem));
             try
@@ -72,7 +75,7 @@ namespace Leafcloud
 
         static float Scale(Node node)
         {
-            return node.scale.Length == 3 ? Mathf.Max(node.scale) : 1f;
+            return node.scale.Length == 3 ? Mathf.Max(Array.ConvertAll(node.scale, Mathf.Abs)) : 1f;
         }
 
         /// Reads the JSON document of a GLB file.

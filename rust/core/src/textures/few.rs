@@ -113,8 +113,8 @@ impl Few {
         mixed
     }
 
-    /// Returns those of the texels with the most alpha, as many as have the area `visible` on the polygons, in texels of this level. Those
-    /// of the same alpha are sorted by a hash of their position. What is visible does not vanish.
+    /// Returns the texels with the most alpha: together they cover `visible` texels of the polygons, at least one. Texels of the same alpha
+    /// are sorted by a hash of their position.
     pub fn passing(&self, level: &Image, texels: &[usize], visible: f64) -> Vec<usize> {
         let key = |texel: usize| (std::cmp::Reverse(level.pixels()[texel][3]), scattered(texel), texel);
         let mut order: Vec<usize> = texels.iter().copied().filter(|&texel| self.drawn[texel] > LEAST_DRAWN).collect();
@@ -130,7 +130,7 @@ impl Few {
             .collect()
     }
 
-    /// Returns the level with the alpha in the texels that pass with which about the share `visible` of the polygons reaches the cutoff.
+    /// Gives all passing texels one alpha: the one at which the share `visible` of the polygons reaches the cutoff.
     pub fn lifted(&self, level: Image, passing: &[usize], visible: f64, cutoff: u8) -> Image {
         let mut alpha = level.alpha();
         let mut found = |code: u8| {

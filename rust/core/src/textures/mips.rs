@@ -12,8 +12,8 @@
 //!
 //! Gutters are too narrow for small levels: a texel there would be a mean of adjacent regions, so each texel averages only its own region.
 //! A renderer's filter mixes regions there, too. So texels on a region's rim have either no alpha or less than twice the cutoff: the mean
-//! of two of them reaches the cutoff only if both do, and no billboard shows the rim of another. Regions of few texels keep their area
-//! together (`few`), but in the levels that tight polygons are made for, box-filtered alpha.
+//! of two of them reaches the cutoff only if both do, and no large billboard shows the rim of another large one. Regions of few texels keep
+//! their area together (`few`). Tight polygons are made around box-filtered alpha in such regions: raised alpha would widen them.
 
 use std::collections::HashMap;
 
