@@ -158,7 +158,8 @@ def luminance(picture: Picture) -> float:
 
 def flip(base: Picture, other: Picture) -> float:
     """Return the mean FLIP within 4 pixels of the silhouettes, over all pairs of pictures."""
-    return float(np.mean([flip_of(*pair) for pair in zip(base, other, strict=True)]))
+    seen = [pair for pair in zip(base, other, strict=True) if max(pair[0][..., 3].max(), pair[1][..., 3].max()) > 0.5]
+    return float(np.mean([flip_of(*pair) for pair in seen]))
 
 
 def flip_of(base: Picture, other: Picture) -> float:

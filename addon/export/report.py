@@ -22,8 +22,8 @@ from .gpu_load import GpuLoad
 
 HEAVY = 4.0
 """The levels' textures may take this many times the leaves' bytes on a graphics card without a warning."""
-FEW_BYTES = 4_000_000
-"""Textures up to these bytes cause no warning."""
+FEW_BYTES = 16_000_000
+"""Textures up to these bytes cause no warning: an octahedral impostor has 11 MB."""
 
 
 def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], load: GpuLoad) -> dict[str, Any]:
@@ -74,11 +74,11 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
         "predicted": _predicted(baked),
         "effects": [_effect(effect, baked) for effect in baked.effects],
         "files": list(files),
-        "warnings": [*prepared.warnings, *_texture_warnings(levels)],
+        "warnings": [*prepared.warnings, *texture_warnings(levels)],
     }
 
 
-def _texture_warnings(levels: Sequence[dict[str, Any]]) -> list[str]:
+def texture_warnings(levels: Sequence[dict[str, Any]]) -> list[str]:
     """Return a warning if the levels' textures take far more room on a graphics card than the leaves themselves."""
     leaves, *others = (level["drawing"] for level in levels)
     textures = sum(level["texture_bytes"] for level in others)

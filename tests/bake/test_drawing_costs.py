@@ -14,6 +14,7 @@ from glb import read_chunks, read_glb
 from small_glb import png, write_quad_glb
 
 from addon.export.gpu_load import image_size
+from addon.export.report import texture_warnings
 
 KEYS = {
     "crown_pixels", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments", "layers", "area", "cheaper",
@@ -131,13 +132,16 @@ def test_the_size_of_images(tmp_path: Path) -> None:
     assert image_size(b"") == image_size(b"\xff\xd8\xff\xe0") == image_size(b"RIFF0000WEBP") == (0, 0)
 
 
-def test_textures_that_outweigh_the_leaves_are_told(shrub: Path, tmp_path: Path) -> None:
-    """The pages of an octahedral impostor take 2 × 1024² × 4 bytes and a third for mip levels, 11.2 MB."""
-    quick = ("--epsilon", 0.1, "--texture-size", 128, "--levels", 1)
-    report = bake(shrub, tmp_path, *quick, "--last", "octahedral")
-    [warning] = [warning for warning in report["warnings"] if "textures" in warning]
-    assert "11." in warning
-    assert f"({report['levels'][0]['drawing']['gpu_bytes'] / 1e6:.1f} MB)" in warning
-    assert "`last=cross`" in warning
-    light = bake(shrub, tmp_path, *quick, "--last", "cross")
-    assert not [warning for warning in light["warnings"] if "textures" in warning]
+def test_textures_that_outweigh_the_leaves_are_told() -> None:
+    def level(number: int, method: str, geometry: float, textures: float) -> dict[str, Any]:
+        drawing = {"gpu_bytes": int(1e6 * (geometry + textures)), "texture_bytes": int(1e6 * textures)}
+        return {"level": number, "method": method, "drawing": drawing}
+
+    leaves, cloud = level(0, "leaves", 2.0, 1.0), level(1, "stochastic", 0.5, 6.0)
+    [warning] = texture_warnings([leaves, cloud, level(2, "octahedral", 0.0, 11.0)])
+    assert "17.0 MB on a graphics card, 6 times as much as the leaves with theirs (3.0 MB)" in warning
+    assert "most of it for level 2: set `last=cross`" in warning
+    [warning] = texture_warnings([leaves, level(1, "stochastic", 0.5, 20.0), level(2, "cross", 0.0, 0.1)])
+    assert "most of it for level 1: set a smaller `texture_size`" in warning
+    assert texture_warnings([leaves, cloud, level(2, "cross", 0.0, 0.1)]) == [], "few bytes"
+    assert texture_warnings([level(0, "leaves", 9.0, 1.0), level(1, "stochastic", 0.5, 30.0)]) == [], "few times"

@@ -78,7 +78,7 @@ def test_a_baked_tree_is_imported_with_its_leaves_alone_and_other_data_stays(tmp
     assert bpy.ops.leafcloud.import_folder(directory=str(tmp_path / "folder")) == {"FINISHED"}
     assert "unused" in bpy.data.meshes
     meshes = [obj for obj in bpy.data.collections["again"].objects if obj.type == "MESH"]
-    assert len(meshes) == 2, "level 0 and its trunk"
+    assert len(meshes) == 1, "level 0 with its trunk"
 
 
 def test_a_file_without_a_mesh_leaves_nothing_behind(tmp_path: Path) -> None:
