@@ -168,7 +168,7 @@ function moveAndFade(shader, uniforms, leaves) {
   shader.fragmentShader = faded(colored);
 }
 
-/** Adds the cross-fade alone to a shader whose vertices another patch places at `#include <begin_vertex>`. */
+/** Adds the cross-fade alone to a shader. Another patch moves its vertices, at `#include <begin_vertex>`. */
 export function addFade(shader, uniforms) {
   Object.assign(shader.uniforms, uniforms);
   shader.vertexShader = before("void main()", LAWS + DISTANCE, after("#include <begin_vertex>", PASS_ON, shader.vertexShader));

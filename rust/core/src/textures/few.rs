@@ -17,10 +17,10 @@ const SAMPLES: usize = 1 << 16;
 /// Steps from one place in its texel to the next, modulo 1: places are spread evenly (R₂ sequence).
 const SPREAD: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 
-/// Texels of which polygons cover less than this share are not drawn.
+/// Least share of a texel under polygons with which it may pass.
 const LEAST_DRAWN: f32 = 0.02;
 
-/// Returns 1 for each texel of the page whose center a polygon covers, else 0.
+/// Returns 1 for each texel of the page with its center on a polygon, else 0.
 pub fn drawn_texels(atlas: &Atlas) -> Vec<f32> {
     let mut drawn = vec![0.0; atlas.size.texels()];
     for billboard in &atlas.billboards {

@@ -176,4 +176,6 @@ impl ToPage {
 #[cfg(test)]
 mod channels_tests;
 #[cfg(test)]
+mod mips_tests;
+#[cfg(test)]
 mod tests;
