@@ -47,6 +47,8 @@ PROFILES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 SAMPLES = 4
 """Samples along a pixel's side of the leaves in the tables of distances."""
 COUNTS = (1, 100, 1000)
+UNKNOWN = ("VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT")
+"""What the validator says of each KTX2 image: it does not know the format."""
 DIRECTIONS = [
     (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
     for i, up in enumerate(np.linspace(-0.1, 0.8, 8).tolist())
@@ -76,7 +78,8 @@ octahedral impostor in its place where a tree has one.
 """
 FILES = """## Files
 
-Kilobytes of the leaves' own file, of each level's file, and of all levels in one file.
+Kilobytes of the leaves' own file, of each level's file, and of all levels in one file. The validator does not know
+KTX2: its two warnings about each such image do not count.
 """
 FORESTS = """## Forests
 
@@ -298,10 +301,11 @@ def file_rows(tree: Path) -> Iterator[list[str]]:
 
 
 def issues(files: Sequence[Path]) -> int:
-    """Return the number of errors and warnings of the Khronos validator."""
+    """Return the number of errors and warnings of the Khronos validator, without those about KTX2 images."""
     command = ["node", "validate.mjs", *(str(file) for file in files)]
     run = subprocess.run(command, cwd=ROOT / "tests" / "gltf_validator", capture_output=True, text=True, check=True)
-    return sum(issue["severity"] < 2 for found in json.loads(run.stdout).values() for issue in found)
+    serious = [issue for found in json.loads(run.stdout).values() for issue in found if issue["severity"] < 2]
+    return sum(issue["code"] not in UNKNOWN or "/images/" not in issue["pointer"] for issue in serious)
 
 
 def forest_rows(tree: Path) -> Iterator[list[str]]:
