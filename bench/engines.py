@@ -32,7 +32,7 @@ from flat_views import make_flat
 from mathutils import Vector
 from numpy.typing import NDArray
 
-import leafcloud
+from leafcloud.inspection import flip_near
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT)]
@@ -160,21 +160,9 @@ def luminance(picture: Picture) -> float:
 
 
 def flip(base: Picture, other: Picture) -> float:
-    """Return the mean FLIP within 4 pixels of the silhouettes, over all pairs of pictures."""
+    """Return the mean FLIP within 4 pixels of the silhouettes, over all pairs of pictures in which anything is seen."""
     seen = [pair for pair in zip(base, other, strict=True) if max(pair[0][..., 3].max(), pair[1][..., 3].max()) > 0.5]
-    return float(np.mean([flip_of(*pair) for pair in seen]))
-
-
-def flip_of(base: Picture, other: Picture) -> float:
-    near = (base[..., 3] > 0.5) | (other[..., 3] > 0.5)
-    for _ in range(4):
-        grown = near.copy()
-        grown[1:] |= near[:-1]
-        grown[:-1] |= near[1:]
-        grown[:, 1:] |= near[:, :-1]
-        grown[:, :-1] |= near[:, 1:]
-        near = grown
-    return float(leafcloud.flip_map(encoded(base), encoded(other))[near].mean())
+    return float(np.mean([flip_near(encoded(before), encoded(after)) for before, after in seen]))
 
 
 def encoded(picture: Picture) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 // Many copies of one tree, each with the level for its own distance.
 import * as THREE from "three";
 import { NEVER, viewFactor } from "./laws.js";
-import { Level, objectsOf } from "./levels.js";
+import { Level } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
 /** Reach of the leaves in crown radii, when few are left and grow, and in wind. */
@@ -185,7 +185,7 @@ function reachOf({ centre, radius, parts, object }) {
     geometry.computeBoundingBox();
     own.union(geometry.boundingBox);
   });
-  const corners = [own.min, own.max].flatMap(({ x }) => [own.min, own.max].flatMap(({ y }) => [own.min, own.max].map(({ z }) => new THREE.Vector3(x, y, z))));
-  const scale = object.matrixWorld.getMaxScaleOnAxis();
-  return scale * Math.max(GROWN * radius, ...corners.map((corner) => corner.distanceTo(centre)));
+  // The farthest corner of the box.
+  const corner = own.min.clone().sub(centre).negate().max(own.max.clone().sub(centre));
+  return object.matrixWorld.getMaxScaleOnAxis() * Math.max(GROWN * radius, corner.length());
 }

@@ -360,7 +360,7 @@ def compare(path: Path, leaves: Path) -> list[Score]:
     scores = []
     for size in SIZES:
         halves = [[_reduced(picture, size) for picture in pair] for pair in pairs]
-        errors = [_flip(*pair) for pair in halves]
+        errors = [flip_near(*pair) for pair in halves]
         covered = [sum(float(pair[i][..., 3].sum()) for pair in halves) for i in (0, 1)]
         costs = [_cost(shown, size / (2.0 * radius)) for shown in (base, other)]
         scores.append(Score(size, float(np.mean(errors)), covered[1] / max(covered[0], 1.0), costs[1] / costs[0]))
@@ -383,8 +383,8 @@ def _reduced(picture: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
     return np.rint(means).clip(0, 255).astype(np.uint8)
 
 
-def _flip(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Return the mean FLIP near the silhouettes."""
+def flip_near(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Return the mean FLIP of two RGBA pictures within 4 pixels of either silhouette; 0 if both are empty."""
     near = (base[..., 3] > 127) | (other[..., 3] > 127)
     for _ in range(_REACH):
         grown = near.copy()

@@ -249,7 +249,7 @@ pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     passing as f64 / size(region)
 }
 
-/// Regions with fewer texels along a side keep box-filtered alpha.
+/// Regions with fewer texels along a side are too small to keep a share each (`few`).
 const FEW: usize = 4;
 
 /// Range of the exponents that raise alpha, as powers of two, and the halvings of the search for one.

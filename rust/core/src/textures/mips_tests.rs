@@ -38,7 +38,7 @@ fn no_foreign_colour_at_any_level() {
         }
     });
     for level in of_color(&checkers, &regions, 0.5).iter().skip(1) {
-        assert!(level.pixels().iter().all(|p| p[1] == 0), "green has no part in what is seen");
+        assert!(level.pixels().iter().all(|p| p[1] == 0), "green lies between the regions");
     }
 }
 
