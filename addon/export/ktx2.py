@@ -10,35 +10,35 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import leafcloud
-
 from ..plan.pages import KTX2_EXTENSION
+from .engine_pages import EnginePage
 from .glb_file import Glb
 from .translucency import DIFFUSE_TRANSMISSION
 
 
-def is_taken(level: leafcloud.Level) -> bool:
+def is_taken(page: EnginePage) -> bool:
     """Return whether KTX2 is possible: glTF requires sides that are multiples of 4."""
-    return level.base_color.shape[0] % 4 == 0 and level.base_color.shape[1] % 4 == 0
+    height, width, _ = page.level.base_color.shape
+    return height % 4 == 0 and width % 4 == 0
 
 
 @dataclass
 class Ktx2Textures:
-    """KTX2 textures of the levels, by material name and channel. Each is encoded when it is first used."""
+    """KTX2 textures of the pages, by material name and channel. Each is encoded when it is first used."""
 
-    levels: Mapping[str, leafcloud.Level]
+    pages: Mapping[str, EnginePage]
     encoded: dict[tuple[str, str], bytes] = field(default_factory=dict)
 
     def get(self, material: str, channel: str) -> bytes:
         key = (material, channel)
         if key not in self.encoded:
-            self.encoded[key] = self.levels[material].ktx2(channel)
+            self.encoded[key] = self.pages[material].ktx2(channel)
         return self.encoded[key]
 
     def add_to(self, glb: Glb) -> None:
-        """Add the KTX2 textures of its materials. Without levels the file does not change."""
+        """Add the KTX2 textures of its materials. Without pages the file does not change."""
         document = glb.document
-        named = [material for material in glb.materials if material["name"] in self.levels]
+        named = [material for material in glb.materials if material["name"] in self.pages]
         done: dict[int, int] = {}
         """The KTX2 image for each PNG. Several textures may use one image."""
         for material in named:

@@ -1,11 +1,17 @@
-"""Largest sizes of the atlas pages, known before the bake."""
+"""Sizes of the atlas pages: the largest ones, known before the bake, and those in files."""
 
 from __future__ import annotations
+
+import math
 
 from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings
 
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
+
+MOST_HALVINGS = 3
+
+LARGEST_TEXEL_PIXELS = 1.2
 
 KTX2_EXTENSION = "KHR_texture_basisu"
 
@@ -16,6 +22,14 @@ def page_size(settings: BakeSettings, number: int) -> tuple[int, int]:
     width = settings.texture_size or LARGEST_TEXTURE
     height = settings.texture_height or width
     return max(width >> number, SMALLEST_TEXTURE), max(height >> number, SMALLEST_TEXTURE)
+
+
+def halvings(texel_pixels: float) -> int:
+    """Return how often the sides of an atlas page are halved in files: as long as texels stay smaller than 1.2 pixels.
+
+    texel_pixels: width of a texel in pixels, greater than 0, where the level takes over.
+    """
+    return max(0, min(MOST_HALVINGS, math.floor(math.log2(LARGEST_TEXEL_PIXELS / texel_pixels))))
 
 
 def ktx2_warning(settings: BakeSettings, pages: int) -> str | None:

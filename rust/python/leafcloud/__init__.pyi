@@ -308,18 +308,19 @@ class Level:
     def leaf_id(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) the leaf of ``leaf_uv``: its index modulo 65536 is red + 256 · green, its material's index is blue
         (255 for the trunk). ``None`` if not requested."""
-    def for_engines(self) -> tuple[NDArray[np.uint8], float]:
-        """Return ``base_color`` and ``alpha_cutoff`` for engines, which make box-filtered mips of a PNG.
+    def for_engines(self, halvings: int = 0) -> tuple[NDArray[np.uint8], float]:
+        """Return base color and alpha cutoff for engines, which make box-filtered mips of a PNG.
 
-        Alpha is remapped to a lower cutoff. The area above the cutoff stays the same at mip 0 and, on average, at mips
-        1 to 3."""
-    def ktx2(self, channel: str) -> bytes:
+        The sides of the page are halved ``halvings`` times, at most three: an engine draws the level only where texels
+        are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
+        above the cutoff at mips 0 to 2 and, on most pages, at mip 3."""
+    def ktx2(self, channel: str, halvings: int = 0) -> bytes:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 
-        The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The base color is that
-        of ``for_engines``. Every compressed mip keeps the fraction of each billboard's texels above the cutoff that
-        the page has, within 1 % or one texel, down to 8 × 8 texels of the page and 4 × 4 of the billboard. The bytes
-        are the same for the same page on one machine only.
+        The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The page is whole; its
+        base color is for the alpha cutoff of ``for_engines(halvings)``. Every compressed mip keeps the fraction of each
+        billboard's texels above the cutoff that the page has, within 1 % or one texel, down to 8 × 8 texels of the page
+        and 4 × 4 of the billboard. The bytes are the same for the same page on one machine only.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
         for a page with a side that is not a multiple of 4.

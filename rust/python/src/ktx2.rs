@@ -1,6 +1,7 @@
 //! A level's textures as KTX2 files.
 
-use leafcloud::lod::Level;
+use leafcloud::atlas::Region;
+use leafcloud::lod::{Level, Mip};
 use leafcloud::{Error, Progress};
 use leafcloud_ktx2::{Codes, CutOut, encode};
 
@@ -9,17 +10,15 @@ use leafcloud_ktx2::{Codes, CutOut, encode};
 /// # Errors
 /// The level lacks this channel, or the channel has no mips; glTF does not allow the page's size; the encoder fails;
 /// [`Error::Cancelled`].
-pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u8>, Error> {
-    let levels = level.mips(channel).ok_or_else(|| {
+pub fn file_of(level: &Level, channel: &str, halvings: usize, progress: Progress) -> Result<Vec<u8>, Error> {
+    let levels = level.mips(channel, halvings).ok_or_else(|| {
         let known = level.page.images().map(|(name, _)| name).filter(|name| !name.starts_with("leaf_"));
         let known: Vec<&str> = known.collect();
         Error::invalid(format!("the level has no channel {channel:?} with mips; it has {}", known.join(", ")))
     })?;
     let codes = if matches!(channel, "base_color" | "translucency") { Codes::Srgb } else { Codes::Linear };
-    let sizes = levels.iter().map(|image| (image.width(), image.height()));
-    let cut_outs: Vec<Vec<CutOut>> =
-        sizes.enumerate().map(|(number, size)| cut_outs(level, channel, number, size)).collect();
-    let mips = levels.iter().zip(&cut_outs).map(|(image, cut_outs)| leafcloud_ktx2::MipLevel {
+    let cut_outs: Vec<Vec<CutOut>> = levels.iter().map(|mip| mip.cut_outs.iter().map(cut_out).collect()).collect();
+    let mips = levels.iter().zip(&cut_outs).map(|(Mip { image, .. }, cut_outs)| leafcloud_ktx2::MipLevel {
         width: image.width(),
         height: image.height(),
         pixels: image.pixels(),
@@ -31,14 +30,7 @@ pub fn file_of(level: &Level, channel: &str, progress: Progress) -> Result<Vec<u
     })
 }
 
-fn cut_outs(level: &Level, channel: &str, number: usize, (columns, rows): (usize, usize)) -> Vec<CutOut> {
-    let regions = level.cut_outs(channel, number, columns, rows).into_iter();
-    let cut_out = |(region, code): (leafcloud::atlas::Region, u8)| CutOut {
-        x: region.x,
-        y: region.y,
-        width: region.width,
-        height: region.height,
-        code,
-    };
-    regions.map(cut_out).collect()
+fn cut_out(&(region, code): &(Region, u8)) -> CutOut {
+    let Region { x, y, width, height } = region;
+    CutOut { x, y, width, height, code }
 }

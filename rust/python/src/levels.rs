@@ -372,17 +372,19 @@ impl PyLevel {
         image_or_none(py, self.level().page.leaf_id.as_ref())
     }
 
-    fn for_engines<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {
+    #[pyo3(signature = (halvings=0))]
+    fn for_engines<'py>(&self, py: Python<'py>, halvings: usize) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {
         let level = self.clone();
-        interruptible(py, move |_| Ok(level.level().for_engines().1))?;
-        let (image, cutoff) = self.level().for_engines();
-        Ok((image_array(py, image)?, *cutoff))
+        interruptible(py, move |_| Ok(level.level().for_engines(halvings).1))?;
+        let (image, cutoff) = self.level().for_engines(halvings);
+        Ok((image_array(py, image)?, cutoff))
     }
 
-    fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let (level, channel) = (self.clone(), channel.to_owned());
-        let file = interruptible(py, move |progress| ktx2::file_of(level.level(), &channel, progress))?;
-        Ok(PyBytes::new(py, &file))
+    #[pyo3(signature = (channel, halvings=0))]
+    fn ktx2<'py>(&self, py: Python<'py>, channel: &str, halvings: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let (level, name) = (self.clone(), channel.to_owned());
+        let file = interruptible(py, move |progress| ktx2::file_of(level.level(), &name, halvings, progress));
+        file.map(|file| PyBytes::new(py, &file))
     }
 
     #[getter]

@@ -8,14 +8,14 @@ mod common;
 use std::time::Instant;
 
 use glam::DVec3;
-use leafcloud::atlas::{Atlas, AtlasSettings, Region};
+use leafcloud::atlas::{Atlas, AtlasSettings};
 use leafcloud::fit::fit;
 use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
 use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::outlines;
-use leafcloud::textures::{Channels, Drawn, Page, Samples, bake, for_plain_means, mips};
+use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Samples, bake, mips, recut};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
@@ -77,15 +77,16 @@ impl Level {
 /// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
 /// the page for engines, and of the mip levels in KTX2.
 fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
-    let regions: Vec<Region> = atlas.billboards.iter().map(|b| b.region).collect();
-    let (engine, lower) = for_plain_means(&page.base_color, CUTOFF);
+    let parts = [PagePart::of(atlas, CUTOFF)];
+    let EnginePage { image: engine, cutoffs } = EnginePage::new(&page.base_color, &parts, 0);
+    let at = [PagePart { alpha_cutoff: cutoffs[0], ..parts[0].clone() }];
     let whole = mips::area(&page.base_color, CUTOFF);
     let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {
         levels.iter().map(|level| mips::area(level, cutoff) / whole).collect()
     };
     let plain = areas(mips::means(&page.base_color), CUTOFF);
-    let remapped = areas(mips::means(&engine), lower);
-    let kept = areas(mips::of_color(&engine, &regions, lower), lower);
+    let remapped = areas(mips::means(&engine), cutoffs[0]);
+    let kept = areas(mips::of_parts(&recut(&page.base_color, &parts, &cutoffs), &at), cutoffs[0]);
     (0..plain.len()).map(|i| [plain[i], remapped[i], kept[i]]).collect()
 }
 

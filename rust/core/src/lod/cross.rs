@@ -2,13 +2,13 @@
 //! one at the mean height of the leaves, for views from above. Each shows the whole tree, trunk included. It keeps no ε, and no level morphs to it.
 //! Billboards that show almost nothing are left out.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
 use super::billboards::{billboard_ranks, billboards};
-use super::level::{Level, Seconds, engine_page, tightened};
+use super::level::{Level, Seconds, tightened};
 use super::references::References;
 use super::settings::ChainSettings;
 use super::tune;
@@ -75,8 +75,7 @@ pub(super) fn build(
     };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
-    let engine = engine_page(&page, alpha_cutoff, true);
-    let atlas = tightened(atlas, &page, alpha_cutoff, &engine, farthest, usize::MAX, settings);
+    let atlas = tightened(atlas, &page, alpha_cutoff, farthest, usize::MAX, settings);
     let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
@@ -96,6 +95,7 @@ pub(super) fn build(
         coverage,
         pictures,
         sharers: Arc::default(),
+        part: 0,
         atlas,
         page,
         seconds: Seconds {
@@ -105,7 +105,7 @@ pub(super) fn build(
             metrics: baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
-        engine: OnceLock::from(engine),
+        engine: Arc::default(),
     };
     Ok((level, references))
 }

@@ -22,10 +22,7 @@ use crate::metrics::{Comparison, Reference};
 use crate::outlines::outlines;
 use crate::polygons::{PolygonSettings, Scale};
 use crate::progress::Progress;
-use crate::textures::mips::PagePart;
-use crate::textures::{
-    CASCADE_LEVELS, ChannelSeconds, Channels, Page, Sky, bake_timed, for_plain_means, keeping_area, mips,
-};
+use crate::textures::{ChannelSeconds, Channels, EnginePage, Page, PagePart, Sky, bake_timed, cut_outs, mips, recut};
 use crate::transition::{HAND_OVER, Projection, leaf_pivots};
 
 /// Seconds for each stage of a level.
@@ -87,10 +84,25 @@ pub struct Level {
     pub seconds: Seconds,
     /// Share of `seconds.bake` that each image took.
     pub channel_seconds: ChannelSeconds,
-    /// Parts of all trees on a shared page, with their engine cutoffs; empty for a page of one tree.
+    /// Parts of all trees on a shared page, this level's at the place `part`; empty for a page of one tree.
     pub(super) sharers: Arc<[PagePart]>,
-    pub(super) engine: OnceLock<(Image, f32)>,
+    pub(super) part: usize,
+    pub(super) engine: Arc<EnginePages>,
 }
+
+/// Pages for engines, by the number of halvings, each made when it is first wanted.
+pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
+
+/// A mip level.
+pub struct Mip {
+    /// The level.
+    pub image: Image,
+    /// Regions in which alpha is cut out, each with its least drawn alpha code.
+    pub cut_outs: Vec<(Region, u8)>,
+}
+
+/// Most halvings of a page for engines.
+pub const MOST_HALVINGS: usize = 3;
 
 /// Inputs of a level.
 pub(super) struct Step<'a> {
@@ -217,10 +229,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
     tuning(0.98)?;
-    let engine = engine_page(&page, alpha_cutoff, false);
     let deviation = step.deviation + cloud.max_deviation();
-    let atlas =
-        tightened(atlas, &page, alpha_cutoff, &engine, deviation / finer.frame().radius, step.triangles, settings);
+    let atlas = tightened(atlas, &page, alpha_cutoff, deviation / finer.frame().radius, step.triangles, settings);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
@@ -240,6 +250,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),
+        part: 0,
         atlas,
         page,
         seconds: Seconds {
@@ -249,17 +260,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             metrics: stretch + baked.elapsed().as_secs_f64(),
         },
         channel_seconds,
-        engine: OnceLock::from(engine),
+        engine: Arc::default(),
     })
-}
-
-/// Returns base color and cutoff for engines that make mip levels themselves.
-pub(super) fn engine_page(page: &Page, alpha_cutoff: f32, is_cross: bool) -> (Image, f32) {
-    match alpha_cutoff {
-        0.0 => (page.base_color.clone(), 0.0), // Box filtering keeps coverage.
-        cutoff if is_cross => keeping_area(&page.base_color, cutoff),
-        cutoff => for_plain_means(&page.base_color, cutoff),
-    }
 }
 
 /// Returns the layout with tight polygons, for the distance at which the level takes over: its deviation (local units) appears `pixels` large
@@ -268,7 +270,6 @@ pub(super) fn tightened(
     atlas: Atlas,
     page: &Page,
     alpha_cutoff: f32,
-    (engine, engine_cutoff): &(Image, f32),
     deviation: f64,
     triangles: usize,
     settings: &ChainSettings,
@@ -277,7 +278,7 @@ pub(super) fn tightened(
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
     let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
     let regions: Vec<Region> = atlas.regions().collect();
-    let shown = Shown::new(&page.base_color, alpha_cutoff, engine, *engine_cutoff, &regions);
+    let shown = Shown::new(&page.base_color, alpha_cutoff, &regions);
     with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }
 
@@ -288,42 +289,45 @@ impl Level {
         self.cloud.is_none()
     }
 
-    /// Returns the grid, in texels, that regions stay aligned to when they move to a shared page. It keeps their mip levels the same.
-    pub(super) fn grid(&self) -> usize {
-        if self.is_cross() { 1 << CASCADE_LEVELS } else { 1 }
-    }
-
-    /// Returns base color and cutoff for engines that make mip levels themselves, computed on the first call. Do not call it on a rayon
-    /// worker: a thread that waits for the result does no other work.
-    pub fn for_engines(&self) -> &(Image, f32) {
-        self.engine.get_or_init(|| engine_page(&self.page, self.alpha_cutoff, self.is_cross()))
-    }
-
-    /// Returns the mip levels of a channel; base color as engines draw it. `None` for a missing channel and for label textures.
+    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, [`MOST_HALVINGS`] at most;
+    /// computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
     #[must_use]
-    pub fn mips(&self, channel: &str) -> Option<mips::Levels> {
-        if channel == "base_color" {
-            let (image, cutoff) = self.for_engines();
-            if *cutoff == 0.0 {
-                return Some(mips::means(image));
-            }
-            return Some(mips::of_parts(image, &self.parts()));
+    pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {
+        if self.alpha_cutoff == 0.0 {
+            return (&self.page.base_color, 0.0); // Box filtering keeps coverage.
         }
-        self.page.levels(channel)
+        let page = self.engine_page(halvings);
+        (&page.image, page.cutoffs[self.part])
     }
 
-    /// Returns the regions of mip level `number`, of `width` × `height` texels, in which alpha is cut out, each with its least drawn alpha
-    /// code.
+    fn engine_page(&self, halvings: usize) -> &EnginePage {
+        let halvings = halvings.min(MOST_HALVINGS);
+        self.engine[halvings].get_or_init(|| EnginePage::new(&self.page.base_color, &self.parts(), halvings))
+    }
+
+    /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`]. `None` for a missing channel and for label
+    /// textures.
     #[must_use]
-    pub fn cut_outs(&self, channel: &str, number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
-        let cut = channel == "base_color" && self.alpha_cutoff > 0.0;
-        if cut { mips::cut_outs(&self.parts(), number, width, height) } else { Vec::new() }
+    pub fn mips(&self, channel: &str, halvings: usize) -> Option<Vec<Mip>> {
+        let whole = |image| Mip { image, cut_outs: Vec::new() };
+        if channel != "base_color" {
+            return Some(self.page.levels(channel)?.into_iter().map(whole).collect());
+        }
+        if self.alpha_cutoff == 0.0 {
+            return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
+        }
+        let (parts, cutoffs) = (self.parts(), &self.engine_page(halvings).cutoffs);
+        let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
+        let image = recut(&self.page.base_color, &parts, cutoffs);
+        let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
+        let levels = mips::of_parts(&image, &parts).into_iter().enumerate();
+        Some(levels.map(|(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image }).collect())
     }
 
     /// Returns the parts of all trees on the page, this level's among them.
     fn parts(&self) -> Cow<'_, [PagePart]> {
         if self.sharers.is_empty() {
-            Cow::Owned(vec![PagePart::of(&self.atlas, self.for_engines().1)])
+            Cow::Owned(vec![PagePart::of(&self.atlas, self.alpha_cutoff)])
         } else {
             Cow::Borrowed(&self.sharers)
         }

@@ -20,7 +20,7 @@ mod worth;
 
 pub use billboards::billboards;
 pub use draft::{Draft, Drafts, settled_fit};
-pub use level::{Level, Seconds};
+pub use level::{Level, Mip, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};

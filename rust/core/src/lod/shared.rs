@@ -1,17 +1,16 @@
 //! One atlas page for the levels of several trees, so that a forest needs one texture per level.
 //!
 //! Regions are copied with their gutters, texel by texel and unrotated, onto the smallest page that holds them. Nothing is drawn or
-//! filtered again. The pages for engines are copied the same way. Each level keeps its own alpha cutoffs: a common cutoff would change
-//! filtered alpha, and with it the density of a crown.
+//! filtered again. Each level keeps its own alpha cutoff: a common cutoff would change filtered alpha, and with it the density of a crown.
+//! The page for engines is made again, because regions share other texels on its mip levels.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::level::Level;
 use crate::atlas::{Atlas, Billboard, PageSize, Region, tightest};
 use crate::error::{Error, Result};
 use crate::foliage::Image;
-use crate::textures::fill_gaps;
-use crate::textures::mips::PagePart;
+use crate::textures::{PagePart, fill_gaps};
 
 /// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
 ///
@@ -20,13 +19,8 @@ use crate::textures::mips::PagePart;
 pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
     check_channels(levels)?;
     check_alpha(levels)?;
-    let grid = levels.iter().map(|level| level.grid()).max().unwrap_or(1);
-    let from_grid = |region: &Region| (region.x % grid, region.y % grid);
-    let in_cells = |region: Region| {
-        let (x, y) = from_grid(&region);
-        ((x + region.width).div_ceil(grid), (y + region.height).div_ceil(grid))
-    };
-    let boxes: Vec<(usize, usize)> = levels.iter().flat_map(|level| outer_regions(level)).map(in_cells).collect();
+    let boxes: Vec<(usize, usize)> =
+        levels.iter().flat_map(|level| outer_regions(level)).map(|region| (region.width, region.height)).collect();
     let too_large = || {
         Error::invalid(format!(
             "{} billboards of {} trees do not fit on one atlas page of 16384 × 16384 texels; bake smaller textures or share fewer trees",
@@ -34,43 +28,37 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
             levels.len()
         ))
     };
-    let fits = |cells: &PageSize| cells.width.max(cells.height) * grid <= LARGEST;
-    let (cells, places) = tightest(&boxes).filter(|(cells, _)| fits(cells)).ok_or_else(too_large)?;
-    let size = PageSize { width: cells.width * grid, height: cells.height * grid };
+    let fits = |size: &PageSize| size.width.max(size.height) <= LARGEST;
+    let (size, places) = tightest(&boxes).filter(|(size, _)| fits(size)).ok_or_else(too_large)?;
+    let size = PageSize { width: size.width.next_multiple_of(BLOCK), height: size.height.next_multiple_of(BLOCK) };
     let mut places = places.into_iter();
     let moves: Vec<Vec<Move>> = levels
         .iter()
-        .map(|level| {
-            let moved = |(from, (column, row)): (Region, (usize, usize))| {
-                let (x, y) = from_grid(&from);
-                Move { from, to: (column * grid + x, row * grid + y) }
-            };
-            outer_regions(level).zip(places.by_ref()).map(moved).collect()
-        })
+        .map(|level| outer_regions(level).zip(places.by_ref()).map(|(from, to)| Move { from, to }).collect())
         .collect();
     let page = levels[0].page.rebuilt(|name| {
         let images = levels.iter().map(|level| level.page.images().find(|(known, _)| *known == name));
         let images: Vec<&Image> = images.flatten().map(|(_, image)| image).collect();
         carried(&images, &moves, size, name)
     });
-    let images: Vec<&Image> = levels.iter().map(|level| &level.for_engines().0).collect();
-    let engine = carried(&images, &moves, size, "base_color");
     let moved = |(level, moves): (&&Level, &Vec<Move>)| Atlas {
         size,
         gutter: level.atlas.gutter,
         billboards: moved_billboards(&level.atlas, moves),
     };
     let atlases: Vec<Atlas> = levels.iter().zip(&moves).map(moved).collect();
-    let part = |(level, atlas): (&&Level, &Atlas)| PagePart::of(atlas, level.for_engines().1);
+    let part = |(level, atlas): (&&Level, &Atlas)| PagePart::of(atlas, level.alpha_cutoff);
     let sharers: Arc<[PagePart]> = levels.iter().zip(&atlases).map(part).collect();
-    let placed = |(level, atlas): (&&Level, Atlas)| Level {
+    let engine = Arc::default();
+    let placed = |(part, (level, atlas)): (usize, (&&Level, Atlas))| Level {
         atlas,
         page: page.clone(),
         sharers: Arc::clone(&sharers),
-        engine: OnceLock::from((engine.clone(), level.for_engines().1)),
+        part,
+        engine: Arc::clone(&engine),
         ..(*level).clone()
     };
-    Ok(levels.iter().zip(atlases).map(placed).collect())
+    Ok(levels.iter().zip(atlases).enumerate().map(placed).collect())
 }
 
 fn check_channels(levels: &[&Level]) -> Result<()> {
@@ -101,6 +89,9 @@ fn check_alpha(levels: &[&Level]) -> Result<()> {
 
 /// Longest side of an atlas page, in texels.
 const LARGEST: usize = 16_384;
+
+/// The sides of a page are multiples of this, so that its first mip levels are means of 2 × 2 texels.
+const BLOCK: usize = 16;
 
 /// A region with its gutters, and the upper left corner of its new place.
 struct Move {

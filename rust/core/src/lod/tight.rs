@@ -1,8 +1,7 @@
 //! The polygons of a level, around everything that its atlas page shows.
 //!
 //! A level is drawn from its page and from mip levels of it. Small mip levels show something where the page itself shows nothing: a texel of
-//! theirs is opaque around a cluster of thin leaves. So cells count as visible if any of the first [`MIPS`] mip levels shows them, of those
-//! that engines make and of those in files that keep coverage.
+//! theirs is opaque around a cluster of thin leaves. So cells count as visible if any of the first [`MIPS`] mip levels shows them.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -10,7 +9,7 @@ use rayon::prelude::*;
 use crate::atlas::{Atlas, Billboard, Region};
 use crate::foliage::Image;
 use crate::polygons::{Cells, Polygon, PolygonSettings, tight};
-use crate::textures::mips::{alpha_means, first_of_color};
+use crate::textures::mips::{self, first_of_color};
 
 /// Mip levels after the page itself that the polygons hold. Texels are a pixel at most where a level takes over, and the next level
 /// takes over at some 3.5 times that distance.
@@ -60,23 +59,24 @@ impl AlphaLevel {
     }
 }
 
-/// An atlas page as renderers draw it: in Blender without mip levels, in engines with means or with mip levels that keep coverage.
+/// An atlas page as renderers draw it: in Blender without mip levels, in engines with mip levels that keep coverage.
 pub(super) struct Shown {
     page: AlphaLevel,
     mips: Vec<AlphaLevel>,
 }
 
 impl Shown {
-    /// `page` is cut out at `cutoff`; `engine` is the page for engines with its own cutoff. A cutoff of 0 means alpha blended.
-    pub fn new(page: &Image, cutoff: f32, engine: &Image, engine_cutoff: f32, regions: &[Region]) -> Self {
-        let kept = if engine_cutoff > 0.0 { first_of_color(engine, regions, engine_cutoff, MIPS) } else { Vec::new() };
-        let kept = kept.iter().skip(1).map(|mip| (mip.alpha(), mip.width()));
-        let mips = (1..).zip(alpha_means(engine, MIPS)).chain((1..).zip(kept));
+    /// `page` is cut out at `cutoff`; 0 means alpha blended.
+    pub fn new(page: &Image, cutoff: f32, regions: &[Region]) -> Self {
+        let levels = match cutoff {
+            0.0 => mips::means(page),
+            _ => first_of_color(page, regions, cutoff, MIPS),
+        };
+        let level =
+            |(number, mip): (u32, &Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), cutoff);
         Self {
             page: AlphaLevel::new(page.alpha(), page.width(), 1.0, cutoff),
-            mips: mips
-                .map(|(level, (alpha, width))| AlphaLevel::new(alpha, width, f64::from(1 << level), engine_cutoff))
-                .collect(),
+            mips: (0..).zip(&levels).skip(1).take(MIPS).map(level).collect(),
         }
     }
 

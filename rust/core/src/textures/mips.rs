@@ -21,85 +21,35 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::channels::Channel;
-use super::few::{Few, drawn_texels, scattered};
+use super::dilate;
+use super::few::{Few, scattered};
 use super::halves::{Owned, half_size, halved, smaller, texels};
+use super::on_polygons::OnPolygons;
+use super::parts::{PagePart, apart, together};
 use super::raster::Canvas;
-use super::{dilate, plain};
-use crate::atlas::{Atlas, Region};
+use crate::atlas::Region;
 use crate::color::quantise;
 use crate::foliage::{Image, mask};
 
 /// Mip levels of an image, level 0 first; each has half the side, down to one texel.
 pub type Levels = Vec<Image>;
 
-/// Regions of an atlas page that are drawn at one cutoff: those of one tree.
-#[derive(Clone, Debug)]
-pub struct PagePart {
-    /// Regions without their gutters.
-    pub regions: Vec<Region>,
-    /// Unused texels around each region.
-    pub gutter: usize,
-    /// Alpha cutoff, greater than 0.
-    pub alpha_cutoff: f32,
-    /// For each texel of the page the share that polygons cover.
-    pub drawn: Vec<f32>,
-}
-
-impl PagePart {
-    /// Returns the part with all regions of an atlas layout.
-    #[must_use]
-    pub fn of(atlas: &Atlas, alpha_cutoff: f32) -> Self {
-        Self { regions: atlas.regions().collect(), gutter: atlas.gutter, alpha_cutoff, drawn: drawn_texels(atlas) }
-    }
-
-    /// Returns the regions with their gutters.
-    fn owned(&self) -> Vec<Region> {
-        self.regions.iter().map(|region| region.grown(self.gutter)).collect()
-    }
-}
-
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
 #[must_use]
 pub fn of_parts(image: &Image, parts: &[PagePart]) -> Levels {
-    if let [part] = parts {
-        return of_part(image, part);
-    }
-    let owned: Vec<Vec<Region>> = parts.iter().map(PagePart::owned).collect();
-    let alone = |(part, owned): (&PagePart, &Vec<Region>)| {
-        let mut pixels: Vec<[u8; 4]> = image.pixels().iter().map(|&[r, g, b, _]| [r, g, b, 0]).collect();
-        owned.iter().flat_map(|region| texels(*region, image.width())).for_each(|i| pixels[i] = image.pixels()[i]);
-        of_part(&as_large(image, pixels), part)
-    };
-    let mut levels: Vec<Levels> = parts.iter().zip(&owned).map(alone).collect();
-    let mut together = levels.remove(0);
-    for (number, level) in together.iter_mut().enumerate() {
-        let (columns, rows) = (level.width(), level.height());
-        let mut pixels = level.pixels().to_vec();
-        for (own, owned) in levels.iter().zip(&owned[1..]) {
-            let regions = owned.iter().map(|region| smaller(*region, 1 << number, columns, rows));
-            regions.flat_map(|region| texels(region, columns)).for_each(|i| pixels[i] = own[number].pixels()[i]);
-        }
-        *level = as_large(level, pixels);
-    }
-    together
+    first_of_parts(image, parts, usize::MAX)
 }
 
-/// Returns the regions of mip level `number`, of `width` × `height` texels, in which alpha is cut out, each with its least drawn alpha
-/// code. With several parts these are the parts' own regions.
-#[must_use]
-pub fn cut_outs(parts: &[PagePart], number: usize, width: usize, height: usize) -> Vec<(Region, u8)> {
-    if let [PagePart { alpha_cutoff, .. }] = parts {
-        return vec![(Region { x: 0, y: 0, width, height }, code_at_least(*alpha_cutoff))];
-    }
-    let of_part = |part: &PagePart| {
-        let (owned, code) = (part.owned(), code_at_least(part.alpha_cutoff));
-        owned.into_iter().map(move |region| (smaller(region, 1 << number, width, height), code))
+/// Returns the image and its first `most` mip levels, as [`of_parts`] does.
+pub(super) fn first_of_parts(image: &Image, parts: &[PagePart], most: usize) -> Levels {
+    let pages = apart(image, parts);
+    let mut levels: Vec<_> =
+        pages.iter().zip(parts).map(|(page, part)| of_part(page, part, most).into_iter()).collect();
+    let level = |number: usize| {
+        let of_each: Vec<Image> = levels.iter_mut().filter_map(Iterator::next).collect();
+        (!of_each.is_empty()).then(|| together(of_each, parts, number))
     };
-    parts.iter().flat_map(of_part).collect()
-}
-
-fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
-    Image::new(image.width(), image.height(), pixels).expect("as many texels as before")
+    (0..).map_while(level).collect()
 }
 
 /// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff. Polygons cover the regions.
@@ -107,13 +57,15 @@ fn as_large(image: &Image, pixels: Vec<[u8; 4]>) -> Image {
 pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels {
     let mut drawn = vec![0.0; image.pixels().len()];
     regions.iter().flat_map(|region| texels(*region, image.width())).for_each(|texel| drawn[texel] = 1.0);
-    of_part(image, &PagePart { regions: regions.to_vec(), gutter: 0, alpha_cutoff, drawn })
+    let regions = regions.to_vec();
+    of_part(image, &PagePart { regions, gutter: 0, alpha_cutoff, drawn }, usize::MAX)
 }
 
-/// Returns the mip levels of one tree's part of a page.
-fn of_part(image: &Image, part: &PagePart) -> Levels {
+/// Returns the image and its first `most` mip levels, for one tree's part of a page.
+pub(super) fn of_part(image: &Image, part: &PagePart, most: usize) -> Levels {
+    let polygons = OnPolygons::new(&part.drawn, image.width());
     let few = Few::new(image, part.drawn.clone());
-    levels_of_color(image, &part.regions, part.alpha_cutoff, usize::MAX, Some(few))
+    levels_of_color(image, &part.regions, part.alpha_cutoff, most, Some((few, polygons)))
 }
 
 /// Returns the image and its first `most` mip levels, as [`of_color`] does, with box-filtered alpha in regions of few texels; fewer levels
@@ -123,11 +75,18 @@ pub(crate) fn first_of_color(image: &Image, regions: &[Region], alpha_cutoff: f3
 }
 
 /// Without `few` regions of few texels keep box-filtered alpha.
-fn levels_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: usize, mut few: Option<Few>) -> Levels {
+fn levels_of_color(
+    image: &Image,
+    regions: &[Region],
+    alpha_cutoff: f32,
+    most: usize,
+    mut few: Option<(Few, OnPolygons)>,
+) -> Levels {
     let cutoff = code_at_least(alpha_cutoff);
     let shares: Vec<f64> = regions.iter().map(|region| share(image, *region, cutoff)).collect();
     let area = area(image, alpha_cutoff);
-    let on_polygons = few.as_ref().map_or(0.0, |few| few.visible(&image.alpha(), image.width(), cutoff));
+    let seen = |(_, polygons): &(_, OnPolygons)| polygons.share(&image.alpha(), image.width(), cutoff);
+    let on_polygons = few.as_ref().map_or(0.0, seen);
     let mut owned = Owned::new(Canvas::of_color(image), regions);
     let mut levels = vec![image.clone()];
     let mut scale = 1;
@@ -140,7 +99,7 @@ fn levels_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: u
         let (large, small): (Vec<usize>, Vec<usize>) = (0..regions.len()).partition(is_large);
         let order = |level: &Image, number: usize| Order::of(level, at_level[number], shares[number]);
         let orders = |level: &Image| large.par_iter().map(|&number| order(level, number)).collect::<Vec<Order>>();
-        let Some(few) = &mut few else {
+        let Some((few, polygons)) = &mut few else {
             let level = filled(&owned.means);
             levels.push(lifted(&level, &orders(&level), cutoff, area));
             continue;
@@ -153,7 +112,7 @@ fn levels_of_color(image: &Image, regions: &[Region], alpha_cutoff: f32, most: u
         let passing = few.passing(&level, &texels, of_small * area * (width * height) as f64);
         let orders = orders(&level);
         let large = lifted(&cleared(level, &texels), &orders, cutoff, (1.0 - of_small) * area);
-        levels.push(few.lifted(large, &passing, on_polygons, cutoff));
+        levels.push(few.lifted(large, &passing, polygons, on_polygons, cutoff));
     }
     levels
 }
@@ -186,12 +145,6 @@ pub fn means(image: &Image) -> Levels {
         levels.push(filled(&means));
     }
     levels
-}
-
-/// Returns alpha and width of the first `levels` box-filtered mip levels after the image itself, fewer for a small image.
-pub(crate) fn alpha_means(image: &Image, levels: usize) -> Vec<(Vec<u8>, usize)> {
-    let smaller = |(alpha, width): &(Vec<u8>, usize)| (alpha.len() > 1).then(|| plain::halved(alpha, *width));
-    std::iter::successors(smaller(&(image.alpha(), image.width())), smaller).take(levels).collect()
 }
 
 /// Returns the mip levels of linear values such as occlusion, roughness and metallic: means of their codes.

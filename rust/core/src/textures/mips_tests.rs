@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::halves::{smaller, texels};
 use super::mips::*;
+use super::parts::PagePart;
 use crate::atlas::Region;
 use crate::foliage::Image;
 

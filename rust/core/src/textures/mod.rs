@@ -4,15 +4,18 @@ pub mod animation;
 mod cascade;
 mod channels;
 mod dilate;
+mod engine_page;
 mod few;
 mod halves;
 pub mod image;
 mod labels;
 pub mod mips;
+mod on_polygons;
 mod page;
 mod palette;
-mod plain;
+mod parts;
 mod raster;
+mod recut;
 mod samples;
 mod sky;
 mod tone;
@@ -22,15 +25,16 @@ use std::time::Instant;
 use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
-pub use cascade::{LEVELS as CASCADE_LEVELS, keeping_area};
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
+pub use engine_page::EnginePage;
 pub use page::{Channels, Page};
-pub use plain::for_plain_means;
+pub use parts::{PagePart, cut_outs};
 pub(crate) use raster::rasterise_timed;
 pub use raster::{
     Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
 };
+pub use recut::recut;
 pub use samples::Samples;
 pub(crate) use sky::Shadow;
 #[cfg(test)]

@@ -1,0 +1,121 @@
+//! Base color for engines that make box-filtered mip levels themselves, as from a PNG. Each part has a cutoff of its own.
+//!
+//! Texels are about a pixel large where the level takes over: a finer page would only be more to store, and its first mip levels would not
+//! be seen. The coverage-keeping mip level of that size ([`super::mips`]) gets alpha that keeps its area behind it, too
+//! ([`super::cascade`]).
+
+use super::cascade::keeping_area;
+use super::mips::{code_at_least, of_part};
+use super::parts::{PagePart, apart, together};
+use crate::foliage::Image;
+
+/// Base color, and for each part of the page the least alpha that is drawn.
+#[derive(Clone, Debug)]
+pub struct EnginePage {
+    /// Base color.
+    pub image: Image,
+    /// Alpha cutoffs, greater than 0.
+    pub cutoffs: Vec<f32>,
+}
+
+impl EnginePage {
+    /// Returns the page with sides halved so many times, or fewer for a small page.
+    #[must_use]
+    pub fn new(page: &Image, parts: &[PagePart], halvings: usize) -> Self {
+        let sides = page.width().min(page.height());
+        let halvings = halvings.min(sides.trailing_zeros() as usize);
+        let of_part = |(page, part): (Image, &PagePart)| {
+            let polygons = part.polygons(page.width());
+            let area = polygons.share(&page.alpha(), page.width(), code_at_least(part.alpha_cutoff));
+            let small = of_part(&page, part, halvings).pop().unwrap_or(page);
+            keeping_area(&small, &polygons, area)
+        };
+        let (images, cutoffs) = apart(page, parts).into_iter().zip(parts).map(of_part).unzip();
+        Self { image: together(images, parts, halvings), cutoffs }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::atlas::Region;
+    use crate::textures::mips::means;
+
+    /// Two needles on each of 256 small billboards; the polygons are the billboards without their rims.
+    fn sparse(alpha_cutoff: f32) -> (Image, PagePart) {
+        let inside = |i: usize| (1..15).contains(&(i % 256 % 16)) && (1..15).contains(&(i / 256 % 16));
+        let needle = |i: usize| [5, 10].contains(&((i % 256 % 16 + i / 256 % 16 / 3 + i / 4096) % 16));
+        let alpha = |i: usize| if inside(i) && needle(i) { 255 } else { 0 };
+        let page = Image::new(256, 256, (0..1 << 16).map(|i| [30, 90, 20, alpha(i)]).collect::<Vec<_>>()).unwrap();
+        let region = |i: usize| Region { x: i % 16 * 16 + 1, y: i / 16 * 16 + 1, width: 14, height: 14 };
+        let drawn = (0..1 << 16).map(|i| f32::from(u8::from(inside(i)))).collect();
+        (page, PagePart { regions: (0..256).map(region).collect(), gutter: 1, alpha_cutoff, drawn })
+    }
+
+    /// Returns the share of the polygons of `sparse` that a mip level shows, by bilinear filtering at 2 × 2 places in each texel of the page.
+    fn shown(mip: &Image, part: &PagePart, cutoff: f32) -> f64 {
+        let side = mip.width();
+        let at = |x: f64, y: f64| {
+            let clamped = |v: f64| v.clamp(0.0, side as f64 - 1.0) as usize;
+            f64::from(mip.pixels()[clamped(y) * side + clamped(x)][3]) / 255.0
+        };
+        let passes = |x: f64, y: f64| {
+            let (x, y) = (x * side as f64 / 256.0 - 0.5, y * side as f64 / 256.0 - 0.5);
+            let (low, high) = ((x.floor(), y.floor()), (x.floor() + 1.0, y.floor() + 1.0));
+            let row = |y: f64| at(low.0, y) * (high.0 - x) + at(high.0, y) * (x - low.0);
+            row(low.1) * (high.1 - y) + row(high.1) * (y - low.1) >= f64::from(cutoff)
+        };
+        let texels: Vec<usize> = (0..1 << 16).filter(|&i| part.drawn[i] > 0.0).collect();
+        let places = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
+        let count = |i: &usize| {
+            let (x, y) = ((i % 256) as f64, (i / 256) as f64);
+            places.iter().filter(|(dx, dy)| passes(x + dx, y + dy)).count()
+        };
+        texels.iter().map(count).sum::<usize>() as f64 / (4 * texels.len()) as f64
+    }
+
+    #[test]
+    fn sparse_billboards_keep_their_area_on_smaller_pages() {
+        let (page, part) = sparse(0.5);
+        let own = shown(&page, &part, 0.5);
+        for halvings in 0..3 {
+            let EnginePage { image, cutoffs } = EnginePage::new(&page, std::slice::from_ref(&part), halvings);
+            assert_eq!((image.width(), image.height()), (256 >> halvings, 256 >> halvings));
+            for (number, mip) in means(&image).iter().take(3).enumerate() {
+                let found = shown(mip, &part, cutoffs[0]) / own;
+                assert!((found - 1.0).abs() < 0.3, "halved {halvings} times, level {number}: {found}");
+            }
+        }
+        let plain = shown(&means(&page)[3], &part, 0.5);
+        assert!(plain < 0.1 * own, "box filtering loses them: {plain} of {own}");
+    }
+
+    #[test]
+    fn each_part_of_a_page_has_its_cutoff() {
+        let (page, whole) = sparse(0.5);
+        let (left, right): (Vec<Region>, Vec<Region>) = whole.regions.iter().partition(|region| region.x < 128);
+        let on = |left: bool| -> Vec<f32> {
+            whole
+                .drawn
+                .iter()
+                .enumerate()
+                .map(|(i, &share)| if (i % 256 < 128) == left { share } else { 0.0 })
+                .collect()
+        };
+        let parts = [
+            PagePart { regions: left, drawn: on(true), alpha_cutoff: 0.2, ..whole.clone() },
+            PagePart { regions: right, drawn: on(false), alpha_cutoff: 0.9, ..whole.clone() },
+        ];
+        let both = EnginePage::new(&page, &parts, 1);
+        for (number, part) in parts.iter().enumerate() {
+            let mut alone: Vec<[u8; 4]> = page.pixels().to_vec();
+            let other = |i: &usize| (i % 256 < 128) == (number == 1);
+            (0..1 << 16).filter(other).for_each(|i| alone[i][3] = 0);
+            let alone = Image::new(256, 256, alone).unwrap();
+            let alone = EnginePage::new(&alone, std::slice::from_ref(part), 1);
+            assert_eq!(alone.cutoffs, [both.cutoffs[number]]);
+            let own = |i: &usize| (i % 128 < 64) == (number == 0);
+            assert!((0..1 << 14).filter(own).all(|i| alone.image.pixels()[i] == both.image.pixels()[i]));
+        }
+    }
+}

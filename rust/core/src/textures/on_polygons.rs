@@ -1,0 +1,72 @@
+//! What the polygons of an atlas page show at an alpha cutoff, on any mip level: looked up at places that are spread evenly over them.
+
+use glam::Vec2;
+
+use super::halves::texels;
+use crate::atlas::{Atlas, Billboard, Region};
+
+/// Most places on the polygons.
+const PLACES: usize = 1 << 16;
+
+/// Steps from one place in its texel to the next, modulo 1: places are spread evenly (R₂ sequence).
+const SPREAD: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+
+/// Returns 1 for each texel of the page with its center on a polygon, else 0.
+pub fn drawn_texels(atlas: &Atlas) -> Vec<f32> {
+    let mut drawn = vec![0.0; atlas.size.texels()];
+    for billboard in &atlas.billboards {
+        for texel in texels(billboard.region, atlas.size.width) {
+            let at = [texel % atlas.size.width, texel / atlas.size.width];
+            drawn[texel] = f32::from(u8::from(covers(billboard, at)));
+        }
+    }
+    drawn
+}
+
+/// Returns whether a polygon of the billboard covers the center of a texel of its region.
+fn covers(billboard: &Billboard, [column, row]: [usize; 2]) -> bool {
+    let Region { x, y, width, height } = billboard.region;
+    let across = ((column - x) as f64 + 0.5) / width as f64;
+    let up = 1.0 - ((row - y) as f64 + 0.5) / height as f64;
+    billboard.polygons.iter().any(|polygon| {
+        let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
+        let crossed =
+            sides.filter(|(a, b)| (a.y > up) != (b.y > up) && across < a.x + (b.x - a.x) * (up - a.y) / (b.y - a.y));
+        crossed.count() % 2 == 1
+    })
+}
+
+/// Places on the polygons, in shares of the page.
+pub struct OnPolygons(Vec<Vec2>);
+
+impl OnPolygons {
+    /// `drawn`: for each texel of a page of this width the share that polygons cover.
+    pub fn new(drawn: &[f32], width: usize) -> Self {
+        let size = Vec2::new(width as f32, (drawn.len() / width) as f32);
+        let place = |(number, texel): (usize, usize)| {
+            let corner = Vec2::new((texel % width) as f32, (texel / width) as f32);
+            (corner + (number as f32 * SPREAD).fract()) / size
+        };
+        let on_polygons: Vec<usize> = (0..drawn.len()).filter(|&texel| drawn[texel] > 0.5).collect();
+        let step = on_polygons.len().div_ceil(PLACES).max(1);
+        Self(on_polygons.into_iter().step_by(step).enumerate().map(place).collect())
+    }
+
+    /// Returns the share of the polygons on which alpha reaches the cutoff, with alpha interpolated between texel centers.
+    pub fn share(&self, alpha: &[u8], width: usize, cutoff: u8) -> f64 {
+        let height = alpha.len() / width;
+        let size = Vec2::new(width as f32, height as f32);
+        let at = |x: f32, y: f32| {
+            let column = x.clamp(0.0, size.x - 1.0) as usize;
+            f32::from(alpha[y.clamp(0.0, size.y - 1.0) as usize * width + column])
+        };
+        let shows = |&&place: &&Vec2| {
+            let place = place * size - 0.5;
+            let low = place.floor();
+            let share = place - low;
+            let row = |y: f32| at(low.x, y) + (at(low.x + 1.0, y) - at(low.x, y)) * share.x;
+            row(low.y) + (row(low.y + 1.0) - row(low.y)) * share.y >= f32::from(cutoff)
+        };
+        self.0.iter().filter(shows).count() as f64 / self.0.len().max(1) as f64
+    }
+}
