@@ -5,7 +5,8 @@ usage: python bench/engines.py [--quick] [TREE.glb …]      (default: pine, oak
 - Hand-overs in three.js and Babylon.js, by the code of the packages' READMEs, in Chromium without a display: the next
   level beside the one before, from the same places. Also the tree at each of these distances, twice and four times as
   far, beside the leaves with 4 × 4 samples a pixel.
-- A level in the engine beside the same file in Cycles, from the same camera, without shading, with 4 × 4 samples.
+- A level in the engine beside the same level of the .blend in Cycles, from the same camera, without shading, with 4 × 4
+  samples.
 - Bytes of the files for each engine, with the validator's errors and warnings, for planned and for all effects.
 - Milliseconds of a picture in three.js for 1, 100 and 1,000 trees.
 
@@ -38,6 +39,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT)]
 from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures, sphere_of  # noqa: E402
 from glb import Node  # noqa: E402
+
+from addon.levels.material import page_of  # noqa: E402
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("pine_cards_20k", "oak_cards_11k", "douglas_fir_105k")
@@ -72,9 +75,9 @@ a pixel; limits 0.9 to 1.1.
 """
 CYCLES = """## Beside Cycles
 
-The file of one level from the same cameras, without shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the
-tree; limit 0.08. *Crown*: its height in pixels. The file of the last level has a cross impostor; three.js draws the
-octahedral impostor in its place where a tree has one.
+A level in the engine beside the same level in Cycles with the atlas page of the .blend, from the same cameras, without
+shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the tree; limit 0.08. *Crown*: its height in pixels. Cycles
+draws the cross impostor as the last level; three.js draws the octahedral impostor in its place where a tree has one.
 """
 FILES = """## Files
 
@@ -210,7 +213,7 @@ def coverage_at(tree: Path, engine: str, file: Path, distance: float) -> float:
 
 
 def cycles_rows(tree: Path) -> Iterator[list[str]]:
-    """Yield for each level its FLIP in engines beside the same file in Cycles."""
+    """Yield for each level its FLIP in engines beside the same level in Cycles."""
     base = levels_of(bake(tree, "three"))
     _, radius = sphere_of(base[0])
     places = [0.5 * hand_overs(base)[0], *hand_overs(base)]
@@ -230,11 +233,21 @@ def cycles_rows(tree: Path) -> Iterator[list[str]]:
 
 
 def in_cycles(file: Path, view: View) -> Picture:
-    """Return pictures of a file in Cycles without shading, one sample a pixel, as from `drawn`."""
+    """Return pictures of a level in Cycles without shading, one sample a pixel, as from `drawn`.
+
+    Atlas pages are those of the .blend: files have other ones, made for mip levels, which Cycles does not draw.
+    """
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(file))
-    for material in bpy.data.materials:
-        if material.use_nodes and any(node.type == "BSDF_PRINCIPLED" for node in material.node_tree.nodes):
+    imported = list(bpy.data.materials)
+    name, _, _ = file.stem.rpartition("_LOD")
+    with bpy.data.libraries.load(str(file.with_name(f"{name}.blend"))) as (inside, wanted):
+        wanted.materials = [material.name for material in imported if material.name in inside.materials]
+    for material in imported:
+        page = next((page_of(own) for own in wanted.materials if own.name.partition(".")[0] == material.name), None)
+        if page is not None:
+            show_page(material, *page)
+        elif any(node.type == "BSDF_PRINCIPLED" for node in material.node_tree.nodes):
             make_flat(material)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -263,6 +276,27 @@ def in_cycles(file: Path, view: View) -> Picture:
             loaded.pixels.foreach_get(light)
             found.append(light.reshape(view.side, view.side, 4)[::-1].astype(np.float64))
     return np.stack(found)
+
+
+def show_page(material: bpy.types.Material, image: bpy.types.Image, cutoff: float) -> None:
+    """Make the material emit an atlas page where its alpha reaches the cutoff."""
+    tree = material.node_tree
+    tree.nodes.clear()
+    texture, cut, emission, clear, mix, output = (
+        tree.nodes.new(f"ShaderNode{kind}")
+        for kind in ("TexImage", "Math", "Emission", "BsdfTransparent", "MixShader", "OutputMaterial")
+    )
+    texture.image = image
+    cut.operation, cut.inputs[1].default_value = "GREATER_THAN", cutoff
+    for source, target in (
+        (texture.outputs["Color"], emission.inputs[0]),
+        (texture.outputs["Alpha"], cut.inputs[0]),
+        (cut.outputs[0], mix.inputs[0]),
+        (clear.outputs[0], mix.inputs[1]),
+        (emission.outputs[0], mix.inputs[2]),
+        (mix.outputs[0], output.inputs[0]),
+    ):
+        tree.links.new(source, target)
 
 
 def reduced(pictures_of: Picture) -> Picture:

@@ -162,7 +162,8 @@ def _engine_pages(trees: Sequence[Baked]) -> dict[str, EnginePage]:
     for tree in trees:
         distances = tree.schedule.plain_distances[-len(tree.chain.clouds) :]
         for number, (level, distance) in enumerate(zip(tree.chain.clouds, distances, strict=True)):
-            own = halvings(pixels_of(level.texel_size, distance, tree.view))
+            # The page of a cross impostor is small by itself, and seen from any distance behind this one.
+            own = 0 if level.method == "cross" else halvings(pixels_of(level.texel_size, distance, tree.view))
             least[number] = min(own, least.get(number, own))
     numbers = [number for tree in trees for number in range(len(tree.chain.clouds))]
     levels = _levels_by_material(trees)

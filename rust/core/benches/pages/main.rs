@@ -77,7 +77,7 @@ impl Level {
 /// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
 /// the page for engines, and of the mip levels in KTX2.
 fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
-    let parts = [PagePart::of(atlas, CUTOFF)];
+    let parts = [PagePart::of(atlas, CUTOFF, 0)];
     let EnginePage { image: engine, cutoffs } = EnginePage::new(&page.base_color, &parts, 0);
     let at = [PagePart { alpha_cutoff: cutoffs[0], ..parts[0].clone() }];
     let whole = mips::area(&page.base_color, CUTOFF);

@@ -113,6 +113,9 @@ pub(super) fn build(
 /// Least number of texels along a pixel where the cross impostor takes over.
 const TEXELS_PER_PIXEL: f64 = 2.0;
 
+/// The first mip level of the page that is seen: with two texels along a pixel, the one behind the page itself.
+pub(super) const FIRST_SEEN: usize = 1;
+
 /// Returns the samples with which the page has as many in all as a page of the size `most`, within the limit for a texel. The leaves are
 /// the same on a smaller page, so each texel needs more samples.
 fn finer_samples(samples: Samples, page: PageSize, most: PageSize) -> Samples {

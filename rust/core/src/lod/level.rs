@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::billboards::{billboard_ranks, billboards};
+use super::cross;
 use super::references::References;
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
@@ -324,13 +325,14 @@ impl Level {
         Some(levels.map(|(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image }).collect())
     }
 
+    /// Returns the level as a part of a page with this layout.
+    pub(super) fn part_on(&self, atlas: &Atlas) -> PagePart {
+        PagePart::of(atlas, self.alpha_cutoff, if self.is_cross() { cross::FIRST_SEEN } else { 0 })
+    }
+
     /// Returns the parts of all trees on the page, this level's among them.
     fn parts(&self) -> Cow<'_, [PagePart]> {
-        if self.sharers.is_empty() {
-            Cow::Owned(vec![PagePart::of(&self.atlas, self.alpha_cutoff)])
-        } else {
-            Cow::Borrowed(&self.sharers)
-        }
+        if self.sharers.is_empty() { Cow::Owned(vec![self.part_on(&self.atlas)]) } else { Cow::Borrowed(&self.sharers) }
     }
 
     /// Returns the level's share of the used area of its atlas page; 1 for a page of one tree.

@@ -47,7 +47,7 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
         billboards: moved_billboards(&level.atlas, moves),
     };
     let atlases: Vec<Atlas> = levels.iter().zip(&moves).map(moved).collect();
-    let part = |(level, atlas): (&&Level, &Atlas)| PagePart::of(atlas, level.alpha_cutoff);
+    let part = |(level, atlas): (&&Level, &Atlas)| level.part_on(atlas);
     let sharers: Arc<[PagePart]> = levels.iter().zip(&atlases).map(part).collect();
     let engine = Arc::default();
     let placed = |(part, (level, atlas)): (usize, (&&Level, Atlas))| Level {

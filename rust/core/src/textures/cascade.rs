@@ -10,28 +10,35 @@
 //! coarse level reaches it then although little of it is covered. O(texels) for each area, of which some hundreds are measured.
 //!
 //! `docs/bench/engines.md` lists the coverage on screen. Known limits: on sparse pages of thin leaves one of the first three levels may be
-//! a quarter too dense, and the fourth is too thin; shapes at level 0 follow those of the coarser levels, so silhouettes are softer
+//! a third too dense, and the fourth is too thin; shapes at level 0 follow those of the coarser levels, so silhouettes are softer
 //! than those of the page itself.
 
 use rayon::prelude::*;
 
 use super::mips::code_at_least;
 use super::on_polygons::OnPolygons;
+use super::parts::PagePart;
 use super::recut::{least, table};
 use crate::color::quantise;
 use crate::foliage::Image;
 
-/// Numbers of mip levels behind level 0 that keep the area, and cutoffs: all pairs are compared. Low cutoffs suit sparse pages.
+/// What is compared, all with all: numbers of mip levels behind the first seen one that keep the area, cutoffs, and gains.
 const LEVELS: [usize; 2] = [2, 3];
-const CUTOFFS: [f32; 6] = [0.08, 0.12, 0.16, 0.22, 0.3, 0.4];
+const CUTOFFS: [f32; 4] = [0.08, 0.14, 0.24, 0.4];
+const GAINS: [f64; 4] = [0.6, 0.8, 1.0, 1.3];
 
 /// The same for pages of more texels than `MANY`, because time grows with them.
-const MANY: usize = 1 << 19;
-const LEVELS_OF_MANY: [usize; 1] = [2];
-const CUTOFFS_OF_MANY: [f32; 3] = [0.12, 0.22, 0.3];
+const MANY: usize = 1 << 17;
+const CUTOFFS_OF_MANY: [f32; 3] = [0.08, 0.14, 0.24];
 
-/// What an error of the area on mip levels 0, 1 and so on counts.
-const WEIGHTS: [f64; 4] = [1.0, 1.0, 1.0, 0.3];
+/// Factors on the cutoff that are tried once alpha is known.
+const NUDGES: [f32; 7] = [0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15];
+
+/// What an error of the area counts on the first seen mip level, halfway to the next, on the next, and so on.
+const WEIGHTS: [f64; 7] = [0.8, 1.0, 1.0, 0.9, 0.7, 0.5, 0.3];
+
+/// What it counts to show something else than the page itself.
+const ELSEWHERE: f64 = 0.3;
 
 /// Powers of the coverage that are compared, from copies to more contrast than the coverage has.
 const POWERS: usize = 6;
@@ -43,22 +50,43 @@ const HALVINGS: usize = 6;
 /// The least coverage that counts, so that powers of it are numbers.
 const LEAST: f32 = 1e-4;
 
+/// How a cascade is made.
+#[derive(Clone, Copy)]
+struct Recipe {
+    /// Mip levels behind level 0 that keep the area.
+    levels: usize,
+    /// Least alpha that is drawn.
+    cutoff: f32,
+    /// Factor on the area of the coarsest of these levels: trilinear filters lose some between levels.
+    gain: f64,
+}
+
+/// Returns the recipes that are tried for a page of so many texels.
+fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
+    if texels > MANY {
+        return CUTOFFS_OF_MANY
+            .map(|cutoff| Recipe { levels: LEVELS[1] + first_seen, cutoff, gain: GAINS[1] })
+            .to_vec();
+    }
+    let with = |levels| CUTOFFS.into_iter().flat_map(move |cutoff| GAINS.map(|gain| Recipe { levels, cutoff, gain }));
+    LEVELS.into_iter().flat_map(|levels| with(levels + first_seen)).collect()
+}
+
 /// Returns the page with alpha that shows the share `area` of the polygons on box-filtered mip levels, too, and the cutoff to draw it with.
+/// `part`: with the cutoff of `page`.
 #[must_use]
-pub fn keeping_area(page: &Image, polygons: &OnPolygons, area: f64) -> (Image, f32) {
-    let many = page.pixels().len() > MANY;
-    let (levels, cutoffs) =
-        if many { (&LEVELS_OF_MANY[..], &CUTOFFS_OF_MANY[..]) } else { (&LEVELS[..], &CUTOFFS[..]) };
-    let pairs: Vec<(usize, f32)> =
-        levels.iter().flat_map(|&number| cutoffs.iter().map(move |&at| (number, at))).collect();
-    let tried = pairs.into_par_iter().map(|(levels, cutoff)| {
-        let own = Own::new(page, polygons, area, levels);
-        let alpha = own.cascade(cutoff);
-        (own.error(&alpha, cutoff), alpha, cutoff)
+pub fn keeping_area(page: &Image, part: &PagePart, polygons: &OnPolygons, area: f64) -> (Image, f32) {
+    let tried = recipes(page.pixels().len(), part.first_seen).into_par_iter().map(|recipe| {
+        let own = Own::new(page, polygons, area, recipe.levels);
+        let alpha = own.cascade(recipe);
+        let cutoffs = NUDGES.map(|nudge| nudge * recipe.cutoff);
+        let errors = cutoffs.map(|cutoff| own.error(&alpha, cutoff, part));
+        let best = (0..NUDGES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+        (errors[best], alpha, cutoffs[best])
     });
     let tried: Vec<(f64, Vec<u8>, f32)> = tried.collect();
     let best = tried.into_iter().reduce(|best, other| if other.0 < best.0 { other } else { best });
-    let (_, alpha, cutoff) = best.expect("there are cutoffs");
+    let (_, alpha, cutoff) = best.expect("there are recipes");
     (page.clone().with_alpha(alpha), cutoff)
 }
 
@@ -109,32 +137,43 @@ impl<'a> Own<'a> {
         Self { levels: levels.take(halvings.min(most) + 1).collect(), polygons, area }
     }
 
-    /// Returns the area of a level at a cutoff, less that of the page itself.
-    fn excess(&self, level: &AlphaGrid, cutoff: f32) -> f64 {
-        self.polygons.share(&level.codes(), level.width, code_at_least(cutoff)) - self.area
-    }
-
     /// Returns alpha of level 0, built from the coarsest level down.
-    fn cascade(&self, cutoff: f32) -> Vec<u8> {
+    fn cascade(&self, Recipe { cutoff, gain, .. }: Recipe) -> Vec<u8> {
+        let excess = |level: &AlphaGrid, number: usize| {
+            let share = number as f64 / (self.levels.len() - 1).max(1) as f64;
+            let shown = self.polygons.share(&level.codes(), level.width, code_at_least(cutoff));
+            shown - self.area * libm::pow(gain, share)
+        };
         let (coarsest, finer) = self.levels.split_last().expect("there is a level");
-        let fits = |pivot| self.excess(&remapped(coarsest, pivot, cutoff), cutoff) <= 0.0;
+        let fits = |pivot| excess(&remapped(coarsest, pivot, cutoff), finer.len()) <= 0.0;
         let mut level = remapped(coarsest, least(0.0, 1.0, HALVINGS, fits), cutoff);
-        for coverage in finer.iter().rev() {
-            let power = keeping_power(|power| self.excess(&divided(&level, coverage, power), cutoff));
+        for (number, coverage) in finer.iter().enumerate().rev() {
+            let power = keeping_power(|power| excess(&divided(&level, coverage, power), number));
             level = divided(&level, coverage, power);
         }
         level.codes()
     }
 
-    /// Returns the greatest weighted error of the area on the mip levels that an engine makes, as a share of the area.
-    fn error(&self, alpha: &[u8], cutoff: f32) -> f64 {
-        let first = (alpha.to_vec(), self.levels[0].width);
-        let mips = std::iter::successors(Some(first), |(alpha, width)| Some(halved(alpha, *width)));
-        let error = |((alpha, width), weight): ((Vec<u8>, usize), f64)| {
-            let area = self.polygons.share(&alpha, width, code_at_least(cutoff));
-            weight * (area / self.area.max(1e-9) - 1.0).abs()
-        };
-        mips.zip(WEIGHTS).map(error).fold(0.0, f64::max)
+    /// Returns the error on the mip levels that an engine makes, and between them: the greatest weighted one of the area, as a share of the
+    /// area, and what is shown elsewhere than on the page itself, because coarse blocks keep the area best.
+    fn error(&self, alpha: &[u8], cutoff: f32, part: &PagePart) -> f64 {
+        let code = code_at_least(cutoff);
+        let (mut fine, mut width) = (alpha.to_vec(), self.levels[0].width);
+        for _ in 0..part.first_seen {
+            (fine, width) = halved(&fine, width);
+        }
+        let page = (&self.levels[0].codes()[..], self.levels[0].width, code_at_least(part.alpha_cutoff));
+        let elsewhere = self.polygons.difference([page, (&fine, width, code)]);
+        let mut shares = vec![self.polygons.share_slanting(&fine, width, code)];
+        while shares.len() < WEIGHTS.len() {
+            let (coarse, half) = halved(&fine, width);
+            shares.push(self.polygons.share_between([(&fine, width), (&coarse, half)], code));
+            shares.push(self.polygons.share_slanting(&coarse, half, code));
+            (fine, width) = (coarse, half);
+        }
+        let of_area = |share: f64| share / self.area.max(1e-9);
+        let error = |(share, weight): (f64, f64)| weight * (of_area(share) - 1.0).abs();
+        shares.into_iter().zip(WEIGHTS).map(error).fold(0.0, f64::max) + ELSEWHERE * of_area(elsewhere)
     }
 }
 
@@ -209,12 +248,17 @@ mod tests {
     /// Returns the area above the cutoff on the mip levels that an engine makes.
     fn areas(image: &Image, cutoff: f32) -> Vec<f64> {
         let area = |level: &Image| mask::area(&level.alpha(), level.width(), cutoff, 1);
-        mips::means(image).iter().take(WEIGHTS.len()).map(area).collect()
+        mips::means(image).iter().take(4).map(area).collect()
     }
 
     /// Keeps the area that a page with polygons everywhere shows at a cutoff.
     fn kept(page: &Image, cutoff: f32) -> (Image, f32) {
-        keeping_area(page, &OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE), mask::area(&page.alpha(), SIDE, cutoff, 1))
+        keeping_area(
+            page,
+            &OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE),
+            mask::area(&page.alpha(), SIDE, cutoff, 1),
+            0,
+        )
     }
 
     /// A crown: randomly covered texels, fewer toward the rim of a disc.

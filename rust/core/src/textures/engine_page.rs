@@ -28,7 +28,7 @@ impl EnginePage {
             let polygons = part.polygons(page.width());
             let area = polygons.share(&page.alpha(), page.width(), code_at_least(part.alpha_cutoff));
             let small = of_part(&page, part, halvings).pop().unwrap_or(page);
-            keeping_area(&small, &polygons, area)
+            keeping_area(&small, part, &polygons, area)
         };
         let (images, cutoffs) = apart(page, parts).into_iter().zip(parts).map(of_part).unzip();
         Self { image: together(images, parts, halvings), cutoffs }
@@ -49,7 +49,7 @@ mod tests {
         let page = Image::new(256, 256, (0..1 << 16).map(|i| [30, 90, 20, alpha(i)]).collect::<Vec<_>>()).unwrap();
         let region = |i: usize| Region { x: i % 16 * 16 + 1, y: i / 16 * 16 + 1, width: 14, height: 14 };
         let drawn = (0..1 << 16).map(|i| f32::from(u8::from(inside(i)))).collect();
-        (page, PagePart { regions: (0..256).map(region).collect(), gutter: 1, alpha_cutoff, drawn })
+        (page, PagePart { regions: (0..256).map(region).collect(), gutter: 1, alpha_cutoff, drawn, first_seen: 0 })
     }
 
     /// Returns the share of the polygons of `sparse` that a mip level shows, by bilinear filtering at 2 × 2 places in each texel of the page.

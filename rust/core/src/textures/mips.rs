@@ -58,7 +58,7 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
     let mut drawn = vec![0.0; image.pixels().len()];
     regions.iter().flat_map(|region| texels(*region, image.width())).for_each(|texel| drawn[texel] = 1.0);
     let regions = regions.to_vec();
-    of_part(image, &PagePart { regions, gutter: 0, alpha_cutoff, drawn }, usize::MAX)
+    of_part(image, &PagePart { regions, gutter: 0, alpha_cutoff, drawn, first_seen: 0 }, usize::MAX)
 }
 
 /// Returns the image and its first `most` mip levels, for one tree's part of a page.

@@ -88,6 +88,7 @@ fn trees_on_one_page_keep_their_own_coverage() {
         gutter: 4,
         alpha_cutoff,
         drawn: vec![1.0; 128 * 64],
+        first_seen: 0,
     };
     let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)]);
     for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {

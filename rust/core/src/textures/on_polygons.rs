@@ -54,19 +54,48 @@ impl OnPolygons {
 
     /// Returns the share of the polygons on which alpha reaches the cutoff, with alpha interpolated between texel centers.
     pub fn share(&self, alpha: &[u8], width: usize, cutoff: u8) -> f64 {
-        let height = alpha.len() / width;
-        let size = Vec2::new(width as f32, height as f32);
-        let at = |x: f32, y: f32| {
-            let column = x.clamp(0.0, size.x - 1.0) as usize;
-            f32::from(alpha[y.clamp(0.0, size.y - 1.0) as usize * width + column])
-        };
-        let shows = |&&place: &&Vec2| {
-            let place = place * size - 0.5;
-            let low = place.floor();
-            let share = place - low;
-            let row = |y: f32| at(low.x, y) + (at(low.x + 1.0, y) - at(low.x, y)) * share.x;
-            row(low.y) + (row(low.y + 1.0) - row(low.y)) * share.y >= f32::from(cutoff)
-        };
-        self.0.iter().filter(shows).count() as f64 / self.0.len().max(1) as f64
+        self.share_where(|place| filtered(alpha, width, place) >= f32::from(cutoff))
     }
+
+    /// Returns the same halfway between two mip levels, each alpha and width: for trilinear filters.
+    pub fn share_between(&self, [fine, coarse]: [(&[u8], usize); 2], cutoff: u8) -> f64 {
+        let mean = |place| 0.5 * (filtered(fine.0, fine.1, place) + filtered(coarse.0, coarse.1, place));
+        self.share_where(|place| mean(place) >= f32::from(cutoff))
+    }
+
+    /// Returns the mean of the share for surfaces seen from the front and from two slanting directions: anisotropic filters take the mean of
+    /// two places a texel apart there.
+    pub fn share_slanting(&self, alpha: &[u8], width: usize, cutoff: u8) -> f64 {
+        let height = alpha.len() / width;
+        let mean =
+            |place, half: Vec2| 0.5 * (filtered(alpha, width, place - half) + filtered(alpha, width, place + half));
+        let [across, along] = [Vec2::new(0.5 / width as f32, 0.0), Vec2::new(0.0, 0.5 / height as f32)];
+        let slanting = [across, along].map(|half| self.share_where(|place| mean(place, half) >= f32::from(cutoff)));
+        (self.share(alpha, width, cutoff) + slanting.iter().sum::<f64>()) / 3.0
+    }
+
+    /// Returns the share of the polygons that exactly one of two levels shows, each alpha, width and cutoff.
+    pub fn difference(&self, levels: [(&[u8], usize, u8); 2]) -> f64 {
+        let shows =
+            |(alpha, width, cutoff): (&[u8], usize, u8), place| filtered(alpha, width, place) >= f32::from(cutoff);
+        self.share_where(|place| shows(levels[0], place) != shows(levels[1], place))
+    }
+
+    fn share_where(&self, shows: impl Fn(Vec2) -> bool) -> f64 {
+        self.0.iter().filter(|&&place| shows(place)).count() as f64 / self.0.len().max(1) as f64
+    }
+}
+
+/// Returns alpha at a place, in shares of the page, interpolated between texel centers.
+fn filtered(alpha: &[u8], width: usize, place: Vec2) -> f32 {
+    let size = Vec2::new(width as f32, (alpha.len() / width) as f32);
+    let at = |x: f32, y: f32| {
+        let column = x.clamp(0.0, size.x - 1.0) as usize;
+        f32::from(alpha[y.clamp(0.0, size.y - 1.0) as usize * width + column])
+    };
+    let place = place * size - 0.5;
+    let low = place.floor();
+    let share = place - low;
+    let row = |y: f32| at(low.x, y) + (at(low.x + 1.0, y) - at(low.x, y)) * share.x;
+    row(low.y) + (row(low.y + 1.0) - row(low.y)) * share.y
 }

@@ -17,14 +17,16 @@ pub struct PagePart {
     pub alpha_cutoff: f32,
     /// For each texel of the page the share that polygons cover.
     pub drawn: Vec<f32>,
+    /// The first mip level that is seen: texels of the page are so many times halved pixels where the part is seen closest.
+    pub first_seen: usize,
 }
 
 impl PagePart {
     /// Returns the part with all regions of an atlas layout.
     #[must_use]
-    pub fn of(atlas: &Atlas, alpha_cutoff: f32) -> Self {
+    pub fn of(atlas: &Atlas, alpha_cutoff: f32, first_seen: usize) -> Self {
         let regions = atlas.regions().collect();
-        Self { regions, gutter: atlas.gutter, alpha_cutoff, drawn: drawn_texels(atlas) }
+        Self { regions, gutter: atlas.gutter, alpha_cutoff, drawn: drawn_texels(atlas), first_seen }
     }
 
     /// Returns places on the polygons of a page of this width.

@@ -73,6 +73,7 @@ mod tests {
             gutter: 0,
             alpha_cutoff,
             drawn: (0..128 * 64).map(|i| f32::from(u8::from(i % 128 / 64 == x / 64))).collect(),
+            first_seen: 0,
         };
         let other = recut(&page, &[part(0, 0.3), part(64, 0.8)], &[0.6, 0.1]);
         let half = |image: &Image, x: usize| -> Vec<u8> {
