@@ -63,7 +63,7 @@ pub fn of_color(image: &Image, regions: &[Region], alpha_cutoff: f32) -> Levels 
 
 /// Returns the image and its first `most` mip levels, for one tree's part of a page.
 pub(super) fn of_part(image: &Image, part: &PagePart, most: usize) -> Levels {
-    let polygons = OnPolygons::new(&part.drawn, image.width());
+    let polygons = part.polygons(image.width(), PLACES);
     let few = Few::new(image, part.drawn.clone());
     levels_of_color(image, &part.regions, part.alpha_cutoff, most, Some((few, polygons)))
 }
@@ -201,6 +201,9 @@ pub fn share(image: &Image, region: Region, cutoff: u8) -> f64 {
     let passing = texels(region, image.width()).filter(|&i| image.pixels()[i][3] >= cutoff).count();
     passing as f64 / size(region)
 }
+
+/// Most places on the polygons at which alpha is looked up.
+const PLACES: usize = 1 << 16;
 
 /// Regions with fewer texels along a side are too small to keep a share each (`few`).
 const FEW: usize = 4;

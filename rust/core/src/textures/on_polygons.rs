@@ -5,9 +5,6 @@ use glam::Vec2;
 use super::halves::texels;
 use crate::atlas::{Atlas, Billboard, Region};
 
-/// Most places on the polygons.
-const PLACES: usize = 1 << 16;
-
 /// Steps from one place in its texel to the next, modulo 1: places are spread evenly (R₂ sequence).
 const SPREAD: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 
@@ -40,49 +37,67 @@ fn covers(billboard: &Billboard, [column, row]: [usize; 2]) -> bool {
 pub struct OnPolygons(Vec<Vec2>);
 
 impl OnPolygons {
-    /// `drawn`: for each texel of a page of this width the share that polygons cover.
-    pub fn new(drawn: &[f32], width: usize) -> Self {
+    /// `drawn`: for each texel of a page of this width the share that polygons cover. `most`: number of places.
+    pub fn new(drawn: &[f32], width: usize, most: usize) -> Self {
         let size = Vec2::new(width as f32, (drawn.len() / width) as f32);
         let place = |(number, texel): (usize, usize)| {
             let corner = Vec2::new((texel % width) as f32, (texel / width) as f32);
             (corner + (number as f32 * SPREAD).fract()) / size
         };
         let on_polygons: Vec<usize> = (0..drawn.len()).filter(|&texel| drawn[texel] > 0.5).collect();
-        let step = on_polygons.len().div_ceil(PLACES).max(1);
+        let step = on_polygons.len().div_ceil(most).max(1);
         Self(on_polygons.into_iter().step_by(step).enumerate().map(place).collect())
     }
 
     /// Returns the share of the polygons on which alpha reaches the cutoff, with alpha interpolated between texel centers.
     pub fn share(&self, alpha: &[u8], width: usize, cutoff: u8) -> f64 {
-        self.share_where(|place| filtered(alpha, width, place) >= f32::from(cutoff))
+        let [share] = self.shares(|place| filtered(alpha, width, place), [cutoff]);
+        share
     }
 
-    /// Returns the same halfway between two mip levels, each alpha and width: for trilinear filters.
-    pub fn share_between(&self, [fine, coarse]: [(&[u8], usize); 2], cutoff: u8) -> f64 {
+    /// Returns the share for each cutoff halfway between two mip levels, each alpha and width: for trilinear filters.
+    pub fn shares_between<const N: usize>(&self, [fine, coarse]: [(&[u8], usize); 2], cutoffs: [u8; N]) -> [f64; N] {
         let mean = |place| 0.5 * (filtered(fine.0, fine.1, place) + filtered(coarse.0, coarse.1, place));
-        self.share_where(|place| mean(place) >= f32::from(cutoff))
+        self.shares(mean, cutoffs)
     }
 
-    /// Returns the mean of the share for surfaces seen from the front and from two slanting directions: anisotropic filters take the mean of
-    /// two places a texel apart there.
-    pub fn share_slanting(&self, alpha: &[u8], width: usize, cutoff: u8) -> f64 {
+    /// Returns the mean of the shares for surfaces seen from the front and from two slanting directions: anisotropic filters take the mean
+    /// of two places a texel apart there.
+    pub fn shares_slanting<const N: usize>(&self, alpha: &[u8], width: usize, cutoffs: [u8; N]) -> [f64; N] {
         let height = alpha.len() / width;
         let mean =
             |place, half: Vec2| 0.5 * (filtered(alpha, width, place - half) + filtered(alpha, width, place + half));
-        let [across, along] = [Vec2::new(0.5 / width as f32, 0.0), Vec2::new(0.0, 0.5 / height as f32)];
-        let slanting = [across, along].map(|half| self.share_where(|place| mean(place, half) >= f32::from(cutoff)));
-        (self.share(alpha, width, cutoff) + slanting.iter().sum::<f64>()) / 3.0
+        let halves = [Vec2::ZERO, Vec2::new(0.5 / width as f32, 0.0), Vec2::new(0.0, 0.5 / height as f32)];
+        let of_each = halves.map(|half| self.shares(|place| mean(place, half), cutoffs));
+        std::array::from_fn(|n| of_each.iter().map(|shares| shares[n]).sum::<f64>() / of_each.len() as f64)
     }
 
-    /// Returns the share of the polygons that exactly one of two levels shows, each alpha, width and cutoff.
-    pub fn difference(&self, levels: [(&[u8], usize, u8); 2]) -> f64 {
-        let shows =
-            |(alpha, width, cutoff): (&[u8], usize, u8), place| filtered(alpha, width, place) >= f32::from(cutoff);
-        self.share_where(|place| shows(levels[0], place) != shows(levels[1], place))
+    /// Returns for each cutoff the share of the polygons that is shown either by the page, at its own cutoff, or by a level, but not by both.
+    pub fn differences<const N: usize>(
+        &self,
+        (page, width, own): (&[u8], usize, u8),
+        level: (&[u8], usize),
+        cutoffs: [u8; N],
+    ) -> [f64; N] {
+        let shown = |&place: &Vec2| filtered(page, width, place) >= f32::from(own);
+        let found: Vec<(bool, f32)> =
+            self.0.iter().map(|place| (shown(place), filtered(level.0, level.1, *place))).collect();
+        cutoffs.map(|cutoff| {
+            let differs = |(shown, alpha): &&(bool, f32)| *shown != (*alpha >= f32::from(cutoff));
+            found.iter().filter(differs).count() as f64 / found.len().max(1) as f64
+        })
     }
 
-    fn share_where(&self, shows: impl Fn(Vec2) -> bool) -> f64 {
-        self.0.iter().filter(|&&place| shows(place)).count() as f64 / self.0.len().max(1) as f64
+    /// Returns for each cutoff the share of the places where a value reaches it.
+    fn shares<const N: usize>(&self, value: impl Fn(Vec2) -> f32, cutoffs: [u8; N]) -> [f64; N] {
+        let mut counts = [0usize; N];
+        for &place in &self.0 {
+            let found = value(place);
+            for (count, cutoff) in counts.iter_mut().zip(cutoffs) {
+                *count += usize::from(found >= f32::from(cutoff));
+            }
+        }
+        counts.map(|count| count as f64 / self.0.len().max(1) as f64)
     }
 }
 

@@ -29,9 +29,9 @@ impl PagePart {
         Self { regions, gutter: atlas.gutter, alpha_cutoff, drawn: drawn_texels(atlas), first_seen }
     }
 
-    /// Returns places on the polygons of a page of this width.
-    pub(super) fn polygons(&self, width: usize) -> OnPolygons {
-        OnPolygons::new(&self.drawn, width)
+    /// Returns places on the polygons of a page of this width, `most` at most.
+    pub(super) fn polygons(&self, width: usize, most: usize) -> OnPolygons {
+        OnPolygons::new(&self.drawn, width, most)
     }
 
     /// Returns the regions with their gutters.

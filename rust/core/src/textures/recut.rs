@@ -11,6 +11,9 @@ use crate::foliage::Image;
 /// Halvings in the search for the pivot.
 const HALVINGS: usize = 8;
 
+/// Most places on the polygons at which alpha is looked up.
+const PLACES: usize = 1 << 16;
+
 /// Returns the page with alpha for one cutoff for each part in place of its own.
 #[must_use]
 pub fn recut(page: &Image, parts: &[PagePart], cutoffs: &[f32]) -> Image {
@@ -19,7 +22,7 @@ pub fn recut(page: &Image, parts: &[PagePart], cutoffs: &[f32]) -> Image {
 }
 
 fn recut_part(page: Image, part: &PagePart, cutoff: f32) -> Image {
-    let (alpha, width, polygons) = (page.alpha(), page.width(), part.polygons(page.width()));
+    let (alpha, width, polygons) = (page.alpha(), page.width(), part.polygons(page.width(), PLACES));
     let area = polygons.share(&alpha, width, code_at_least(part.alpha_cutoff));
     let at = |pivot: f32| {
         let table = table(pivot, cutoff);
