@@ -24,8 +24,9 @@ PLACES = 100_000
 def places(level: leafcloud.Level) -> NDArray[np.float64]:
     """Return places on the drawn triangles (n, 2): columns and rows from the top left, as shares of the page."""
     sizes = level.polygon_sizes.tolist()
-    firsts = [0, *itertools.accumulate(sizes)]
-    fans = [(start, start + i, start + i + 1) for start, size in zip(firsts, sizes) for i in range(1, size - 1)]
+    firsts = itertools.accumulate(sizes[:-1], initial=0)
+    spans = zip(firsts, sizes, strict=True)
+    fans = [(start, start + i, start + i + 1) for start, size in spans for i in range(1, size - 1)]
     uvs = np.asarray(level.uvs, np.float64)
     corners = np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)[np.array(fans)]
     sides = corners[:, 1:] - corners[:, :1]
