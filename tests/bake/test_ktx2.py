@@ -163,7 +163,7 @@ def test_each_billboard_keeps_its_area_above_the_cutoff_at_every_mip_level(tmp_p
 
     passes = passing(0)
     own = level.base_color[..., 3] >= level.alpha_cutoff * 255.0 - 1e-3
-    assert passes.mean() == pytest.approx(own.mean(), rel=0.2)
+    assert passes.mean() == pytest.approx(own.mean(), rel=0.4), "the area between texels stays, not their number"
     for number in range(1, 4):
         shown = passing(number)
         checked = 0

@@ -60,7 +60,7 @@ def test_billboards_show_the_same_texels_on_the_shared_page() -> None:
             pairs = zip(regions(level, level.base_color), regions(after, after.base_color), strict=True)
             assert all(np.array_equal(old, new) for old, new in pairs)
             alone = passing(level, *level.for_engines())
-            assert passing(after, *after.for_engines()) == pytest.approx(alone, rel=0.2)
+            assert passing(after, *after.for_engines()) == pytest.approx(alone, rel=0.35)
         assert sum(level.page_share for level in (first, second)) == pytest.approx(1.0)
         assert [level.page_share for level in own] == [1.0, 1.0]
 

@@ -37,6 +37,9 @@ const NUDGES: [f32; 7] = [1.0, 0.95, 1.05, 0.9, 1.1, 0.85, 1.15];
 /// What an error of the area counts on the first seen mip level, halfway to the next, on the next, and so on.
 const WEIGHTS: [f64; 7] = [0.8, 1.0, 1.0, 0.9, 0.7, 0.5, 0.3];
 
+/// Error of the area beyond which it counts three times.
+const LARGE: f64 = 0.2;
+
 /// What it counts to show something else than the page itself.
 const ELSEWHERE: f64 = 0.2;
 
@@ -173,7 +176,8 @@ impl<'a> Own<'a> {
         let of_area = |share: f64| share / self.area.max(1e-9);
         std::array::from_fn(|n| {
             let error = |(shares, weight): (&[f64; N], f64)| weight * (of_area(shares[n]) - 1.0).abs();
-            shares.iter().zip(WEIGHTS).map(error).fold(0.0, f64::max) + ELSEWHERE * of_area(elsewhere[n])
+            let error = shares.iter().zip(WEIGHTS).map(error).fold(0.0, f64::max);
+            error + 2.0 * (error - LARGE).max(0.0) + ELSEWHERE * of_area(elsewhere[n])
         })
     }
 }
