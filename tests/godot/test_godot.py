@@ -185,3 +185,50 @@ def test_wind_and_pruning_arrive(tmp_path: Path) -> None:
     assert found["moved"] > 0.005, "the wind moves leaves between two frames"
     assert 0.2 < found["kept"] < 0.7, "a quarter of the leaves covers less, but more than the trunk alone"
     assert found["wind_strength"] > 0.0
+
+
+def test_a_running_game_reads_the_same_tree(project: Path) -> None:
+    out = run_script(project, "loaded.gd")
+    found = json.loads((out / "loaded.json").read_text())
+    assert found["levels"][0] == found["levels"][1] >= 3
+    assert found["mips"] == [True, True]
+    for imported in sorted(out.glob("imported_*.png")):
+        pair = [colors(imported), colors(imported.with_name(imported.name.replace("imported", "loaded")))]
+        assert seen(pair[0]).sum() > 50
+        assert np.abs(pair[0] - pair[1]).max(axis=-1)[seen(pair[0]) | seen(pair[1])].mean() < 0.02
+
+
+def scene_with_translucent_leaves(path: Path) -> None:
+    """Save the shrub with leaves that let half of the light through, and a sun of strength 4."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(ROOT / "examples" / "shrub.glb"))
+    for material in bpy.data.materials:
+        tree = material.node_tree
+        surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        through, mix = tree.nodes.new("ShaderNodeBsdfTranslucent"), tree.nodes.new("ShaderNodeMixShader")
+        through.inputs["Color"].default_value = (0.6, 0.8, 0.1, 1.0)
+        for source, target in zip((surface.outputs[0], through.outputs[0]), mix.inputs[1:], strict=True):
+            tree.links.new(source, target)
+        tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy = 40.0
+    bpy.context.scene.collection.objects.link(sun)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+def test_light_goes_through_leaves(tmp_path: Path) -> None:
+    scene_with_translucent_leaves(tmp_path / "shrub.blend")
+    project = project_with(tmp_path, [tmp_path / "shrub.blend"], "--effects", "translucency,transitions")
+    found = json.loads((run_script(project, "light.gd") / "light.json").read_text())
+    clouds = found["surfaces"][0]
+    assert clouds["translucency"] == pytest.approx(0.5, abs=0.01)
+    assert clouds["has_texture"]
+    assert found["light"][0] > 1.3 * found["light"][1], "the tree stands between the sun and the camera"
+
+
+def test_baked_light_keeps_its_strength(tmp_path: Path) -> None:
+    scene_with_translucent_leaves(tmp_path / "shrub.blend")
+    project = project_with(tmp_path, [tmp_path / "shrub.blend"], "--effects", "baked_light,transitions")
+    found = json.loads((run_script(project, "light.gd") / "light.json").read_text())
+    assert found["surfaces"][0]["light_strength"] > 1.5

@@ -63,7 +63,7 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 	return OK
 
 
-func _import_post(_state: GLTFState, root: Node) -> Error:
+func _import_post(state: GLTFState, root: Node) -> Error:
 	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
 		var own := _textures(levels[0])
 		for number in levels.size():
@@ -73,7 +73,7 @@ func _import_post(_state: GLTFState, root: Node) -> Error:
 			level["fade_out"] = _fade(level, next)
 			levels[number].set_meta(META, level)
 			if levels[number] is ImporterMeshInstance3D:
-				_prepare(levels[number], own)
+				_prepare(levels[number], own, state)
 	return OK
 
 
@@ -100,7 +100,7 @@ static func _textures(leaves: Node) -> Array[Texture2D]:
 
 
 ## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: the leaves' own textures.
-func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D]) -> void:
+static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state: GLTFState) -> void:
 	var old := node.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
@@ -115,6 +115,7 @@ func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D]) -> void:
 			var has_leaves: bool = i < node.get_meta(META)["trunk"]
 			var has_pivots: bool = arrays[Mesh.ARRAY_CUSTOM0] != null
 			_set_laws(material, node, has_leaves, has_pivots)
+			_set_all(material, _unread(state, material.resource_name))
 		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
 	mesh.resource_name = old.resource_name
 	node.mesh = mesh
@@ -146,6 +147,25 @@ static func _material(from: Material, own: Array[Texture2D]) -> Material:
 		"uv_offset": Vector2(plain.uv1_offset.x, plain.uv1_offset.y),
 	})
 	return made
+
+
+## What the file says of a material and Godot's importer does not read: light that goes through leaves, and the strength
+## of baked light, whose colors end at 1.
+static func _unread(state: GLTFState, name: String) -> Dictionary:
+	for material: Dictionary in state.json["materials"]:
+		if material.get("name", "") != name:
+			continue
+		var through: Dictionary = material.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
+		return {
+			"light_strength": material.get("extras", {}).get("leafcloud", {}).get("light_strength"),
+			"translucency": through.get("diffuseTransmissionFactor"),
+			"translucency_texture": _texture(state, through.get("diffuseTransmissionColorTexture", {})),
+		}
+	return {}
+
+
+static func _texture(state: GLTFState, info: Dictionary) -> Texture2D:
+	return state.get_images()[state.get_textures()[info["index"]].src_image] if info.has("index") else null
 
 
 ## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.
@@ -183,7 +203,15 @@ static func _set_all(material: ShaderMaterial, numbers: Dictionary) -> void:
 	for name: String in numbers:
 		var value: Variant = numbers[name]
 		if value != null and not (value is Vector2 and value.x == INF):
-			material.set_shader_parameter(name, value)
+			material.set_shader_parameter(name, _with_mips(value) if value is ImageTexture else value)
+
+
+## Textures that a running game reads have no mip levels.
+static func _with_mips(texture: ImageTexture) -> ImageTexture:
+	var image := texture.get_image()
+	if not image.has_mipmaps() and not image.is_compressed() and image.generate_mipmaps() == OK:
+		texture.set_image(image)
+	return texture
 
 
 static func _vector(numbers: Array) -> Vector3:

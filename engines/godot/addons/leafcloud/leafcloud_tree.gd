@@ -9,6 +9,9 @@ const META := &"leafcloud"
 ## The field of view in radians and the height in pixels that the distances in the file are for.
 const FILE_VIEW := Vector2(deg_to_rad(50.0), 1080.0)
 
+## The greatest value: Godot then draws the meshes as they are. Its simplification removes leaves.
+const MOST_DETAIL := 128.0
+
 ## Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
 @export_range(0.1, 10.0, 0.01, "or_greater") var lod_distance := 1.0:
 	set(value):
@@ -17,6 +20,30 @@ const FILE_VIEW := Vector2(deg_to_rad(50.0), 1080.0)
 
 ## The factor on the file's distances that the ranges were set for; 0: none yet.
 var _measured := 0.0
+
+
+## Reads a GLB file while the game runs, from any folder. Null, with an error in the log, if it cannot be read.
+static func load_glb(path: String) -> LeafcloudTree:
+	var reader: GLTFDocumentExtension = load((LeafcloudTree as Script).resource_path.get_base_dir() + "/gltf_levels.gd").new()
+	GLTFDocument.register_gltf_document_extension(reader, true)
+	var document := GLTFDocument.new()
+	var state := GLTFState.new()
+	var scene: Node = document.generate_scene(state) if document.append_from_file(path, state) == OK else null
+	GLTFDocument.unregister_gltf_document_extension(reader)
+	if scene == null:
+		return null
+	adopt(scene)
+	return scene as LeafcloudTree
+
+
+## Makes the root of a scene with levels a tree, and turns off Godot's own levels of its meshes.
+static func adopt(scene: Node) -> void:
+	var trees := trees_of(scene)
+	for levels in trees:
+		for part: MeshInstance3D in levels:
+			part.lod_bias = MOST_DETAIL
+	if not trees.is_empty():
+		scene.set_script(LeafcloudTree)
 
 
 ## The nodes with levels among these, one array a tree, by number.
